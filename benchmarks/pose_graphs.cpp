@@ -16,8 +16,7 @@
 #include <vector>
 
 #include "cairn/core/random.hpp"
-#include "cairn/merging/optimisation/optimise_poses.hpp"
-#include "cairn/merging/optimisation/update_poses.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace {
 
@@ -67,9 +66,11 @@ struct World {
     Vector6d variances;
     variances << Eigen::Vector3d::Constant(kShift * kShift),
         Eigen::Vector3d::Constant(kTurn * kTurn);
-    graph.links.push_back(
-        {NodeId{target}, NodeId{source}, Similarity3(target_from_source.perturbed(error)),
-         Matrix6d(variances.asDiagonal()), std::nullopt, LinkKind::kPlacement, 0.999});
+    graph.links.push_back({.target = NodeId{target},
+                           .source = NodeId{source},
+                           .probability = 0.999,
+                           .target_from_source = Similarity3(target_from_source.perturbed(error)),
+                           .covariance = Matrix6d(variances.asDiagonal())});
     is_right.push_back(right);
   }
   // Links of maps that are near each other in these poses.
@@ -148,14 +149,14 @@ OptimisedPoses without_last(const World& world) {
   PoseGraph less = world.graph;
   const NodeId last = less.nodes.back().id;
   std::erase_if(less.links,
-                [&](const PoseLink& link) { return link.target == last || link.source == last; });
+                [&](const Link& link) { return link.target == last || link.source == last; });
   less.nodes.pop_back();
   OptimisedPoses poses = optimise_poses(less, std::span(world.extents).first(less.nodes.size()));
   poses.world_from_node.emplace_back();
   poses.covariances.emplace_back(Matrix7d::Zero());
   std::vector<bool> agrees;
   std::size_t next = 0;
-  for (const PoseLink& link : world.graph.links)
+  for (const Link& link : world.graph.links)
     agrees.push_back(link.target != last && link.source != last && poses.agrees[next++]);
   poses.agrees = std::move(agrees);
   return poses;

@@ -97,7 +97,7 @@ set(CAIRN_UNITY_APART
     "src/cairn/report/figures/figures_test.cpp"
     "src/cairn/experiments/run_test.cpp"
     "src/cairn/experiments/study_runs.cpp"
-    "src/cairn/merging/optimisation/optimise_poses.cpp"
+    "src/cairn/pose_graph/optimise_poses.cpp"
     "src/cairn/vision/detail/sequence/image_codec.cpp"
     "src/cairn/simulation/renderer.cpp"
     "src/cairn/vision/sequence/sequence_test.cpp"

@@ -298,13 +298,13 @@ struct DiffArguments : AtlasArguments {
         json[key].push_back(state.nodes.at(id).name);
       }
     };
-    const auto links = [&](const char* key, const char* text, const std::vector<AtlasLinkId>& ids,
+    const auto links = [&](const char* key, const char* text, const std::vector<LinkId>& ids,
                            const AtlasState& state) {
       json[key] = Json::array();
-      for (const AtlasLinkId id : ids) {
-        const AtlasLink& link = state.links.at(id);
+      for (const LinkId id : ids) {
+        const Link& link = state.links.at(id);
         console.print(fmt::format("{} {} <- {} ({})\n", text, state.nodes.at(link.target).name,
-                                  state.nodes.at(link.source).name, link_status(link.verdict)));
+                                  state.nodes.at(link.source).name, link.status()));
         json[key].push_back(to_json(link, state));
       }
     };

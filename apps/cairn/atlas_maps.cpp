@@ -94,8 +94,8 @@ struct AddArguments : AtlasArguments {
                               {"name", map.name},
                               {"was_there", added.was_there}});
     }
-    std::vector<PoseLink> links = links_of_folders(paths, maps);
-    for (PoseLink& link : links) {
+    std::vector<Link> links = links_of_folders(paths, maps);
+    for (Link& link : links) {
       link.target = ids[link.target.value];
       link.source = ids[link.source.value];
     }
@@ -196,7 +196,7 @@ struct LinkArguments : AtlasArguments {
     for (int i = 3; i < 6; ++i) covariance(i, i) = sigma_rad * sigma_rad;
     // The scale is known no better than the rotation.
     if (target_from_source.scale() != 1.0) covariance(6, 6) = sigma_rad * sigma_rad;
-    const AtlasLinkId id =
+    const LinkId id =
         atlas.link_manually(target.id, source.id, target_from_source, covariance, reason);
     const AtlasState now = atlas.state();
     Json json = head("link");
@@ -214,7 +214,7 @@ struct LinkArguments : AtlasArguments {
                   "given without --manual", "--manual TARGET SOURCE");
     }
     parse_shard(shard, options);
-    if (candidates) options.candidates = static_cast<std::size_t>(*candidates);
+    if (candidates) options.links.candidates = static_cast<std::size_t>(*candidates);
     with_option_names({{"AlignOptions.min_probability", "--min-probability"},
                        {"PlaceOptions.prior_odds", "--prior-odds"},
                        {"PlaceOptions.effort", "--effort"}},
@@ -228,7 +228,7 @@ struct LinkArguments : AtlasArguments {
     options.links.execution.stop = interrupt_requests();
     options.links.execution.progress = console.progress("linking");
     Json links = Json::array();
-    options.on_link = [&](const AtlasLink& link, const AtlasState& state) {
+    options.on_link = [&](const Link& link, const AtlasState& state) {
       links.push_back(to_json(link, state));
       links.back().erase("id");
       links.back().erase("agrees");
@@ -298,7 +298,7 @@ struct OptimizeArguments : AtlasArguments {
     }
     for (const auto& [id, agrees] : state.agrees) {
       if (agrees) continue;
-      const AtlasLink& link = state.links.at(id);
+      const Link& link = state.links.at(id);
       console.print(fmt::format("not used: {} <- {}: other links contradict it\n",
                                 state.nodes.at(link.target).name,
                                 state.nodes.at(link.source).name));
@@ -311,7 +311,7 @@ struct OptimizeArguments : AtlasArguments {
 struct MergeAtlasArguments : AtlasArguments {
   std::string output;
   std::string frame;
-  AtlasMergeOptions options;
+  MergePlacedOptions options;
 
   void add_to(CLI::App& command) {
     add_text(command, "-o,--output", output,
@@ -320,7 +320,7 @@ struct MergeAtlasArguments : AtlasArguments {
              "FILE");
     add_text(command, "--with", frame,
              "Merge the maps in the frame of this one (default: the largest group)", "NAME");
-    add_adjustment_to(command, options.placed);
+    add_adjustment_to(command, options);
     AtlasArguments::add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
@@ -340,55 +340,59 @@ struct MergeAtlasArguments : AtlasArguments {
     Atlas atlas = open_to_read();
     const AtlasState state = atlas.state(commit());
     const Console console = common.console();
-    if (!frame.empty()) options.frame = node_named(state, frame, *this).id;
-    FusionOptions& fusion = options.placed.fusion;
+    std::optional<NodeId> with;
+    if (!frame.empty()) with = node_named(state, frame, *this).id;
+    FusionOptions& fusion = options.fusion;
     fusion.seed = common.seed;
     fusion.log = console.log();
     fusion.execution.executor = common.executor();
     fusion.execution.stop = interrupt_requests();
     fusion.execution.progress = console.progress("merging");
-    const auto [nodes, merged] = atlas.merge(options, state.commit);
-    save_map(merged.map, output, common);
+    const MergeResult merged = atlas.merge(options, with, state.commit);
+    save_map(*merged.map, output, common);
     std::size_t before = 0;
     std::string bends;
+    std::string frame_name;
+    std::string left_out;
     Json json = head("merge");
     json["commit"] = state.commit.value;
     json["maps"] = Json::array();
-    for (std::size_t i = 0; i < nodes.size(); ++i) {
-      const AtlasPose& pose = state.poses.at(nodes[i]);
-      before += merged.maps[i].landmarks;
-      json["maps"].push_back({{"name", state.nodes.at(nodes[i]).name},
-                              {"world_from_map", to_json(pose.frame_from_node.matrix())},
-                              {"scale", pose.frame_from_node.scale()},
-                              {"covariance", to_json(pose.covariance)},
-                              {"landmarks", merged.maps[i].landmarks},
-                              {"fused", merged.maps[i].fused},
-                              {"unexplained_deviation", merged.maps[i].deviation},
-                              {"bend", bend_json(merged.bends[i])}});
-      bends += bend_text(merged.bends[i], state.nodes.at(nodes[i]).name);
-    }
     json["left_out"] = Json::array();
-    console.print(fmt::format("merged {} of {}, in the frame of {}\n", nodes.size(),
-                              counted(state.nodes.size(), "map"),
-                              state.nodes.at(nodes.front()).name));
+    std::size_t number = 0;
     for (const auto& [id, node] : state.nodes) {
-      if (std::binary_search(nodes.begin(), nodes.end(), id)) continue;
-      const bool elsewhere = state.poses.contains(id);
-      console.print(fmt::format("left out {}: {}\n", node.name,
-                                elsewhere ? "in another frame" : "no link places it"));
-      json["left_out"].push_back(node.name);
+      const MergedMap& map = merged.maps[number++];
+      if (!map.placed) {
+        json["left_out"].push_back(node.name);
+        left_out +=
+            fmt::format("left out {}: {}\n", node.name,
+                        state.poses.contains(id) ? "in another frame" : "no link places it");
+        continue;
+      }
+      if (frame_name.empty()) frame_name = node.name;
+      before += map.fusion->landmarks;
+      json["maps"].push_back({{"name", node.name},
+                              {"world_from_map", to_json(map.world_from_map->matrix())},
+                              {"scale", map.world_from_map->scale()},
+                              {"covariance", to_json(map.covariance)},
+                              {"landmarks", map.fusion->landmarks},
+                              {"fused", map.fusion->fused},
+                              {"unexplained_deviation", map.fusion->deviation},
+                              {"bend", bend_json(map.bend)}});
+      bends += bend_text(map.bend, node.name);
     }
+    console.print(fmt::format("merged {} of {}, in the frame of {}\n{}", merged.placed(),
+                              counted(state.nodes.size(), "map"), frame_name, left_out));
     json["output"] = {{"path", output},
                       {"landmarks_before", before},
-                      {"landmarks", merged.map.landmark_count()},
-                      {"frames", merged.map.frame_count()},
-                      {"observations", merged.map.observation_count()}};
+                      {"landmarks", merged.map->landmark_count()},
+                      {"frames", merged.map->frame_count()},
+                      {"observations", merged.map->observation_count()}};
     json["adjustment"] = adjustment_json(merged.adjustment);
     write_document(json, common);
     console.print(fmt::format("{} landmarks became {}{}\n{}wrote {}\n", with_commas(before),
-                              with_commas(merged.map.landmark_count()), bends,
+                              with_commas(merged.map->landmark_count()), bends,
                               adjustment_text(merged.adjustment), output));
-    return nodes.size() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
+    return merged.placed() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
   }
 };
 

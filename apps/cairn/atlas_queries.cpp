@@ -33,10 +33,10 @@ std::string name_of(const AtlasState& state, NodeId id) {
 }
 
 // "aligned", or why not; contradicted links say so.
-std::string status_of(const AtlasLink& link, const AtlasState& state) {
+std::string status_of(const Link& link, const AtlasState& state) {
   const auto agrees = state.agrees.find(link.id);
   if (agrees != state.agrees.end() && !agrees->second) return "contradicted";
-  return std::string(link_status(link.verdict));
+  return std::string(link.status());
 }
 
 struct ShowArguments : AtlasArguments {
@@ -167,7 +167,7 @@ struct PathArguments : AtlasArguments {
     std::vector<std::string> names;
     for (const NodeId id : route->nodes) names.push_back(name_of(state, id));
     Json links = Json::array();
-    for (const AtlasLinkId id : route->links) links.push_back(to_json(state.links.at(id), state));
+    for (const LinkId id : route->links) links.push_back(to_json(state.links.at(id), state));
     json["route"] = names;
     json["links"] = std::move(links);
     json["target_from_source"] = to_json(route->target_from_source.matrix());

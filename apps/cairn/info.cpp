@@ -469,7 +469,7 @@ bool InfoArguments::describe_graph() const {
   const PoseGraph graph = has_g2o ? pose_graph(g2o) : read_pose_graph(file);
   const auto neighbours =
       std::count_if(graph.links.begin(), graph.links.end(),
-                    [](const PoseLink& link) { return link.kind == LinkKind::kOdometry; });
+                    [](const Link& link) { return link.kind == LinkKind::kOdometry; });
   Eigen::AlignedBox3d extent;
   for (const PoseNode& node : graph.nodes) extent.extend(node.world_from_node.translation());
   Json json = document("info_pose_graph", common, {{"graph", describe_file(input, common)}},

@@ -507,12 +507,12 @@ LoopClosedSequence MapArguments::map_closing_loops(const CameraFile& camera_file
   const RgbdSequence images(sequence, sequence_options, common.console().log());
   const MapSequenceOptions mapping = options(camera_file);
   CloseLoopsOptions closing;
-  closing.adjustment.refine_intrinsics = refine_intrinsics;
-  closing.seed = common.seed;
-  closing.log = common.console().log();
-  closing.execution.executor = common.executor();
-  closing.execution.stop = interrupt_requests();
-  closing.execution.progress = common.console().progress("closing loops");
+  closing.merging.placed.adjustment.refine_intrinsics = refine_intrinsics;
+  closing.merging.seed = common.seed;
+  closing.merging.log = common.console().log();
+  closing.merging.execution.executor = common.executor();
+  closing.merging.execution.stop = interrupt_requests();
+  closing.merging.execution.progress = common.console().progress("closing loops");
   return map_and_close_loops(images, camera_file.camera, mapping, closing);
 }
 
@@ -526,10 +526,10 @@ Json loops_json(const LoopClosedSequence& closed) {
                {"largest_shift_m", loops.largest_shift_m},
                {"largest_turn_deg", loops.largest_turn_rad * 180.0 / std::numbers::pi}};
   for (std::size_t i = 0; i < loops.links.size(); ++i) {
-    const MapLink& link = loops.links[i];
-    json["links"].push_back({{"target", link.target},
-                             {"source", link.source},
-                             {"status", link_status(link.verdict)},
+    const Link& link = loops.links[i];
+    json["links"].push_back({{"target", link.target.value},
+                             {"source", link.source.value},
+                             {"status", link.status()},
                              {"probability", to_json(link.probability)},
                              {"used", static_cast<bool>(loops.used[i])},
                              {"reason", link.reason}});

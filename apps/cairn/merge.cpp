@@ -131,10 +131,10 @@ Json MergeArguments::options_json() const {
           {"min_observations", options.links.points.min_observations}};
 }
 
-Json link_json(const MapLink& link, bool used) {
-  Json json = {{"target", link.target},
-               {"source", link.source},
-               {"status", link_status(link.verdict)},
+Json link_json(const Link& link, bool used) {
+  Json json = {{"target", link.target.value},
+               {"source", link.source.value},
+               {"status", link.status()},
                {"kind", to_string(link.kind)},
                {"probability", to_json(link.probability)},
                {"used", used},
@@ -166,7 +166,7 @@ Json map_json(const MergedMap& map, const std::string& name) {
 }
 
 // The probability, or who stated the link.
-std::string sureness(const MapLink& link) {
+std::string sureness(const Link& link) {
   return link.probability ? probability_text(*link.probability) : std::string(to_string(link.kind));
 }
 
@@ -176,11 +176,11 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
   std::vector<bool> is_placed(names.size(), false);
   std::vector<std::string> links;
   for (const std::size_t index : result.tree) {
-    const MapLink& link = result.links[index];
-    if (links.empty()) is_placed[std::min(link.target, link.source)] = true;
-    const bool forward = is_placed[link.target];
-    const std::size_t from = forward ? link.target : link.source;
-    const std::size_t added = forward ? link.source : link.target;
+    const Link& link = result.links[index];
+    if (links.empty()) is_placed[std::min(link.target, link.source).value] = true;
+    const bool forward = is_placed[link.target.value];
+    const std::size_t from = (forward ? link.target : link.source).value;
+    const std::size_t added = (forward ? link.source : link.target).value;
     is_placed[added] = true;
     links.push_back(fmt::format("{} <- {} {}", names[from], names[added], sureness(link)));
   }
@@ -256,9 +256,9 @@ int MergeArguments::run() {
     if (map.likeliest_link) likeliest.insert(*map.likeliest_link);
   }
   for (const std::size_t index : likeliest) {
-    const MapLink& link = result.links[index];
-    console.print(fmt::format("{}: {} <- {}: {}\n", link_status(link.verdict), names[link.target],
-                              names[link.source], link.reason));
+    const Link& link = result.links[index];
+    console.print(fmt::format("{}: {} <- {}: {}\n", link.status(), names[link.target.value],
+                              names[link.source.value], link.reason));
   }
   if (!likeliest.empty()) {
     console.print(
@@ -266,12 +266,13 @@ int MergeArguments::run() {
         "hints.\n");
   }
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    const MapLink& link = result.links[i];
-    const bool contradicted = pose_link(link) && !result.used[i] &&
-                              result.maps[link.target].placed && result.maps[link.source].placed;
+    const Link& link = result.links[i];
+    const bool contradicted = link.connects() && !result.used[i] &&
+                              result.maps[link.target.value].placed &&
+                              result.maps[link.source.value].placed;
     if (!contradicted) continue;
     console.print(fmt::format("not used: {} <- {} {}: other links contradict it\n",
-                              names[link.target], names[link.source], sureness(link)));
+                              names[link.target.value], names[link.source.value], sureness(link)));
   }
   if (result.map) {
     std::string text = fmt::format("{} landmarks became {}", with_commas(before),

@@ -119,15 +119,15 @@ const AtlasNode& node_named(Atlas& atlas, const AtlasState& state, const std::st
                                           names.size() < state.nodes.size() ? ", ..." : ""));
 }
 
-Link held_link(const AtlasState& state, const AtlasLink& link) {
-  return {state.nodes.at(link.source).name, state.nodes.at(link.target).name, map_link(link),
+NamedLink held_link(const AtlasState& state, const Link& link) {
+  return {state.nodes.at(link.source).name, state.nodes.at(link.target).name, link,
           is_used(state, link)};
 }
 
 struct Route {
   AtlasRoute route;
   std::vector<std::string> maps;
-  std::vector<Link> links;
+  std::vector<NamedLink> links;
 };
 
 py::object text_or_none(const std::string& text) {
@@ -250,7 +250,7 @@ const Keywords<Lintable>& link_keywords() {
                for (const py::handle name : value) call.only->push_back(encoded(name, "only"));
              })
         .add("retry", [](auto& c) -> auto& { return c.options.retry; })
-        .add("candidates", [](auto& c) -> auto& { return c.options.candidates; })
+        .add("candidates", [](auto& c) -> auto& { return c.options.links.candidates; })
         .add("shard", [](auto& c) -> auto& { return c.options.shard; })
         .add("shards", [](auto& c) -> auto& { return c.options.shards; })
         .add("min_probability", [](auto& c) -> auto& { return c.options.links.min_probability; })
@@ -300,7 +300,7 @@ bool link_by_odometry(SharedAtlas& self, const py::object& target, const py::obj
                       const py::object& target_from_source, const py::object& covariance) {
   const std::string to = encoded(target, "target");
   const std::string from = encoded(source, "source");
-  PoseLink link;
+  Link link;
   link.target_from_source = similarity_of(target_from_source, "target_from_source");
   const Matrix7d uncertainty = covariance_of(covariance);
   if (uncertainty(6, 6) > 0.0) {
@@ -453,8 +453,8 @@ py::dict maps_of(SharedAtlas& self) {
   return maps;
 }
 
-std::vector<Link> links_of(SharedAtlas& self) {
-  std::vector<Link> links;
+std::vector<NamedLink> links_of(SharedAtlas& self) {
+  std::vector<NamedLink> links;
   self.alone("reading", [&](Atlas& atlas, const Execution&) {
     const AtlasState state = atlas.state();
     for (const auto& [id, link] : state.links) links.push_back(held_link(state, link));
@@ -490,7 +490,7 @@ std::optional<Route> path_between(SharedAtlas& self, const py::object& target,
     if (!found) return;
     path.emplace(Route{*found, {}, {}});
     for (const NodeId id : found->nodes) path->maps.push_back(state.nodes.at(id).name);
-    for (const AtlasLinkId id : found->links) {
+    for (const LinkId id : found->links) {
       path->links.push_back(held_link(state, state.links.at(id)));
     }
   });
@@ -617,42 +617,6 @@ const Keywords<MergeKeywords>& merge_keywords() {
   return table;
 }
 
-// The results of all maps of the atlas, in the form of merge() without an atlas.
-Merged merged_of(const AtlasState& state, AtlasMerged found) {
-  Merged merged;
-  std::map<NodeId, std::size_t> index;
-  for (const auto& [id, node] : state.nodes) {
-    index[id] = merged.names.size();
-    merged.names.push_back(node.name);
-    MergedMap& part = merged.result.maps.emplace_back();
-    const auto pose = state.poses.find(id);
-    part.reason = pose == state.poses.end()
-                      ? "it has no pose: no aligned link places it, or optimize() has not seen it"
-                      : fmt::format("it is placed in another frame, that of {}",
-                                    state.nodes.at(pose->second.frame).name);
-  }
-  for (std::size_t i = 0; i < found.nodes.size(); ++i) {
-    const AtlasPose& pose = state.poses.at(found.nodes[i]);
-    MergedMap& part = merged.result.maps[index.at(found.nodes[i])];
-    part.placed = true;
-    part.reason.clear();
-    part.world_from_map = pose.frame_from_node;
-    part.covariance = pose.covariance;
-    part.fusion = found.merged.maps[i];
-    part.bend = found.merged.bends[i];
-  }
-  for (const auto& [id, link] : state.links) {
-    MapLink plain = map_link(link);
-    plain.target = index.at(link.target);
-    plain.source = index.at(link.source);
-    merged.result.links.push_back(std::move(plain));
-    merged.result.used.push_back(is_used(state, link));
-  }
-  merged.result.adjustment = found.merged.adjustment;
-  merged.map = std::make_shared<LandmarkMap>(std::move(found.merged.map));
-  return merged;
-}
-
 Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   CallOptions call;
   const MergeKeywords keywords = merge_keywords().read(given, &call);
@@ -661,12 +625,14 @@ Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   std::vector<std::string> remarks;
   const auto work = [&](Atlas& atlas, const Execution& execution) {
     const AtlasState state = keywords.state(atlas);
-    AtlasMergeOptions options;
-    options.placed = keywords.placed;
-    if (keywords.frame) options.frame = node_named(atlas, state, *keywords.frame).id;
-    options.placed.fusion.execution = execution;
-    options.placed.fusion.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-    merged = merged_of(state, atlas.merge(options, state.commit));
+    MergePlacedOptions options = keywords.placed;
+    std::optional<NodeId> frame;
+    if (keywords.frame) frame = node_named(atlas, state, *keywords.frame).id;
+    options.fusion.execution = execution;
+    options.fusion.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    for (const auto& [id, node] : state.nodes) merged.names.push_back(node.name);
+    merged.result = atlas.merge(options, frame, state.commit);
+    merged.map = std::make_shared<LandmarkMap>(*std::exchange(merged.result.map, std::nullopt));
   };
   self.alone("merging", work, call);
   warn(remarks);

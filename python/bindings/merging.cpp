@@ -99,39 +99,41 @@ void bind_merging(py::module_& module) {
         return decoded(fmt::format("<MergedMap {}: {}>", self.name,
                                    self.part.placed ? "placed" : self.part.reason));
       });
-  py::class_<Link>(module, "Link", "Link between two maps: from align(), odometry or a person.")
-      .def_property_readonly("source", [](const Link& self) { return decoded(self.source); })
-      .def_property_readonly("target", [](const Link& self) { return decoded(self.target); })
+  py::class_<NamedLink>(module, "Link",
+                        "Link between two maps: from align(), odometry or a person.")
+      .def_property_readonly("source", [](const NamedLink& self) { return decoded(self.source); })
+      .def_property_readonly("target", [](const NamedLink& self) { return decoded(self.target); })
       .def_property_readonly(
-          "kind", [](const Link& self) { return std::string(to_string(self.link.kind)); },
+          "kind", [](const NamedLink& self) { return std::string(to_string(self.link.kind)); },
           "'placement' (from align()), 'odometry' or 'manual'.")
       .def_property_readonly(
           "verdict",
-          [](const Link& self) {
+          [](const NamedLink& self) {
             return self.link.verdict ? std::optional(std::string(to_string(*self.link.verdict)))
                                      : std::nullopt;
           },
           "'aligned', 'ambiguous' or 'rejected'; None if the link is stated, not judged.")
       .def_property_readonly(
-          "probability", [](const Link& self) { return self.link.probability; },
+          "probability", [](const NamedLink& self) { return self.link.probability; },
           "Probability that the transform is right; None if it was not judged.")
-      .def_property_readonly("reason", [](const Link& self) { return decoded(self.link.reason); })
+      .def_property_readonly("reason",
+                             [](const NamedLink& self) { return decoded(self.link.reason); })
       .def_property_readonly(
           "target_from_source",
-          [](const Link& self) { return pose_array(self.link.target_from_source); },
+          [](const NamedLink& self) { return pose_array(self.link.target_from_source); },
           "4x4; None unless the verdict is 'aligned' or the link is stated.")
       .def_property_readonly(
-          "covariance", [](const Link& self) { return matrix_or_none(self.link.covariance); },
+          "covariance", [](const NamedLink& self) { return matrix_or_none(self.link.covariance); },
           "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
       .def_property_readonly(
           "covariance_with_scale",
-          [](const Link& self) { return matrix_or_none(self.link.covariance_with_scale); },
+          [](const NamedLink& self) { return matrix_or_none(self.link.covariance_with_scale); },
           "(7, 7), of (dt, dphi, dlog s); None unless the link measures the scale.")
-      .def_readonly("used", &Link::used,
+      .def_readonly("used", &NamedLink::used,
                     "Whether the link is aligned and agrees with the maps' poses.")
-      .def("__repr__", [](const Link& self) {
+      .def("__repr__", [](const NamedLink& self) {
         return decoded(fmt::format("<Link {} to {}: {}{}>", self.source, self.target,
-                                   link_status(self.link.verdict), self.used ? "" : ", not used"));
+                                   self.link.status(), self.used ? "" : ", not used"));
       });
   py::class_<Merged>(module, "MergeResult", "Result of merging maps.")
       .def_readonly(
@@ -151,11 +153,11 @@ void bind_merging(py::module_& module) {
       .def_property_readonly(
           "links",
           [](const Merged& self) {
-            std::vector<Link> links;
+            std::vector<NamedLink> links;
             for (std::size_t i = 0; i < self.result.links.size(); ++i) {
-              const MapLink& link = self.result.links[i];
-              links.push_back(
-                  {self.names[link.source], self.names[link.target], link, self.result.used[i]});
+              const Link& link = self.result.links[i];
+              links.push_back({self.names[link.source.value], self.names[link.target.value], link,
+                               self.result.used[i]});
             }
             return links;
           },

@@ -31,10 +31,10 @@ void add_merge_placed_to(Keywords<Options>& keywords, const Placed& placed) {
       .add("matching_rounds", [placed](auto& o) -> auto& { return placed(o).matching_rounds; });
 }
 
-struct Link {
+struct NamedLink {
   std::string source;
   std::string target;
-  MapLink link;
+  Link link;
   bool used = false;
 };
 

@@ -109,9 +109,11 @@ class CliTest : public ::testing::Test {
       graph.nodes.push_back({NodeId{seed}, name, "a run", {}});
     }
     const Similarity3 first_from_second(Rigid3::from_roll_pitch_yaw({3.0, 1.0, 0.0}, 0, 0, 0.7));
-    graph.links.push_back({NodeId{1}, NodeId{2}, first_from_second,
-                           Matrix6d(1e-4 * Matrix6d::Identity()), std::nullopt, LinkKind::kOdometry,
-                           std::nullopt});
+    graph.links.push_back({.target = NodeId{1},
+                           .source = NodeId{2},
+                           .kind = LinkKind::kOdometry,
+                           .target_from_source = first_from_second,
+                           .covariance = Matrix6d(1e-4 * Matrix6d::Identity())});
     write(folder + "/pose_graph.json", pose_graph_text(graph));
     return first_from_second;
   }

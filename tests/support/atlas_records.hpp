@@ -38,8 +38,8 @@ inline AtlasCommitted add(AtlasStore& store, const std::string& name, std::uint6
   });
 }
 
-inline AtlasLink link(NodeId target, NodeId source) {
-  AtlasLink link;
+inline Link link(NodeId target, NodeId source) {
+  Link link;
   link.target = target;
   link.source = source;
   link.verdict = Verdict::kAligned;
@@ -51,7 +51,7 @@ inline AtlasLink link(NodeId target, NodeId source) {
   return link;
 }
 
-inline AtlasCommitted add_link(AtlasStore& store, const AtlasLink& link) {
+inline AtlasCommitted add_link(AtlasStore& store, const Link& link) {
   return store.commit({.verb = "link"}, [&](const AtlasState&) {
     AtlasChanges changes;
     changes.links = {link};

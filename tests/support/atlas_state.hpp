@@ -15,9 +15,9 @@ inline AtlasNode node_of(std::uint64_t id, const std::string& name = {}) {
   return node;
 }
 
-inline AtlasLink link_of(std::uint64_t id, std::uint64_t target, std::uint64_t source) {
-  AtlasLink link;
-  link.id = AtlasLinkId{id};
+inline Link link_of(std::uint64_t id, std::uint64_t target, std::uint64_t source) {
+  Link link;
+  link.id = LinkId{id};
   link.target = NodeId{target};
   link.source = NodeId{source};
   return link;

@@ -101,7 +101,7 @@ std::string time_text(std::int64_t time_ms) {
   return text.data();
 }
 
-Json to_json(const AtlasLink& link, const AtlasState& state) {
+Json to_json(const Link& link, const AtlasState& state) {
   const auto name_of = [&](NodeId id) {
     const auto node = state.nodes.find(id);
     return node == state.nodes.end() ? Json(nullptr) : Json(node->second.name);
@@ -111,7 +111,7 @@ Json to_json(const AtlasLink& link, const AtlasState& state) {
                {"target", name_of(link.target)},
                {"source", name_of(link.source)},
                {"kind", cairn::to_string(link.kind)},
-               {"status", link_status(link.verdict)},
+               {"status", link.status()},
                {"probability", to_json(link.probability)},
                {"agrees", agrees == state.agrees.end() ? Json(nullptr) : Json(agrees->second)},
                {"reason", text_or_null(link.reason)}};

@@ -57,6 +57,6 @@ const AtlasNode& node_named(const AtlasState& state, const std::string& name,
 std::string time_text(std::int64_t time_ms);
 
 /// A link as documents have it.
-Json to_json(const AtlasLink& link, const AtlasState& state);
+Json to_json(const Link& link, const AtlasState& state);
 
 }  // namespace cairn::cli

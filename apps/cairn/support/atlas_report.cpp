@@ -17,7 +17,7 @@
 namespace cairn::cli {
 namespace {
 
-report::LinkUse atlas_use_of(const AtlasLink& link, const AtlasState& state) {
+report::LinkUse atlas_use_of(const Link& link, const AtlasState& state) {
   if (!link.connects()) {
     return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
                                                : report::LinkUse::kRejected;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "cairn/pose_graph/pose_graph.hpp"
+
 #include "support/documents.hpp"
 
 namespace cairn::cli {
 
 /// Adds the pose of a link, its scale and its covariance, each null where there is none.
-/// @param link a MapLink or an AtlasLink
-template <class Link>
-void add_pose(const Link& link, Json& json) {
+inline void add_pose(const Link& link, Json& json) {
   json["target_from_source"] = nullptr;
   json["scale"] = nullptr;
   json["covariance"] = nullptr;

@@ -86,7 +86,7 @@ std::vector<std::string> maps_in(const std::string& folder) {
   return files;
 }
 
-std::vector<PoseLink> links_in(const std::string& folder, const std::vector<ListedMap>& maps) {
+std::vector<Link> links_in(const std::string& folder, const std::vector<ListedMap>& maps) {
   const fs::path path = fs::path(folder) / "pose_graph.json";
   std::error_code ignored;
   if (!fs::exists(path, ignored)) return {};
@@ -102,8 +102,8 @@ std::vector<PoseLink> links_in(const std::string& folder, const std::vector<List
              fs::equivalent(map.parent_path(), folder, ignored);
     });
   };
-  std::vector<PoseLink> links;
-  for (PoseLink& link : graph.links) {
+  std::vector<Link> links;
+  for (Link& link : graph.links) {
     const auto target = index_of(link.target);
     const auto source = index_of(link.source);
     if (target == maps.end() || source == maps.end()) continue;
@@ -168,12 +168,12 @@ std::vector<ListedMap> listed_maps(const std::vector<std::string>& paths) {
   return maps;
 }
 
-std::vector<PoseLink> links_of_folders(const std::vector<std::string>& paths,
-                                       const std::vector<ListedMap>& maps) {
-  std::vector<PoseLink> links;
+std::vector<Link> links_of_folders(const std::vector<std::string>& paths,
+                                   const std::vector<ListedMap>& maps) {
+  std::vector<Link> links;
   for (const std::string& path : paths) {
     if (!is_folder_of_maps(path)) continue;
-    for (PoseLink& link : links_in(path, maps)) links.push_back(std::move(link));
+    for (Link& link : links_in(path, maps)) links.push_back(std::move(link));
   }
   return links;
 }

@@ -27,8 +27,8 @@ std::vector<ListedMap> listed_maps(const std::vector<std::string>& paths);
 /// where there is no such file. Links of maps that are not in the folder any more are left out.
 /// @return links of which the nodes are indices of `maps`
 /// @throws Error (input) if a file cannot be read
-std::vector<PoseLink> links_of_folders(const std::vector<std::string>& paths,
-                                       const std::vector<ListedMap>& maps);
+std::vector<Link> links_of_folders(const std::vector<std::string>& paths,
+                                   const std::vector<ListedMap>& maps);
 
 /// What maps are called: file names without extension, or for one/sparse/0 the name of the project's folder, one; with
 /// further folders where several are alike.

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "cairn/merging/optimisation/node_extent.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 #include "cairn/report/network_builder.hpp"
 
 #include "support/map_lists.hpp"
@@ -16,8 +16,8 @@
 namespace cairn::cli {
 namespace {
 
-report::LinkUse use_of(const MapLink& link, bool used) {
-  if (pose_link(link)) {
+report::LinkUse use_of(const Link& link, bool used) {
+  if (link.connects()) {
     return used ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
   }
   return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
@@ -68,9 +68,9 @@ void add_merge(report::Report& report, std::span<const MergeInput> maps,
   }
   std::vector<report::NetworkEdge> edges;
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    const MapLink& link = result.links[i];
-    edges.push_back({.target = link.target,
-                     .source = link.source,
+    const Link& link = result.links[i];
+    edges.push_back({.target = link.target.value,
+                     .source = link.source.value,
                      .use = use_of(link, result.used[i]),
                      .kind = std::string(to_string(link.kind)),
                      .probability = link.probability,

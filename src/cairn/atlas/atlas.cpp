@@ -5,7 +5,6 @@
 #include <chrono>
 #include <list>
 #include <map>
-#include <mutex>
 #include <ranges>
 #include <set>
 #include <span>
@@ -21,9 +20,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/formats/own/binary.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/merging/optimisation/node_extent.hpp"
-#include "cairn/merging/optimisation/update_poses.hpp"
-#include "cairn/merging/recognition/map_index.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {
 namespace {
@@ -44,7 +41,7 @@ AtlasNode described(const LandmarkMap& map) {
   node.frames = map.frame_count();
   node.landmarks = map.landmark_count();
   node.observations = map.observation_count();
-  node.extent = node_extent(map);
+  node.extent = node_extent(map.landmarks().positions);
   return node;
 }
 
@@ -59,88 +56,33 @@ NodePair pair_of(NodeId a, NodeId b) {
   return a < b ? NodePair(a, b) : NodePair(b, a);
 }
 
-// Cache of the last maps read, prepared, for any number of threads.
-class MapCache {
+// The maps of an atlas, by the position of their ids.
+class AtlasMaps : public MapStore {
  public:
-  MapCache(Atlas& atlas, std::size_t capacity, const LinkOptions& how)
-      : atlas_(atlas), capacity_(capacity), how_(how) {
-    // A thread that waits for others while holding the mutex could be given work that waits for the mutex.
-    how_.execution.executor = Executor(1);
+  AtlasMaps(Atlas& atlas, const AtlasState& state) : atlas_(atlas) {
+    for (const auto& [id, node] : state.nodes) nodes_.push_back(&node);
   }
 
-  PreparedMap get(const AtlasNode& node) {
-    const std::lock_guard lock(mutex_);
-    const auto found = std::find_if(maps_.begin(), maps_.end(),
-                                    [&](const auto& one) { return one.first == node.id; });
-    if (found != maps_.end()) {
-      maps_.splice(maps_.begin(), maps_, found);
-      return maps_.front().second;
-    }
-    maps_.emplace_front(node.id, prepared_to_link(atlas_.map(node), how_));
-    if (maps_.size() > capacity_) maps_.pop_back();
-    return maps_.front().second;
+  std::size_t size() const override { return nodes_.size(); }
+  std::string session(std::size_t map) const override { return nodes_[map]->session; }
+  std::size_t landmark_count(std::size_t map) const override { return nodes_[map]->landmarks; }
+  std::shared_ptr<const LandmarkMap> load(std::size_t map) override {
+    return std::make_shared<const LandmarkMap>(atlas_.map(*nodes_[map]));
   }
-  /// While held, no other thread uses the atlas.
-  std::mutex& mutex() { return mutex_; }
+  std::size_t capacity() const override { return 64; }
+
+  NodeId id(std::size_t map) const { return nodes_[map]->id; }
+  NodePair ids(const MapPair& pair) const { return {id(pair.first), id(pair.second)}; }
+  std::size_t index(NodeId id) const {
+    const auto found = std::partition_point(nodes_.begin(), nodes_.end(),
+                                            [&](const AtlasNode* node) { return node->id < id; });
+    return static_cast<std::size_t>(found - nodes_.begin());
+  }
 
  private:
   Atlas& atlas_;
-  std::size_t capacity_;
-  LinkOptions how_;
-  std::mutex mutex_;
-  std::list<std::pair<NodeId, PreparedMap>> maps_;  // last used first
+  std::vector<const AtlasNode*> nodes_;
 };
-
-// Pairs of maps that may show one place: those found by recognition, neighbours in a session, and all pairs
-// with maps without comparable descriptors.
-std::set<NodePair> likely_pairs(Atlas& atlas, const AtlasState& state, std::size_t candidates,
-                                const Execution& execution) {
-  std::set<NodePair> pairs;
-  MapIndex index;
-  std::vector<NodeId> ids;
-  std::map<std::string, NodeId> last_of_session;
-  for (const auto& [id, node] : state.nodes) {
-    if (execution.stop.stop_requested()) {
-      throw Error(ErrorKind::kCancelled, "link", "recognition was cancelled", "");
-    }
-    index.add(atlas.map(node));
-    ids.push_back(id);
-    if (node.session.empty()) continue;
-    const auto before = last_of_session.find(node.session);
-    if (before != last_of_session.end()) pairs.insert(pair_of(before->second, id));
-    last_of_session[node.session] = id;
-  }
-  std::vector<std::vector<RecognitionCandidate>> found(ids.size());
-  // The first query prepares the index for the others.
-  if (!ids.empty()) found[0] = index.find(std::size_t{0}, candidates);
-  execution.executor.for_blocks(ids.size(), 8, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i) {
-      found[i] = index.find(i, candidates);
-    }
-  });
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    for (const RecognitionCandidate& one : found[i]) pairs.insert(pair_of(ids[i], ids[one.map]));
-    if (index.holds(i)) continue;
-    for (const NodeId other : ids) {
-      if (other != ids[i]) pairs.insert(pair_of(ids[i], other));
-    }
-  }
-  return pairs;
-}
-
-AtlasLink link_of(const MapLink& found, const NodePair& pair) {
-  AtlasLink link;
-  link.target = pair.first;
-  link.source = pair.second;
-  link.kind = found.kind;
-  link.verdict = found.verdict;
-  link.probability = found.probability;
-  link.reason = found.reason;
-  link.target_from_source = found.target_from_source;
-  link.covariance = found.covariance;
-  link.covariance_with_scale = found.covariance_with_scale;
-  return link;
-}
 
 }  // namespace
 
@@ -223,8 +165,8 @@ struct KnownPairs {
     }
   }
 
-  std::set<NodePair> known;                               // will not be tried
-  std::map<NodePair, std::vector<AtlasLinkId>> replaced;  // links that a new result replaces
+  std::set<NodePair> known;                          // will not be tried
+  std::map<NodePair, std::vector<LinkId>> replaced;  // links that a new result replaces
 };
 
 // Aligns pairs and stores the results.
@@ -233,29 +175,21 @@ class Linker {
   using Commit = std::function<AtlasCommitted(const AtlasStore::Make& make)>;
 
   Linker(Atlas& atlas, const AtlasLinkOptions& options, Commit commit, AtlasLinkResult& result)
-      : atlas_(atlas),
-        options_(options),
-        commit_(std::move(commit)),
-        result_(result),
-        cache_(atlas, 64, options.links) {}
+      : atlas_(atlas), options_(options), commit_(std::move(commit)), result_(result) {}
 
   /// @param expected total number of pairs, for the progress
   void align(std::span<const NodePair> pairs, const AtlasState& state, const KnownPairs& known,
              std::size_t expected) {
+    AtlasMaps maps(atlas_, state);
+    std::vector<MapPair> indices;
+    for (const NodePair& pair : pairs) {
+      indices.emplace_back(maps.index(pair.first), maps.index(pair.second));
+    }
     LinkOptions how = options_.links;
-    const Executor& executor = options_.links.execution.executor;
-    // With many pairs, the pairs run in parallel rather than the work within each.
-    const bool by_pairs = pairs.size() >= executor.threads();
-    how.execution = how.execution.without_progress();
-    if (by_pairs) how.execution.executor = Executor(1);
-    const auto make = [&](std::size_t i) {
-      const NodePair pair = larger_first(pairs[i], state);
-      const PreparedMap target = cache_.get(state.nodes.at(pair.first));
-      const PreparedMap source = cache_.get(state.nodes.at(pair.second));
-      return link_of(link_pair(target, source, how), pair);
-    };
-    const auto use = [&](std::size_t, AtlasLink link) {
-      const std::lock_guard lock(cache_.mutex());
+    how.execution = options_.links.execution.without_progress();
+    std::size_t next = 0;
+    const auto take = [&](Link link) {
+      std::tie(link.target, link.source) = pairs[next++];
       pending_.push_back(std::move(link));
       // Commits every few seconds: the log stays short, and little is lost if the process is killed.
       if (std::chrono::steady_clock::now() - last_flush_ > std::chrono::seconds(2)) {
@@ -268,11 +202,7 @@ class Linker {
       }
     };
     try {
-      if (by_pairs) {
-        executor.in_order(pairs.size(), 2 * std::size_t{executor.threads()}, make, use);
-      } else {
-        for (std::size_t i = 0; i < pairs.size(); ++i) use(i, make(i));
-      }
+      link_pairs(maps, indices, how, take);
     } catch (...) {
       flush(state, known);  // keeps the results so far
       throw;
@@ -281,21 +211,9 @@ class Linker {
   }
 
  private:
-  // As link_maps() orders them: whichever was added first, the result is the same.
-  NodePair larger_first(const NodePair& pair, const AtlasState& state) {
-    const AtlasNode& first = state.nodes.at(pair.first);
-    const AtlasNode& second = state.nodes.at(pair.second);
-    bool swap = first.landmarks < second.landmarks;
-    if (first.landmarks == second.landmarks) {
-      const std::lock_guard lock(cache_.mutex());
-      swap = precedes(atlas_.map(second), atlas_.map(first));
-    }
-    return swap ? NodePair(pair.second, pair.first) : pair;
-  }
-
   void flush(const AtlasState& state, const KnownPairs& known) {
     if (pending_.empty()) return;
-    std::vector<AtlasLink> kept;
+    std::vector<Link> kept;
     commit_([&](const AtlasState& now) {
       AtlasChanges changes;
       kept.clear();
@@ -310,12 +228,12 @@ class Linker {
         return node != now.nodes.end() && node->second.map == state.nodes.at(id).map;
       };
       std::size_t aligned = 0;
-      for (const AtlasLink& link : pending_) {
+      for (const Link& link : pending_) {
         const NodePair pair = pair_of(link.target, link.source);
         if (!is_there(pair.first) || !is_there(pair.second) || done.contains(pair)) continue;
         const auto replaced = known.replaced.find(pair);
         if (replaced != known.replaced.end()) {
-          for (const AtlasLinkId old : replaced->second) {
+          for (const LinkId old : replaced->second) {
             if (!now.links.contains(old)) continue;
             changes.removed_links.push_back(old);
             if (now.agrees.contains(old)) changes.removed_agrees.push_back(old);
@@ -329,7 +247,7 @@ class Linker {
           fmt::format("{} tried, {} aligned", plural(changes.links.size(), "pair"), aligned);
       return changes;
     });
-    for (const AtlasLink& link : kept) {
+    for (const Link& link : kept) {
       ++result_.tried;
       if (link.connects()) ++result_.aligned;
       if (options_.on_link) options_.on_link(link, state);
@@ -342,8 +260,7 @@ class Linker {
   const AtlasLinkOptions& options_;
   Commit commit_;
   AtlasLinkResult& result_;
-  MapCache cache_;
-  std::vector<AtlasLink> pending_;
+  std::vector<Link> pending_;
   std::chrono::steady_clock::time_point last_flush_ = std::chrono::steady_clock::now();
   std::size_t done_ = 0;
 };
@@ -357,21 +274,24 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   KnownPairs known(state, options.retry);
   const std::set<NodeId> only(options.only.begin(), options.only.end());
   for (const NodeId id : only) require_node(state, id);
-  const std::size_t candidates =
-      options.candidates.value_or(state.nodes.size() > kMapsTriedInFull ? kDefaultCandidates : 0);
-  std::optional<std::set<NodePair>> likely;
-  if (candidates > 0) likely = likely_pairs(*this, state, candidates, options.links.execution);
+  AtlasMaps maps(*this, state);
+  LinkOptions choice = options.links;
+  choice.execution = options.links.execution.without_progress();
+  const std::vector<MapPair> likely = pairs_to_link(maps, choice);
+  auto next = likely.begin();  // in the order of all pairs
   std::vector<NodePair> pairs;
   std::size_t number = 0;
-  for (auto source = state.nodes.begin(); source != state.nodes.end(); ++source) {
-    for (auto target = state.nodes.begin(); target != source; ++target) {
-      const NodePair pair(target->first, source->first);
+  for (std::size_t source = 0; source < maps.size(); ++source) {
+    for (std::size_t target = 0; target < source; ++target) {
+      const bool is_likely = next != likely.end() && *next == MapPair(target, source);
+      if (is_likely) ++next;
+      const NodePair pair = maps.ids({target, source});
       if (!only.empty() && !only.contains(pair.first) && !only.contains(pair.second)) continue;
       ++result.pairs;
       if (number++ % options.shards != options.shard) continue;
       if (known.known.contains(pair)) {
         ++result.tried_before;
-      } else if (likely && !likely->contains(pair)) {
+      } else if (!is_likely) {
         ++result.not_likely;
       } else {
         pairs.push_back(pair);
@@ -404,21 +324,23 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   return result;
 }
 
-std::size_t Atlas::link_by_odometry(std::span<const PoseLink> links) {
+std::size_t Atlas::link_by_odometry(std::span<const Link> links) {
   const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
     std::set<NodePair> known;
     for (const auto& [id, link] : now.links) {
       if (link.kind == LinkKind::kOdometry) known.insert(pair_of(link.target, link.source));
     }
     AtlasChanges changes;
-    for (const PoseLink& stated : links) {
+    for (const Link& stated : links) {
       require_node(now, stated.target);
       require_node(now, stated.source);
       if (!known.insert(pair_of(stated.target, stated.source)).second) continue;
-      PoseLink odometry = stated;
+      Link& odometry = changes.links.emplace_back(stated);
+      odometry.id = {};
       odometry.kind = LinkKind::kOdometry;
+      odometry.verdict.reset();
       odometry.probability.reset();
-      changes.links.push_back(link_of(stated_link(odometry), {stated.target, stated.source}));
+      odometry.reason = "stated by odometry";
     }
     if (changes.links.empty()) return changes;
     changes.text = fmt::format("{} of odometry", plural(changes.links.size(), "link"));
@@ -427,11 +349,10 @@ std::size_t Atlas::link_by_odometry(std::span<const PoseLink> links) {
   return committed.links.size();
 }
 
-AtlasLinkId Atlas::link_manually(NodeId target, NodeId source,
-                                 const Similarity3& target_from_source, const Matrix7d& covariance,
-                                 const std::string& reason) {
+LinkId Atlas::link_manually(NodeId target, NodeId source, const Similarity3& target_from_source,
+                            const Matrix7d& covariance, const std::string& reason) {
   const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
-    AtlasLink link;
+    Link link;
     link.target = target;
     link.source = source;
     link.kind = LinkKind::kManual;
@@ -474,7 +395,7 @@ void Atlas::unlink(NodeId a, NodeId b, const std::string& reason) {
       throw Error(ErrorKind::kMisuse, store_->name(), "no link between " + names,
                   "two linked maps");
     }
-    AtlasLink link;
+    Link link;
     std::tie(link.target, link.source) = pair_of(a, b);
     link.kind = LinkKind::kManual;
     link.verdict = Verdict::kRejected;
@@ -494,15 +415,12 @@ PoseGraph pose_graph(const AtlasState& state) {
          pose == state.poses.end() ? Similarity3() : pose->second.frame_from_node});
   }
   for (const auto& [id, link] : state.links) {
-    if (!link.connects()) continue;
-    graph.links.push_back({link.target, link.source, *link.target_from_source, link.covariance,
-                           link.covariance_with_scale, link.kind, link.probability});
+    if (link.connects()) graph.links.push_back(link);
   }
   // Sorted, so that the order in which the pairs were tried has no effect.
-  std::stable_sort(graph.links.begin(), graph.links.end(),
-                   [](const PoseLink& a, const PoseLink& b) {
-                     return std::tuple(a.source, a.target) < std::tuple(b.source, b.target);
-                   });
+  std::stable_sort(graph.links.begin(), graph.links.end(), [](const Link& a, const Link& b) {
+    return std::tuple(a.source, a.target) < std::tuple(b.source, b.target);
+  });
   return graph;
 }
 
@@ -536,86 +454,79 @@ bool Atlas::has_only_grown(const AtlasState& state) {
                      [&](const auto& link) { return state.links.contains(link.first); });
 }
 
+namespace {
+
+// What is known of the largest component, for update_poses(). No poses if there is no component.
+OptimisedPoses poses_before(const AtlasState& state, const PoseGraph& graph) {
+  OptimisedPoses known;
+  std::set<NodeId> placed;
+  const std::vector<AtlasComponent> components = components_of(state);
+  if (!components.empty()) {
+    placed.insert(components.front().nodes.begin(), components.front().nodes.end());
+  }
+  for (const PoseNode& node : graph.nodes) {
+    const bool is_placed = placed.contains(node.id);
+    known.world_from_node.push_back(
+        is_placed ? std::optional(state.poses.at(node.id).frame_from_node) : std::nullopt);
+    known.covariances.push_back(is_placed ? state.poses.at(node.id).covariance : Matrix7d::Zero());
+  }
+  for (const Link& link : graph.links) {
+    const auto agree = state.agrees.find(link.id);
+    known.agrees.push_back(agree != state.agrees.end() && agree->second &&
+                           placed.contains(link.target));
+  }
+  return known;
+}
+
+// Changes from the poses of an atlas to others.
+AtlasChanges changes_of(const AtlasState& now, const std::map<NodeId, AtlasPose>& poses,
+                        const std::map<LinkId, bool>& agrees) {
+  AtlasChanges changes;
+  std::set<NodeId> frames;
+  for (const auto& [id, pose] : poses) {
+    const auto old = now.poses.find(id);
+    if (old == now.poses.end() || !(old->second == pose)) changes.poses.push_back(pose);
+    frames.insert(pose.frame);
+  }
+  for (const auto& [id, pose] : now.poses) {
+    if (!poses.contains(id)) changes.removed_poses.push_back(id);
+  }
+  for (const auto& [id, agree] : agrees) {
+    const auto old = now.agrees.find(id);
+    if (old == now.agrees.end() || old->second != agree) changes.agrees.emplace_back(id, agree);
+  }
+  for (const auto& [id, agree] : now.agrees) {
+    if (!agrees.contains(id)) changes.removed_agrees.push_back(id);
+  }
+  changes.text = fmt::format("{} of {} placed in {}", poses.size(), plural(now.nodes.size(), "map"),
+                             plural(frames.size(), "frame"));
+  return changes;
+}
+
+}  // namespace
+
 std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions& options,
                                                    Scope scope) {
   const AtlasState state = store_->state();
-  // Beside the links of the graph, their ids.
-  std::vector<AtlasLinkId> ids;
-  for (const auto& [id, link] : state.links) {
-    if (link.connects()) ids.push_back(id);
-  }
-  std::stable_sort(ids.begin(), ids.end(), [&](AtlasLinkId a, AtlasLinkId b) {
-    const AtlasLink& first = state.links.at(a);
-    const AtlasLink& second = state.links.at(b);
-    return std::tuple(first.source, first.target) < std::tuple(second.source, second.target);
-  });
-  const PoseGraph all = pose_graph(state);
-
+  const PoseGraph graph = pose_graph(state);
+  std::vector<NodeExtent> extents;
+  for (const PoseNode& node : graph.nodes) extents.push_back(state.nodes.at(node.id).extent);
+  OptimisedPoses before;
+  if (scope == Scope::kAdded && has_only_grown(state)) before = poses_before(state, graph);
+  const bool grown = std::any_of(before.world_from_node.begin(), before.world_from_node.end(),
+                                 [](const auto& pose) { return pose.has_value(); });
+  const OptimisedComponents found =
+      optimise_components(graph, extents, grown ? &before : nullptr, options);
   std::map<NodeId, AtlasPose> poses;
-  std::map<AtlasLinkId, bool> agrees;
-  std::set<NodeId> left;
-  for (const auto& [id, node] : state.nodes) left.insert(id);
-  std::set<NodeId> placed;  // before; their poses are updated
-  if (scope == Scope::kAdded && has_only_grown(state)) {
-    const std::vector<AtlasComponent> components = components_of(state);
-    if (!components.empty())
-      placed.insert(components.front().nodes.begin(), components.front().nodes.end());
+  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
+    if (!found.frames[i]) continue;
+    const NodeId id = graph.nodes[i].id;
+    poses[id] = {id, graph.nodes[*found.frames[i]].id, found.frame_from_node[i],
+                 found.covariances[i]};
   }
-  // The largest component, then the largest of what is left, and so on.
-  while (left.size() >= 2) {
-    PoseGraph graph;
-    std::vector<NodeExtent> extents;
-    std::vector<std::size_t> link_of;
-    for (const PoseNode& node : all.nodes) {
-      if (!left.contains(node.id)) continue;
-      graph.nodes.push_back(node);
-      extents.push_back(state.nodes.at(node.id).extent);
-    }
-    for (std::size_t i = 0; i < all.links.size(); ++i) {
-      if (!left.contains(all.links[i].target) || !left.contains(all.links[i].source)) continue;
-      graph.links.push_back(all.links[i]);
-      link_of.push_back(i);
-    }
-    const auto before = [&] {
-      OptimisedPoses known;
-      for (const PoseNode& node : graph.nodes) {
-        const bool is_placed = placed.contains(node.id);
-        known.world_from_node.push_back(
-            is_placed ? std::optional(state.poses.at(node.id).frame_from_node) : std::nullopt);
-        known.covariances.push_back(is_placed ? state.poses.at(node.id).covariance
-                                              : Matrix7d::Zero());
-      }
-      for (const std::size_t i : link_of) {
-        const auto agree = state.agrees.find(ids[i]);
-        known.agrees.push_back(agree != state.agrees.end() && agree->second &&
-                               placed.contains(all.links[i].target));
-      }
-      return known;
-    };
-    const OptimisedPoses found = placed.empty()
-                                     ? optimise_poses(graph, extents, options)
-                                     : cairn::update_poses(graph, extents, before(), options);
-    placed.clear();
-    if (found.tree.empty()) break;
-    std::optional<NodeId> frame;
-    for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
-      if (!found.world_from_node[i]) continue;
-      const NodeId id = graph.nodes[i].id;
-      if (!frame) frame = id;
-      poses[id] = {id, *frame, *found.world_from_node[i], found.covariances[i]};
-      left.erase(id);
-    }
-    for (std::size_t i = 0; i < link_of.size(); ++i) {
-      const PoseLink& link = graph.links[i];
-      if (left.contains(link.target) || left.contains(link.source)) continue;
-      agrees[ids[link_of[i]]] = found.agrees[i];
-    }
-  }
-  // A link between two components disagrees with what keeps its maps apart.
-  for (std::size_t i = 0; i < all.links.size(); ++i) {
-    const PoseLink& link = all.links[i];
-    if (poses.contains(link.target) && poses.contains(link.source))
-      agrees.try_emplace(ids[i], false);
+  std::map<LinkId, bool> agrees;
+  for (std::size_t i = 0; i < graph.links.size(); ++i) {
+    if (found.agrees[i]) agrees[graph.links[i].id] = *found.agrees[i];
   }
 
   AtlasOptimised result;
@@ -624,25 +535,7 @@ std::optional<AtlasOptimised> Atlas::optimize_once(const PoseOptimisationOptions
   const AtlasCommitted committed = commit("optimize", [&](const AtlasState& now) {
     outdated = now.commit != state.commit;
     if (outdated) return AtlasChanges();
-    AtlasChanges changes;
-    for (const auto& [id, pose] : poses) {
-      const auto old = now.poses.find(id);
-      if (old == now.poses.end() || !(old->second == pose)) changes.poses.push_back(pose);
-    }
-    for (const auto& [id, pose] : now.poses) {
-      if (!poses.contains(id)) changes.removed_poses.push_back(id);
-    }
-    for (const auto& [id, agree] : agrees) {
-      const auto old = now.agrees.find(id);
-      if (old == now.agrees.end() || old->second != agree) changes.agrees.emplace_back(id, agree);
-    }
-    for (const auto& [id, agree] : now.agrees) {
-      if (!agrees.contains(id)) changes.removed_agrees.push_back(id);
-    }
-    std::set<NodeId> frames;
-    for (const auto& [id, pose] : poses) frames.insert(pose.frame);
-    changes.text = fmt::format("{} of {} placed in {}", poses.size(),
-                               plural(now.nodes.size(), "map"), plural(frames.size(), "frame"));
+    AtlasChanges changes = changes_of(now, poses, agrees);
     result.changed = !changes.empty();
     return changes;
   });
@@ -681,49 +574,48 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
   return components.front();
 }
 
-bool is_used(const AtlasState& state, const AtlasLink& link) {
+bool is_used(const AtlasState& state, const Link& link) {
   const auto agrees = state.agrees.find(link.id);
   return link.connects() && agrees != state.agrees.end() && agrees->second &&
          has_poses_of(state, link.id, true);
 }
 
-MapLink map_link(const AtlasLink& link) {
-  return {.target = 0,
-          .source = 0,
-          .kind = link.kind,
-          .verdict = link.verdict,
-          .probability = link.probability,
-          .reason = link.reason,
-          .target_from_source = link.target_from_source,
-          .covariance = link.covariance,
-          .covariance_with_scale = link.covariance_with_scale};
-}
-
-AtlasMerged Atlas::merge(const AtlasMergeOptions& options, std::optional<CommitId> at) {
+MergeResult Atlas::merge(const MergePlacedOptions& options, std::optional<NodeId> frame,
+                         std::optional<CommitId> at) {
   const AtlasState state = store_->state(at);
-  const AtlasComponent chosen = component_with(state, options.frame, store_->name());
-  std::vector<LandmarkMap> maps;
-  std::vector<PlacedMap> placed;
-  maps.reserve(chosen.nodes.size());
-  for (const NodeId id : chosen.nodes) {
-    const AtlasNode& node = state.nodes.at(id);
-    const AtlasPose& pose = state.poses.at(id);
-    maps.push_back(map(node));
-    placed.push_back({&maps.back(), node.name, pose.frame_from_node, pose.covariance});
+  const AtlasComponent chosen = component_with(state, frame, store_->name());
+  const AtlasMaps all(*this, state);
+  std::list<LandmarkMap> maps;
+  std::vector<MergeInput> inputs;
+  MergeResult result;
+  for (const auto& [id, node] : state.nodes) {
+    MergeInput& input = inputs.emplace_back(MergeInput{node.name, nullptr, node.session});
+    MergedMap& merged = result.maps.emplace_back();
+    const auto pose = state.poses.find(id);
+    if (pose == state.poses.end()) {
+      merged.reason = "it has no pose: no aligned link places it, or optimize() has not seen it";
+    } else if (pose->second.frame != chosen.frame) {
+      merged.reason = fmt::format("it is placed in another frame, that of {}",
+                                  state.nodes.at(pose->second.frame).name);
+    } else {
+      merged.placed = true;
+      merged.world_from_map = pose->second.frame_from_node;
+      merged.covariance = pose->second.covariance;
+      input.map = &maps.emplace_back(map(node));
+    }
   }
-  std::vector<MapLink> links;
-  const auto index_of = [&](NodeId id) {
-    return static_cast<std::size_t>(std::lower_bound(chosen.nodes.begin(), chosen.nodes.end(), id) -
-                                    chosen.nodes.begin());
-  };
+  std::vector<bool> fused;  // whether the link is of the chosen maps
   for (const auto& [id, link] : state.links) {
-    if (!is_used(state, link)) continue;
-    if (!std::binary_search(chosen.nodes.begin(), chosen.nodes.end(), link.target)) continue;
-    MapLink& used = links.emplace_back(map_link(link));
-    used.target = index_of(link.target);
-    used.source = index_of(link.source);
+    Link& held = result.links.emplace_back(link);
+    held.target = NodeId{all.index(link.target)};
+    held.source = NodeId{all.index(link.source)};
+    result.used.push_back(is_used(state, link));
+    fused.push_back(result.used.back() && result.maps[held.target.value].placed);
   }
-  return {chosen.nodes, merge_placed(placed, links, options.placed)};
+  std::swap(result.used, fused);
+  fuse_placed(inputs, options, result);
+  std::swap(result.used, fused);
+  return result;
 }
 
 namespace {
@@ -796,7 +688,7 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
   commit("split", [&](const AtlasState& now) {
     AtlasChanges changes;
     for (std::size_t i = 1; i < committed.nodes.size(); ++i) {
-      AtlasLink link;
+      Link link;
       link.target = committed.nodes[i - 1];
       link.source = committed.nodes[i];
       if (!now.nodes.contains(link.target) || !now.nodes.contains(link.source)) continue;
@@ -899,7 +791,7 @@ AtlasChanges undoing(const Command& command, AtlasStore& store, const AtlasState
                                                    commits.back().value, command.chosen.verb);
   const std::string& name = store.name();
   const auto same_node = [](const AtlasNode&, const AtlasNode&) { return true; };
-  const auto same_link = [](const AtlasLink&, const AtlasLink&) { return true; };
+  const auto same_link = [](const Link&, const Link&) { return true; };
   for (const NodeId id : touched.nodes) {
     set_back(
         id, before.nodes, after.nodes, now.nodes, same_node,
@@ -907,11 +799,11 @@ AtlasChanges undoing(const Command& command, AtlasStore& store, const AtlasState
         [&](NodeId removed) { changes.removed_nodes.push_back(removed); }, name,
         fmt::format("map {}", id.value));
   }
-  for (const AtlasLinkId id : touched.links) {
+  for (const LinkId id : touched.links) {
     set_back(
         id, before.links, after.links, now.links, same_link,
-        [&](const AtlasLink& link) { changes.links.push_back(link); },
-        [&](AtlasLinkId removed) { changes.removed_links.push_back(removed); }, name,
+        [&](const Link& link) { changes.links.push_back(link); },
+        [&](LinkId removed) { changes.removed_links.push_back(removed); }, name,
         fmt::format("link {}", id.value));
   }
   for (const NodeId id : touched.poses) {
@@ -922,11 +814,11 @@ AtlasChanges undoing(const Command& command, AtlasStore& store, const AtlasState
         [&](NodeId removed) { changes.removed_poses.push_back(removed); }, name,
         fmt::format("the pose of map {}", id.value));
   }
-  for (const AtlasLinkId id : touched.agrees) {
+  for (const LinkId id : touched.agrees) {
     set_back(
         id, before.agrees, after.agrees, now.agrees, [](bool a, bool b) { return a == b; },
         [&](bool agrees) { changes.agrees.emplace_back(id, agrees); },
-        [&](AtlasLinkId removed) { changes.removed_agrees.push_back(removed); }, name,
+        [&](LinkId removed) { changes.removed_agrees.push_back(removed); }, name,
         fmt::format("the agreement of link {}", id.value));
   }
   return changes;

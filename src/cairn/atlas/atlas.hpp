@@ -13,19 +13,15 @@
 #include "cairn/atlas/store/store.hpp"
 #include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
-#include "cairn/merging/fusion/merge_placed.hpp"
-#include "cairn/merging/linking/link_maps.hpp"
+#include "cairn/merging/merge.hpp"
 
 namespace cairn {
 
 /// Selects the pairs of maps to try.
 struct AtlasLinkOptions {
-  LinkOptions links = {};
+  LinkOptions links = {};  ///< its candidates are of all maps of the atlas
   /// Also tries pairs that were tried before and not aligned; the new result replaces the old.
   bool retry = false;
-  /// Number of other maps to try each map with, the likeliest by recognition; 0: all. std::nullopt: all in
-  /// an atlas of up to kMapsTriedInFull maps, else kDefaultCandidates.
-  std::optional<std::size_t> candidates = {};
   /// If not empty, tries only pairs with one of these.
   std::vector<NodeId> only = {};
   /// For several processes that share the pairs of a file: this one tries every `shards`-th pair, from
@@ -33,14 +29,11 @@ struct AtlasLinkOptions {
   std::size_t shard = 0;
   std::size_t shards = 1;
   /// Called with each result after it is stored, and the maps that it was aligned with.
-  std::function<void(const AtlasLink& link, const AtlasState& state)> on_link = {};
+  std::function<void(const Link& link, const AtlasState& state)> on_link = {};
 
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
-
-inline constexpr std::size_t kMapsTriedInFull = 32;
-inline constexpr std::size_t kDefaultCandidates = 10;
 
 struct AtlasLinkResult {
   std::size_t pairs = 0;         ///< in the atlas
@@ -72,22 +65,9 @@ struct AtlasOptimised {
   bool changed = false;
 };
 
-struct AtlasMergeOptions {
-  std::optional<NodeId> frame = {};  ///< of the component to merge; std::nullopt: the largest
-  MergePlacedOptions placed = {};
-};
-
 /// Whether a link is aligned, agreed with the poses when they were last optimised, and still has those of both its
 /// maps in one frame.
-bool is_used(const AtlasState& state, const AtlasLink& link);
-
-/// The link without its maps, whose indices stay 0.
-MapLink map_link(const AtlasLink& link);
-
-struct AtlasMerged {
-  std::vector<NodeId> nodes;  ///< in the order of the fusion
-  MergedPlaced merged;        ///< of these maps, in that order
-};
+bool is_used(const AtlasState& state, const Link& link);
 
 /// Maps, their relations and the history of both, stored for several programs and sessions. Every change is
 /// a commit, which is on disk when the call returns. Use by one thread at a time; other threads and
@@ -114,7 +94,7 @@ class Atlas {
 
   /// Adds odometry links between maps of one run; ignores `kind`. A pair keeps an earlier odometry link.
   /// @return number of links added
-  std::size_t link_by_odometry(std::span<const PoseLink> links);
+  std::size_t link_by_odometry(std::span<const Link> links);
 
   /// Aligns pairs of maps that were not tried yet, and stores each result, rejected or not, at once. After
   /// an interruption, another call continues. The same maps and seed give the same links for any number of
@@ -123,8 +103,8 @@ class Atlas {
   AtlasLinkResult link(const AtlasLinkOptions& options = {});
 
   /// Adds a link stated by a person. It counts like a judged one.
-  AtlasLinkId link_manually(NodeId target, NodeId source, const Similarity3& target_from_source,
-                            const Matrix7d& covariance, const std::string& reason = {});
+  LinkId link_manually(NodeId target, NodeId source, const Similarity3& target_from_source,
+                       const Matrix7d& covariance, const std::string& reason = {});
 
   /// Replaces the links between two maps by one that states that they are not linked.
   void unlink(NodeId a, NodeId b, const std::string& reason = {});
@@ -136,9 +116,12 @@ class Atlas {
   /// since the last optimisation; see cairn::update_poses(). Computes all poses if anything else was changed.
   AtlasOptimised update_poses(const PoseOptimisationOptions& options = {});
 
-  /// Merges the maps of one component.
-  /// @throws Error (misuse) if no two maps have poses in one frame, or in that of `options`
-  AtlasMerged merge(const AtlasMergeOptions& options = {},
+  /// Merges the maps of one component: fuse_placed().
+  /// @param frame a map of the component; std::nullopt: the largest
+  /// @return of all maps of the atlas, by ascending id
+  /// @throws Error (misuse) if no two maps have poses in one frame, or in that of `frame`
+  MergeResult merge(const MergePlacedOptions& options = {},
+                    std::optional<NodeId> frame = std::nullopt,
                     std::optional<CommitId> at = std::nullopt);
 
   /// Removes a map, its links and its pose, and the poses in its frame.
@@ -170,7 +153,7 @@ class Atlas {
   CommitId run_;
 };
 
-/// The aligned links and the poses as a graph, for export; nodes by ascending id.
+/// The links that connect maps, and the poses, as a graph; nodes by ascending id.
 PoseGraph pose_graph(const AtlasState& state);
 
 }  // namespace cairn

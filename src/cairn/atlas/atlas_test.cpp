@@ -161,10 +161,11 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
   EXPECT_LT(error.angle(), 0.003);
   EXPECT_LT(error.translation().norm(), 0.02);
 
-  const auto [nodes, merged] = again().merge();
-  EXPECT_EQ(nodes, (std::vector{target, source}));
-  EXPECT_EQ(merged.map.frame_count(), 40U);
-  EXPECT_LT(merged.map.landmark_count(), 1400U);
+  const MergeResult merged = again().merge();
+  EXPECT_EQ(merged.placed(), 2U);
+  EXPECT_EQ(merged.used, std::vector<bool>{true});
+  EXPECT_EQ(merged.map->frame_count(), 40U);
+  EXPECT_LT(merged.map->landmark_count(), 1400U);
   const LandmarkMap cloud = cloud_of(atlas(), state, components_of(state).front());
   EXPECT_EQ(cloud.landmark_count(), 1800U);
   EXPECT_EQ(cloud.column(kNodeColumn)->values.back(), static_cast<double>(source.value));
@@ -409,7 +410,7 @@ TEST_F(AtlasTest, RemovingTheFrameOfAComponentTakesItsAgreements) {
 TEST_F(AtlasTest, UsesOnlyLinksBetweenMapsOfOneFrame) {
   const auto [a, b, c] = add_optimised_chain();
   AtlasState state = atlas().state();
-  const AtlasLink& link = state.links.rbegin()->second;
+  const Link& link = state.links.rbegin()->second;
   EXPECT_TRUE(is_used(state, link));
   state.poses.erase(c);
   EXPECT_FALSE(is_used(state, link));
@@ -453,7 +454,7 @@ TEST_F(AtlasTest, UndoesACommandOnce) {
 TEST_F(AtlasTest, LinksByOdometryWithoutAProbability) {
   const NodeId a = add("a", 1);
   const NodeId b = add("b", 2);
-  PoseLink stated;
+  Link stated;
   stated.target = a;
   stated.source = b;
   stated.target_from_source = step();
@@ -462,7 +463,7 @@ TEST_F(AtlasTest, LinksByOdometryWithoutAProbability) {
   stated.probability = 0.5;
   EXPECT_EQ(again().link_by_odometry(std::array{stated}), 1U);
   EXPECT_EQ(atlas().store().log().back().text, "1 link of odometry");
-  const AtlasLink link = atlas().state().links.begin()->second;
+  const Link link = atlas().state().links.begin()->second;
   EXPECT_EQ(link.kind, LinkKind::kOdometry);
   EXPECT_EQ(link.probability, std::nullopt);
   EXPECT_EQ(again().link_by_odometry(std::array{stated}), 0U);  // these maps are linked
@@ -540,7 +541,7 @@ TEST_F(AtlasTest, TellsTheMapsOfAResultThatAnotherProcessAddedMeanwhile) {
       open_store(location_), [&] { again().add(pair.source, "source"); },
       NodePair(NodeId{1}, NodeId{2})));
   std::vector<std::string> told;
-  linking.link({.on_link = [&](const AtlasLink& link, const AtlasState& state) {
+  linking.link({.on_link = [&](const Link& link, const AtlasState& state) {
     told.push_back(state.nodes.at(link.target).name + " " + state.nodes.at(link.source).name);
   }});
   EXPECT_THAT(told, ::testing::ElementsAre("target source"));
@@ -630,13 +631,17 @@ TEST_F(AtlasTest, KeepsComponentsApartEachInTheFrameOfItsFirst) {
   EXPECT_EQ(components[0].nodes, (std::vector{c, d, e}));
   EXPECT_EQ(components[0].frame, c);
   EXPECT_EQ(components[1].nodes, (std::vector{a, b}));
-  EXPECT_EQ(atlas().merge({.frame = b}).nodes, (std::vector{a, b}));
+  const MergeResult merged = atlas().merge({}, b);
+  ASSERT_EQ(merged.maps.size(), 5U);
+  EXPECT_EQ(merged.placed(), 2U);
+  EXPECT_TRUE(merged.maps[0].placed && merged.maps[1].placed);
+  EXPECT_THAT(merged.maps[2].reason, HasSubstr("it is placed in another frame"));
 }
 
 TEST_F(AtlasTest, TriesAllPairsOfMapsThatCannotBeRecognised) {
   for (const std::uint64_t seed : {1U, 2U, 3U}) add(std::to_string(seed), seed);
   AtlasLinkOptions options;
-  options.candidates = 1;  // of those that recognition finds, which needs descriptors
+  options.links.candidates = 1;  // of those that recognition finds, which needs descriptors
   const AtlasLinkResult result = again().link(options);
   EXPECT_EQ(result.pairs, 3U);
   EXPECT_EQ(result.tried, 3U);
@@ -657,7 +662,7 @@ TEST_F(AtlasTest, TriesThePairsThatEitherMapRecognises) {
     street.add(testing::seen(landmarks, 20, 200, 0.0, 3), "middle");
     street.add(small_first ? large : small, "last");
     AtlasLinkOptions options;
-    options.candidates = 1;
+    options.links.candidates = 1;
     const AtlasLinkResult result = street.link(options);
     EXPECT_EQ(result.pairs, 3U);
     EXPECT_EQ(result.tried, 2U);
@@ -669,7 +674,7 @@ TEST_F(AtlasTest, RecognitionStopsWhenAsked) {
   add("a", 1);
   add("b", 2);
   AtlasLinkOptions options;
-  options.candidates = 1;
+  options.links.candidates = 1;
   std::stop_source stop;
   stop.request_stop();
   options.links.execution.stop = stop.get_token();

@@ -32,7 +32,7 @@ void write_graph(const AtlasState& state, const fs::path& path) {
 void write_g2o_graph(const AtlasState& state, const fs::path& path, const LogSink& log) {
   PoseGraph graph = pose_graph(state);
   const std::size_t left_out =
-      std::erase_if(graph.links, [](const PoseLink& link) { return !link.covariance; });
+      std::erase_if(graph.links, [](const Link& link) { return !link.covariance; });
   if (left_out > 0 && log) {
     log(fmt::format("{}: {} links without a covariance of six numbers are left out", path.string(),
                     left_out));

@@ -145,7 +145,7 @@ class AtlasOfMaps {
     for (const NodeId node : nodes_) merged.poses.push_back(state.poses.at(node).frame_from_node);
     const Similarity3 first_from_frame = merged.poses[0].inverse();
     for (Similarity3& pose : merged.poses) pose = first_from_frame * pose;
-    merged.map = transformed(atlas_.merge().merged.map, first_from_frame);
+    merged.map = transformed(*atlas_.merge().map, first_from_frame);
     return merged;
   }
 

@@ -123,10 +123,10 @@ LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, std::uint64_t se
   if (is_file) {
     if (auto map = kept(path, key)) return *std::move(map);
   }
-  AtlasMergeOptions options;
-  options.placed.fusion.seed = seed;
-  options.placed.fusion.execution = execution;
-  LandmarkMap map = atlas.merge(options, state.commit).merged.map;
+  MergePlacedOptions options;
+  options.fusion.seed = seed;
+  options.fusion.execution = execution;
+  LandmarkMap map = *std::move(atlas.merge(options, {}, state.commit).map);
   if (!is_file || ::access(location.c_str(), W_OK) != 0) return map;
   return keep(std::move(map), path, key);
 }

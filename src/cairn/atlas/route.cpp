@@ -17,7 +17,7 @@ namespace {
 // Variance of a link without covariance: larger than any stated one.
 constexpr double kUnknown = 100.0;
 
-std::optional<Matrix7d> covariance_of(const AtlasLink& link) {
+std::optional<Matrix7d> covariance_of(const Link& link) {
   if (link.covariance_with_scale) return link.covariance_with_scale;
   if (!link.covariance) return std::nullopt;
   Matrix7d covariance = Matrix7d::Zero();
@@ -26,7 +26,7 @@ std::optional<Matrix7d> covariance_of(const AtlasLink& link) {
 }
 
 // Squared, as a share of the source's radius; not negative, which a covariance may be by rounding.
-double variance_of(const AtlasLink& link, const AtlasState& state) {
+double variance_of(const Link& link, const AtlasState& state) {
   const auto covariance = covariance_of(link);
   if (!covariance) return kUnknown;
   const double radius =
@@ -42,7 +42,7 @@ double variance_of(const AtlasLink& link, const AtlasState& state) {
 std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, NodeId source) {
   struct Step {
     NodeId to;
-    AtlasLinkId link;
+    LinkId link;
     double variance = 0.0;
   };
   std::map<NodeId, std::vector<Step>> steps;
@@ -56,7 +56,7 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
   }
   // Dijkstra; ties by lower id, so that the result is unique.
   std::map<NodeId, double> sums = {{target, 0.0}};
-  std::map<NodeId, std::pair<NodeId, AtlasLinkId>> before;
+  std::map<NodeId, std::pair<NodeId, LinkId>> before;
   using Entry = std::pair<double, NodeId>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
   open.emplace(0.0, target);
@@ -87,7 +87,7 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
   std::reverse(route.links.begin(), route.links.end());
   route.covariance = Matrix7d::Zero();
   for (std::size_t i = 0; i < route.links.size(); ++i) {
-    const AtlasLink& link = state.links.at(route.links[i]);
+    const Link& link = state.links.at(route.links[i]);
     const bool forward = link.target == route.nodes[i];
     const Similarity3 step =
         forward ? *link.target_from_source : link.target_from_source->inverse();

@@ -11,7 +11,7 @@ namespace cairn {
 /// A chain of links from one map to another.
 struct AtlasRoute {
   std::vector<NodeId> nodes;       ///< from the target to the source
-  std::vector<AtlasLinkId> links;  ///< one fewer than nodes
+  std::vector<LinkId> links;       ///< one fewer than nodes
   Similarity3 target_from_source;  ///< along the links
   /// Left perturbation in the target's frame, (δt, δφ, δ log s), to first order, for independent errors of
   /// the links. std::nullopt if a link has no covariance.

@@ -21,9 +21,9 @@ class RouteTest : public ::testing::Test {
     }
   }
 
-  AtlasLink& link(std::uint64_t target, std::uint64_t source, const Similarity3& pose = {}) {
-    const AtlasLinkId id{state_.links.size() + 1};
-    AtlasLink& made = state_.links[id] = testing::link_of(id.value, target, source);
+  Link& link(std::uint64_t target, std::uint64_t source, const Similarity3& pose = {}) {
+    const LinkId id{state_.links.size() + 1};
+    Link& made = state_.links[id] = testing::link_of(id.value, target, source);
     made.verdict = Verdict::kAligned;
     made.target_from_source = pose;
     return made;
@@ -52,7 +52,7 @@ TEST_F(RouteTest, IsThatOfTheLeastVariance) {
   link(2, 3).covariance = covariance(0.02, 0.0);
   EXPECT_EQ(nodes(1, 3), by_two_);
   EXPECT_EQ(nodes(3, 1), (std::vector{NodeId{3}, NodeId{2}, NodeId{1}}));
-  state_.links.at(AtlasLinkId{2}).covariance = covariance(0.025, 0.0);
+  state_.links.at(LinkId{2}).covariance = covariance(0.025, 0.0);
   EXPECT_EQ(nodes(1, 3), direct_);
 }
 
@@ -83,7 +83,7 @@ TEST_F(RouteTest, EachPartOfTheVarianceCounts) {
     link(1, 2).covariance_with_scale = with(1.5e-4);
     link(2, 3).covariance_with_scale = with(1.5e-4);
     EXPECT_EQ(nodes(1, 3), by_two_) << part;
-    state_.links.at(AtlasLinkId{1}).covariance_with_scale = with(2e-4);
+    state_.links.at(LinkId{1}).covariance_with_scale = with(2e-4);
     EXPECT_EQ(nodes(1, 3), direct_) << part;
   }
 }
@@ -96,7 +96,7 @@ TEST_F(RouteTest, ShiftsAreSharesOfTheMapThatIsMoved) {
   EXPECT_EQ(nodes(1, 3), by_two_);
   state_.nodes.at(NodeId{3}).extent.radius = 5.0;  // the shift is a fiftieth of it
   EXPECT_EQ(nodes(1, 3), direct_);
-  state_.links.at(AtlasLinkId{1}).target_from_source = Similarity3(0.2, Rigid3());
+  state_.links.at(LinkId{1}).target_from_source = Similarity3(0.2, Rigid3());
   EXPECT_EQ(nodes(1, 3), by_two_);
 }
 
@@ -105,7 +105,7 @@ TEST_F(RouteTest, ALinkWithoutCovarianceIsTheLastResort) {
   link(1, 2).covariance = covariance(1.0, 3.0);
   link(2, 3).covariance = covariance(1.0, 3.0);
   EXPECT_EQ(nodes(1, 3), by_two_);
-  state_.links.erase(AtlasLinkId{3});
+  state_.links.erase(LinkId{3});
   const auto route = find_route(state_, NodeId{1}, NodeId{3});
   ASSERT_TRUE(route);
   EXPECT_EQ(route->nodes, direct_);
@@ -131,14 +131,14 @@ TEST_F(RouteTest, TakesNoLinkThatIsRejectedOrContradicted) {
   link(1, 3).covariance = covariance(0.001, 0.001);
   link(1, 2).covariance = covariance(0.1, 0.1);
   link(2, 3).covariance = covariance(0.1, 0.1);
-  state_.agrees = {{AtlasLinkId{1}, true}, {AtlasLinkId{2}, true}};
+  state_.agrees = {{LinkId{1}, true}, {LinkId{2}, true}};
   EXPECT_EQ(nodes(1, 3), direct_);
-  state_.agrees[AtlasLinkId{1}] = false;
+  state_.agrees[LinkId{1}] = false;
   EXPECT_EQ(nodes(1, 3), by_two_);
   state_.agrees.clear();
-  state_.links.at(AtlasLinkId{1}).verdict = Verdict::kAmbiguous;
+  state_.links.at(LinkId{1}).verdict = Verdict::kAmbiguous;
   EXPECT_EQ(nodes(1, 3), by_two_);
-  state_.links.at(AtlasLinkId{2}).verdict = Verdict::kRejected;
+  state_.links.at(LinkId{2}).verdict = Verdict::kRejected;
   EXPECT_FALSE(find_route(state_, NodeId{1}, NodeId{3}));
 }
 

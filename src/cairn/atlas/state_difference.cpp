@@ -15,7 +15,7 @@ void compare_keys(const std::map<Id, Value>& before, const std::map<Id, Value>& 
   }
 }
 
-bool is_contradicted(const AtlasState& state, AtlasLinkId link) {
+bool is_contradicted(const AtlasState& state, LinkId link) {
   const auto agrees = state.agrees.find(link);
   return agrees != state.agrees.end() && !agrees->second;
 }

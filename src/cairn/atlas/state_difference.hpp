@@ -18,10 +18,10 @@ struct MovedNode {
 /// Difference between two states.
 struct AtlasDifference {
   std::vector<NodeId> added_nodes, removed_nodes;
-  std::vector<AtlasLinkId> added_links, removed_links;
+  std::vector<LinkId> added_links, removed_links;
   std::vector<NodeId> placed, no_longer_placed;
   std::vector<MovedNode> moved;
-  std::vector<AtlasLinkId> now_contradicted, no_longer_contradicted;
+  std::vector<LinkId> now_contradicted, no_longer_contradicted;
 
   bool empty() const;
 };

@@ -20,26 +20,26 @@ AtlasState with_nodes(const std::vector<std::uint64_t>& ids) {
 
 TEST(AtlasDifference, OfAStateWithItselfIsEmpty) {
   AtlasState state = with_nodes({1, 2});
-  state.links[AtlasLinkId{1}] = {};
+  state.links[LinkId{1}] = {};
   state.poses[NodeId{1}] = pose_of(1, 1);
-  state.agrees[AtlasLinkId{1}] = false;
+  state.agrees[LinkId{1}] = false;
   EXPECT_TRUE(difference(state, state).empty());
 }
 
 TEST(AtlasDifference, NamesWhatWasAddedAndRemoved) {
   AtlasState before = with_nodes({1, 2});
   AtlasState after = with_nodes({2, 3});
-  before.links[AtlasLinkId{1}] = {};
-  before.links[AtlasLinkId{2}] = {};
-  after.links[AtlasLinkId{2}] = {};
-  after.links[AtlasLinkId{4}] = {};
+  before.links[LinkId{1}] = {};
+  before.links[LinkId{2}] = {};
+  after.links[LinkId{2}] = {};
+  after.links[LinkId{4}] = {};
   before.poses[NodeId{1}] = pose_of(1, 1);
   after.poses[NodeId{3}] = pose_of(3, 2);
   const AtlasDifference found = difference(before, after);
   EXPECT_EQ(found.added_nodes, (std::vector{NodeId{3}}));
   EXPECT_EQ(found.removed_nodes, (std::vector{NodeId{1}}));
-  EXPECT_EQ(found.added_links, (std::vector{AtlasLinkId{4}}));
-  EXPECT_EQ(found.removed_links, (std::vector{AtlasLinkId{1}}));
+  EXPECT_EQ(found.added_links, (std::vector{LinkId{4}}));
+  EXPECT_EQ(found.removed_links, (std::vector{LinkId{1}}));
   EXPECT_EQ(found.placed, (std::vector{NodeId{3}}));
   EXPECT_EQ(found.no_longer_placed, (std::vector{NodeId{1}}));
   EXPECT_TRUE(found.moved.empty());
@@ -101,13 +101,13 @@ TEST(AtlasDifference, WhatIsNoLongerThereHasNotMoved) {
 TEST(AtlasDifference, ALinkThatIsNotDecidedIsNotContradicted) {
   AtlasState before;
   AtlasState after;
-  for (std::uint64_t id = 1; id <= 5; ++id) after.links[AtlasLinkId{id}] = {};
+  for (std::uint64_t id = 1; id <= 5; ++id) after.links[LinkId{id}] = {};
   before.links = after.links;
-  before.agrees = {{AtlasLinkId{1}, true}, {AtlasLinkId{2}, false}, {AtlasLinkId{5}, false}};
-  after.agrees = {{AtlasLinkId{1}, false}, {AtlasLinkId{2}, true}, {AtlasLinkId{3}, false}};
+  before.agrees = {{LinkId{1}, true}, {LinkId{2}, false}, {LinkId{5}, false}};
+  after.agrees = {{LinkId{1}, false}, {LinkId{2}, true}, {LinkId{3}, false}};
   const AtlasDifference found = difference(before, after);
-  EXPECT_EQ(found.now_contradicted, (std::vector{AtlasLinkId{1}, AtlasLinkId{3}}));
-  EXPECT_EQ(found.no_longer_contradicted, (std::vector{AtlasLinkId{2}, AtlasLinkId{5}}));
+  EXPECT_EQ(found.now_contradicted, (std::vector{LinkId{1}, LinkId{3}}));
+  EXPECT_EQ(found.no_longer_contradicted, (std::vector{LinkId{2}, LinkId{5}}));
 }
 
 }  // namespace

@@ -266,7 +266,7 @@ PoseGraph pose_graph(const G2oGraph& graph) {
         {NodeId{vertex.id}, {}, {}, pose_of(vertex.translation, vertex.quaternion)});
   }
   for (const G2oGraph::Edge& edge : graph.edges) {
-    PoseLink link;
+    Link link;
     link.target = NodeId{edge.from};
     link.source = NodeId{edge.to};
     const Rigid3 measured = pose_of(edge.translation, edge.quaternion);
@@ -296,16 +296,16 @@ G2oGraph g2o_graph(const PoseGraph& graph) {
     set_pose(vertex, node.world_from_node, fmt::format("node {}", node.id.value));
     result.vertices.push_back(vertex);
   }
-  for (const PoseLink& link : graph.links) {
+  for (const Link& link : graph.links) {
     const std::string where = fmt::format("link {} to {}", link.target.value, link.source.value);
     G2oGraph::Edge edge;
     edge.from = link.target.value;
     edge.to = link.source.value;
-    set_pose(edge, link.target_from_source, where);
+    set_pose(edge, link.target_from_source.value(), where);
     if (!link.covariance) {
       throw Error(ErrorKind::kMisuse, where, "it has no covariance", "one: g2o requires it");
     }
-    const Matrix6 jacobian = error_by_perturbation(link.target_from_source.rigid());
+    const Matrix6 jacobian = error_by_perturbation(link.target_from_source->rigid());
     const Matrix6 theirs = jacobian * Matrix6(*link.covariance) * jacobian.transpose();
     const auto information = inverse(0.5 * (theirs + theirs.transpose()));
     if (!information) {

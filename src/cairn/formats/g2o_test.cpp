@@ -108,7 +108,7 @@ PoseGraph random_graph(Random& random) {
   PoseGraph graph;
   graph.nodes = {{NodeId{10}, {}, {}, random_pose(random)},
                  {NodeId{11}, {}, {}, random_pose(random)}};
-  PoseLink link;
+  Link link;
   link.target = NodeId{10};
   link.source = NodeId{11};
   link.target_from_source = random_pose(random);
@@ -149,11 +149,11 @@ TEST(G2o, GivesAnErrorTheWeightThatG2oGivesIt) {
   Random random(2);
   for (int repeat = 0; repeat < 20; ++repeat) {
     const PoseGraph graph = random_graph(random);
-    const PoseLink& link = graph.links[0];
+    const Link& link = graph.links[0];
     const G2oGraph::Edge edge = g2o_graph(graph).edges[0];
     Vector6d step;
     for (int i = 0; i < 6; ++i) step[i] = 1e-4 * random.normal();
-    const Rigid3 measured = link.target_from_source.rigid();
+    const Rigid3 measured = link.target_from_source->rigid();
     const Rigid3 estimated = measured.perturbed(step);
     const Rigid3 error = measured.inverse() * estimated;
     Eigen::Quaterniond q = error.quaternion();
@@ -211,14 +211,14 @@ TEST(G2o, KeepsEveryNumberOfPublishedGraphs) {
     const PoseGraph converted = pose_graph(graph);
     converted.validate();
     // Nothing is inverted: along odometry the poses agree with the links.
-    const PoseLink& first = converted.links.front();
+    const Link& first = converted.links.front();
     EXPECT_EQ(first.kind, LinkKind::kOdometry);
     const Rigid3 expected = converted.nodes[0].world_from_node.rigid().inverse() *
                             converted.nodes[1].world_from_node.rigid();
     EXPECT_EQ(first.target, converted.nodes[0].id);
     EXPECT_EQ(first.source, converted.nodes[1].id);
-    EXPECT_LT(first.target_from_source.rigid().difference_to(expected).norm(), 0.1) << name;
-    for (const PoseLink& link : converted.links) EXPECT_TRUE(link.covariance) << name;
+    EXPECT_LT(first.target_from_source->rigid().difference_to(expected).norm(), 0.1) << name;
+    for (const Link& link : converted.links) EXPECT_TRUE(link.covariance) << name;
   }
 }
 

@@ -158,11 +158,11 @@ std::string pose_graph_text(const PoseGraph& graph) {
                              {"session", text_or_null(node.session)},
                              {"world_from_node", to_json(node.world_from_node)}});
   }
-  for (const PoseLink& link : graph.links) {
+  for (const Link& link : graph.links) {
     json["links"].push_back(
         {{"target", link.target.value},
          {"source", link.source.value},
-         {"target_from_source", to_json(link.target_from_source)},
+         {"target_from_source", to_json(*link.target_from_source)},
          {"covariance", to_json(link.covariance)},
          {"covariance_with_scale", to_json(link.covariance_with_scale)},
          {"kind", to_string(link.kind)},
@@ -196,7 +196,7 @@ PoseGraph read_pose_graph(ByteSource& source) {
   const std::size_t link_count = links.array(0);
   for (std::size_t i = 0; i < link_count; ++i) {
     const Value value = links[i];
-    PoseLink link;
+    Link link;
     link.target = NodeId{value.at("target").id()};
     link.source = NodeId{value.at("source").id()};
     link.target_from_source = value.at("target_from_source").pose();

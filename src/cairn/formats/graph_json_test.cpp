@@ -32,7 +32,7 @@ PoseGraph example() {
   graph.nodes = {{NodeId{18446744073709551615U}, "monday \"é\"\n", "s", pose(1.0)},
                  {NodeId{2}, "", "", pose(1.0 / 3.0)},
                  {NodeId{3}, "c", "t", pose(7e5)}};
-  PoseLink link;
+  Link link;
   link.target = NodeId{18446744073709551615U};
   link.source = NodeId{2};
   link.target_from_source = pose(2.0);
@@ -43,7 +43,11 @@ PoseGraph example() {
   link.covariance = Matrix6d(link.covariance_with_scale->topLeftCorner<6, 6>());
   link.kind = LinkKind::kPlacement;
   link.probability = 0.1 + 0.2;
-  graph.links = {link, {NodeId{2}, NodeId{3}, pose(1.0), {}, {}, LinkKind::kManual, {}}};
+  graph.links = {link,
+                 {.target = NodeId{2},
+                  .source = NodeId{3},
+                  .kind = LinkKind::kManual,
+                  .target_from_source = pose(1.0)}};
   return graph;
 }
 
@@ -72,7 +76,7 @@ TEST(PoseGraphJson, IsReadAsItWasWritten) {
   for (std::size_t i = 0; i < graph.links.size(); ++i) {
     EXPECT_EQ(back.links[i].target, graph.links[i].target);
     EXPECT_EQ(back.links[i].source, graph.links[i].source);
-    expect_same(back.links[i].target_from_source, graph.links[i].target_from_source);
+    expect_same(back.links[i].target_from_source.value(), *graph.links[i].target_from_source);
     EXPECT_EQ(back.links[i].covariance, graph.links[i].covariance);
     EXPECT_EQ(back.links[i].covariance_with_scale, graph.links[i].covariance_with_scale);
     EXPECT_EQ(back.links[i].kind, graph.links[i].kind);

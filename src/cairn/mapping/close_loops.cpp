@@ -16,60 +16,32 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/mapping/corrected_trajectory.hpp"
-#include "cairn/merging/optimisation/node_extent.hpp"
-#include "cairn/merging/optimisation/optimise_poses.hpp"
-#include "cairn/merging/recognition/map_index.hpp"
-#include "cairn/vision/odometry/mini_map_graph.hpp"
 #include "cairn/vision/odometry/stated_covariance.hpp"
 
 namespace cairn {
 namespace {
 
-using Pairs = std::vector<std::pair<std::size_t, std::size_t>>;
+// More mini-maps are recognised first.
+constexpr std::size_t kMiniMapsTriedInFull = 20;
 
-std::vector<const LandmarkMap*> pointers_to(const std::vector<LandmarkMap>& maps) {
-  std::vector<const LandmarkMap*> pointers;
-  for (const LandmarkMap& map : maps) pointers.push_back(&map);
-  return pointers;
+std::vector<MergeInput> inputs_of(const MappedSequence& session) {
+  std::vector<MergeInput> inputs;
+  for (std::size_t i = 0; i < session.maps.size(); ++i) {
+    inputs.push_back({fmt::format("mini-map {}", i), &session.maps[i], "the session"});
+  }
+  return inputs;
 }
 
-// (target, source), the source later; by source, then target.
-Pairs pairs_to_try(const std::vector<LandmarkMap>& maps, const CloseLoopsOptions& options) {
-  std::set<std::pair<std::size_t, std::size_t>> by_source;
-  if (maps.size() <= options.most_with_all_pairs) {
-    for (std::size_t source = 1; source < maps.size(); ++source) {
-      for (std::size_t target = 0; target < source; ++target) by_source.emplace(source, target);
-    }
-  } else {
-    RecognitionOptions how;
-    how.seed = options.seed;
-    MapIndex index(how);
-    for (const LandmarkMap& map : maps) index.add(map);
-    for (std::size_t i = 0; i < maps.size(); ++i) {
-      if (i > 0) by_source.emplace(i, i - 1);
-      for (const RecognitionCandidate& found : index.find(i, options.candidates)) {
-        by_source.emplace(std::max(i, found.map), std::min(i, found.map));
-      }
-    }
+std::vector<Link> links_of(const MappedSequence& session) {
+  std::vector<Link> links;
+  for (std::size_t i = 0; i < session.links.size(); ++i) {
+    links.push_back({.target = NodeId{i},
+                     .source = NodeId{i + 1},
+                     .kind = LinkKind::kOdometry,
+                     .target_from_source = Similarity3(session.links[i].previous_from_next),
+                     .covariance = session.links[i].covariance});
   }
-  Pairs pairs;
-  for (const auto& [source, target] : by_source) pairs.emplace_back(target, source);
-  return pairs;
-}
-
-// The session's nodes, odometry's links, then those of the pairs that are aligned.
-PoseGraph session_graph(const MappedSequence& session, const std::vector<MapLink>& links,
-                        std::vector<std::size_t>& link_of) {
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < session.maps.size(); ++i) names.push_back(fmt::format("{}", i));
-  PoseGraph graph = pose_graph(session, names);
-  for (std::size_t i = 0; i < links.size(); ++i) {
-    const auto link = pose_link(links[i]);
-    if (!link) continue;
-    graph.links.push_back(*link);
-    link_of.push_back(i);
-  }
-  return graph;
+  return links;
 }
 
 // Covariance of a pose after that of its neighbour and of the link between both, neighbour_from_pose.
@@ -81,47 +53,51 @@ Matrix7d chained_covariance(const Matrix7d& of_neighbour, const Similarity3& wor
   return sum;
 }
 
-// Moves the first node to the identity. Its error becomes that of all others.
-void move_first_to_identity(OptimisedPoses& poses) {
-  auto& nodes = poses.world_from_node;
-  const Similarity3 world_from_first = *nodes.front();
+// Moves the first map to the identity. Its error becomes that of all others.
+void move_first_to_identity(std::vector<MergedMap>& maps) {
+  const Similarity3 world_from_first = *maps.front().world_from_map;
   const Similarity3 first_from_world = world_from_first.inverse();
   Matrix7d turn = Matrix7d::Identity();
   turn.topLeftCorner<3, 3>() = turn.block<3, 3>(3, 3) = first_from_world.rigid().rotation();
-  const Matrix7d of_first = poses.covariances.front();
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    const Eigen::Vector3d arm = nodes[i]->translation() - world_from_first.translation();
-    poses.covariances[i] = propagated_covariance(
-        turn, Matrix7d(poses.covariances[i] + covariance_at_point(of_first, arm)));
-    nodes[i] = first_from_world * *nodes[i];
+  const Matrix7d of_first = maps.front().covariance;
+  for (MergedMap& map : maps) {
+    const Eigen::Vector3d arm = map.world_from_map->translation() - world_from_first.translation();
+    map.covariance =
+        propagated_covariance(turn, Matrix7d(map.covariance + covariance_at_point(of_first, arm)));
+    map.world_from_map = first_from_world * *map.world_from_map;
   }
-  nodes.front() = Similarity3();
-  poses.covariances.front().setZero();
+  maps.front().world_from_map = Similarity3();
+  maps.front().covariance.setZero();
 }
 
-// Gives nodes without a pose one by odometry from their neighbour, with its covariance.
-void place_all(const MappedSequence& session, OptimisedPoses& poses) {
-  auto& nodes = poses.world_from_node;
-  for (std::size_t i = 1; i < nodes.size(); ++i) {
-    if (nodes[i] || !nodes[i - 1]) continue;
+// Gives maps without a pose one by odometry from their neighbour, with its covariance.
+void place_all(const MappedSequence& session, std::vector<MergedMap>& maps) {
+  for (std::size_t i = 1; i < maps.size(); ++i) {
+    const MergedMap& before = maps[i - 1];
+    if (maps[i].placed || !before.placed) continue;
     const MiniMapLink& link = session.links[i - 1];
-    nodes[i] = *nodes[i - 1] * Similarity3(link.previous_from_next);
-    poses.covariances[i] =
-        chained_covariance(poses.covariances[i - 1], *nodes[i - 1], link.covariance, *nodes[i]);
+    maps[i].placed = true;
+    maps[i].world_from_map = *before.world_from_map * Similarity3(link.previous_from_next);
+    maps[i].covariance = chained_covariance(before.covariance, *before.world_from_map,
+                                            link.covariance, *maps[i].world_from_map);
   }
-  for (std::size_t i = nodes.size() - 1; i > 0; --i) {
-    if (nodes[i - 1] || !nodes[i]) continue;
+  for (std::size_t i = maps.size() - 1; i > 0; --i) {
+    const MergedMap& after = maps[i];
+    if (maps[i - 1].placed || !after.placed) continue;
     const MiniMapLink& link = session.links[i - 1];
-    nodes[i - 1] = *nodes[i] * Similarity3(link.previous_from_next.inverse());
-    poses.covariances[i - 1] = chained_covariance(
-        poses.covariances[i], *nodes[i],
-        inverse_covariance(link.previous_from_next, link.covariance), *nodes[i - 1]);
+    maps[i - 1].placed = true;
+    maps[i - 1].world_from_map =
+        *after.world_from_map * Similarity3(link.previous_from_next.inverse());
+    maps[i - 1].covariance = chained_covariance(
+        after.covariance, *after.world_from_map,
+        inverse_covariance(link.previous_from_next, link.covariance), *maps[i - 1].world_from_map);
   }
-  if (nodes.front()->matrix() != Matrix4d::Identity()) move_first_to_identity(poses);
+  if (maps.front().world_from_map->matrix() != Matrix4d::Identity()) move_first_to_identity(maps);
 }
 
 std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
-                                               const AdjustedFusion& fused) {
+                                               const LandmarkMap& merged,
+                                               const std::vector<std::vector<FrameIndex>>& frames) {
   std::vector<CorrectedKeyframe> keyframes;
   Rigid3 first_from_map;
   for (std::size_t m = 0; m < session.maps.size(); ++m) {
@@ -130,7 +106,7 @@ std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
       const double time = map.frames().timestamps_s[i].value();
       if (!keyframes.empty() && time <= keyframes.back().timestamp_s) continue;
       keyframes.push_back({time, first_from_map * map.world_from_camera(FrameIndex{i}),
-                           fused.map.world_from_camera(fused.frames[m][i])});
+                           merged.world_from_camera(frames[m][i])});
     }
     if (m < session.links.size()) {
       first_from_map = first_from_map * session.links[m].previous_from_next;
@@ -184,20 +160,10 @@ void take_largest_moves(const std::vector<CorrectedKeyframe>& keyframes, ClosedL
 }  // namespace
 
 void CloseLoopsOptions::validate() const {
-  links.validate();
-  FuseAndAdjustOptions how;
-  how.fusion.min_probability = fusion_probability;
-  how.adjustment = adjustment;
-  how.matching_rounds = matching_rounds;
-  how.validate();
-  const auto at_least = [](std::size_t least, std::size_t value, std::string_view field) {
-    if (value >= least) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("CloseLoopsOptions.{}", field),
-                fmt::format("{}", value), fmt::format("at least {}", least));
-  };
-  at_least(2, most_with_all_pairs, "most_with_all_pairs");
-  at_least(1, candidates, "candidates");
-  at_least(1, min_observations, "min_observations");
+  merging.validate();
+  if (min_observations >= 1) return;
+  throw Error(ErrorKind::kMisuse, "CloseLoopsOptions.min_observations",
+              fmt::format("{}", min_observations), "at least 1");
 }
 
 ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& options) {
@@ -210,53 +176,45 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   ClosedLoops result;
   const std::size_t count = session.maps.size();
   if (count < 2) return result;
-  LinkOptions how = options.links;
-  how.seed = options.seed;
-  how.execution = options.execution;
-  how.execution.progress = stage_of(options.execution.progress, 0.0, 0.5);
-  result.links = link_maps(pointers_to(session.maps), pairs_to_try(session.maps, options), how);
-  result.used.assign(result.links.size(), false);
-
-  std::vector<std::size_t> link_of;
-  const PoseGraph graph = session_graph(session, result.links, link_of);
-  std::vector<NodeExtent> extents;
-  for (const LandmarkMap& map : session.maps) extents.push_back(node_extent(map));
-  OptimisedPoses poses = optimise_poses(graph, extents);
-  const std::size_t of_odometry = session.links.size();
-  for (std::size_t i = 0; i < of_odometry; ++i) {
-    if (!poses.agrees[i]) ++result.odometry_refuted;
+  const std::vector<MergeInput> inputs = inputs_of(session);
+  MergeOptions how = options.merging;
+  how.stated = links_of(session);
+  if (!how.links.candidates && count > kMiniMapsTriedInFull) {
+    how.links.candidates = kDefaultCandidates;
   }
-  for (std::size_t i = 0; i < link_of.size(); ++i) {
-    if (!poses.agrees[of_odometry + i]) continue;
-    const MapLink& link = result.links[link_of[i]];
-    result.used[link_of[i]] = true;
-    if (std::max(link.target, link.source) > std::min(link.target, link.source) + 1) {
-      ++result.closed;
-    }
+  how.execution.progress = stage_of(options.merging.execution.progress, 0.0, 0.5);
+  MergeResult merged = place_maps(inputs, how);
+  const std::size_t tried = merged.links.size() - session.links.size();
+  result.odometry_refuted = static_cast<std::size_t>(std::count(
+      merged.used.begin() + static_cast<std::ptrdiff_t>(tried), merged.used.end(), false));
+  result.links.assign(merged.links.begin(),
+                      merged.links.begin() + static_cast<std::ptrdiff_t>(tried));
+  result.used.assign(merged.used.begin(), merged.used.begin() + static_cast<std::ptrdiff_t>(tried));
+  for (std::size_t i = 0; i < tried; ++i) {
+    const auto [first, last] =
+        std::minmax(result.links[i].target.value, result.links[i].source.value);
+    if (result.used[i] && last > first + 1) ++result.closed;
   }
   if (result.closed == 0) return result;
 
-  place_all(session, poses);
-  std::vector<PlacedMap> placed;
-  for (std::size_t i = 0; i < count; ++i) {
-    placed.push_back({&session.maps[i], fmt::format("mini-map {}", i), *poses.world_from_node[i],
-                      poses.covariances[i]});
+  place_all(session, merged.maps);
+  MergePlacedOptions fusing = options.merging.placed;
+  fusing.straighten = false;
+  fusing.adjust = true;
+  fusing.fusion.seed = options.merging.seed;
+  fusing.fusion.execution = options.merging.execution;
+  fusing.fusion.execution.progress = stage_of(options.merging.execution.progress, 0.5, 1.0);
+  fusing.fusion.log = options.merging.log;
+  const std::vector<std::vector<FrameIndex>> frames = fuse_placed(inputs, fusing, merged);
+  if (!merged.adjustment) {
+    throw Error(ErrorKind::kInput, "session", "its maps cannot be adjusted",
+                "maps whose keyframes have cameras");
   }
-  FuseAndAdjustOptions fusing;
-  fusing.fusion.min_probability = options.fusion_probability;
-  fusing.fusion.seed = options.seed;
-  fusing.fusion.execution = options.execution.without_progress();
-  fusing.fusion.log = options.log;
-  fusing.adjustment = options.adjustment;
-  fusing.adjustment.execution = options.execution;
-  fusing.adjustment.execution.progress = stage_of(options.execution.progress, 0.5, 1.0);
-  fusing.matching_rounds = options.matching_rounds;
-  AdjustedFusion fused = fuse_and_adjust(placed, fusing);
-  result.adjustment = fused.adjustment;
-  const std::vector<CorrectedKeyframe> keyframes = moved_keyframes(session, fused);
+  result.adjustment = *merged.adjustment;
+  const std::vector<CorrectedKeyframe> keyframes = moved_keyframes(session, *merged.map, frames);
   take_largest_moves(keyframes, result);
   result.trajectory = corrected(session.trajectory, keyframes);
-  result.map = finished(std::move(fused.map), session, result, options.min_observations);
+  result.map = finished(*std::move(merged.map), session, result, options.min_observations);
   return result;
 }
 

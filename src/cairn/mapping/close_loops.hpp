@@ -2,38 +2,28 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <vector>
 
-#include "cairn/merging/fusion/fuse_and_adjust.hpp"
-#include "cairn/merging/linking/link_maps.hpp"
+#include "cairn/merging/merge.hpp"
 #include "cairn/vision/odometry/map_sequence.hpp"
 
 namespace cairn {
 
 struct CloseLoopsOptions {
-  LinkOptions links = {};  ///< execution and seed are replaced by those below
-  /// Up to this many mini-maps, every pair is tried; for more, only the most similar ones. At least 2.
-  std::size_t most_with_all_pairs = 20;
-  /// For more mini-maps: number of most similar ones to try for each. At least 1.
-  std::size_t candidates = 10;
-  double fusion_probability = 0.5;  ///< see FusionOptions
-  AdjustOptions adjustment = {};    ///< its execution is replaced by that below
-  int matching_rounds = 2;          ///< see FuseAndAdjustOptions
+  /// Of the mini-maps, which are never straightened and always adjusted. Unless candidates are given, all pairs of up to
+  /// 20 mini-maps are tried.
+  MergeOptions merging = {};
   /// Leaves out landmarks of the map with fewer observations; at least 1.
   std::size_t min_observations = 1;
-  std::uint64_t seed = 0;
-  Execution execution = {};
-  LogSink log = {};
 
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
 
 struct ClosedLoops {
-  std::vector<MapLink> links;  ///< of the pairs of mini-maps that were tried
-  std::vector<bool> used;      ///< per link: whether it is aligned and agrees with the poses
+  std::vector<Link> links;  ///< of the pairs of mini-maps that were tried
+  std::vector<bool> used;   ///< per link: whether it is aligned and agrees with the poses
   /// Number of used links between mini-maps that are not consecutive.
   std::size_t closed = 0;
   /// Odometry links that contradict the closed loops.
@@ -47,10 +37,9 @@ struct ClosedLoops {
   double largest_turn_rad = 0.0;
 };
 
-/// Makes one map of a session of mini-maps with closed loops: aligns and judges pairs of mini-maps
-/// (link_maps()), joins neighbours by odometry links, optimises the pose graph (optimise_poses()), then
-/// fuses the landmarks, adjusts, and matches landmarks again (fuse_and_adjust()). The keyframe shared by
-/// two neighbours becomes one. The same input and seed give the same result for any number of threads.
+/// Makes one map of a session of mini-maps with closed loops: merge() of the mini-maps with odometry's links between
+/// neighbours. The keyframe shared by two neighbours becomes one. The same input and seed give the same result for any
+/// number of threads.
 ///
 /// A mini-map that the optimised graph leaves out keeps its odometry pose relative to its neighbour.
 /// @param session maps in metres whose keyframes have cameras and timestamps, as from map_sequence()

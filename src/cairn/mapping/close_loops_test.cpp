@@ -139,9 +139,9 @@ TEST(CloseLoops, SameResultWithAnyNumberOfThreadsAndByRecognition) {
   const LandmarkMap truth = desk();
   const MappedSequence session = session_in_pieces(truth, 3, 0.02);
   CloseLoopsOptions options;
-  options.matching_rounds = 0;
+  options.merging.placed.matching_rounds = 0;
   const ClosedLoops one = close_loops(session, options);
-  options.execution.executor = Executor(2);
+  options.merging.execution.executor = Executor(2);
   const ClosedLoops two = close_loops(session, options);
   ASSERT_TRUE(one.map && two.map);
   EXPECT_THAT(*two.map, EqualsMap(*one.map));
@@ -149,7 +149,7 @@ TEST(CloseLoops, SameResultWithAnyNumberOfThreadsAndByRecognition) {
 
 TEST(CloseLoops, StatesHowUncertainKeyframesAreAsOdometryDoes) {
   CloseLoopsOptions options;
-  options.matching_rounds = 0;
+  options.merging.placed.matching_rounds = 0;
   const ClosedLoops loops = close_loops(session_in_pieces(desk(), 3, 0.0), options);
   ASSERT_TRUE(loops.map);
   const auto& covariances = loops.map->frames().pose_covariances;
@@ -174,7 +174,7 @@ TEST(CloseLoops, NeighboursAloneAreNoLoop) {
 TEST(CloseLoops, LeavesOutLandmarksThatTooFewKeyframesObserved) {
   const MappedSequence session = session_in_pieces(desk(), 3, 0.0);
   CloseLoopsOptions options;
-  options.matching_rounds = 0;
+  options.merging.placed.matching_rounds = 0;
   options.min_observations = 6;
   const ClosedLoops loops = close_loops(session, options);
   ASSERT_TRUE(loops.map);
@@ -189,9 +189,9 @@ TEST(CloseLoops, RefusesASessionWithoutItsLinksAndOptionsOutOfRange) {
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { close_loops(session); }),
               HasSubstr("2 maps, 0 links"));
   CloseLoopsOptions options;
-  options.candidates = 0;
+  options.min_observations = 0;
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
-              HasSubstr("candidates"));
+              HasSubstr("min_observations"));
 }
 
 }  // namespace

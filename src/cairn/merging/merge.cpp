@@ -2,6 +2,7 @@
 #include "cairn/merging/merge.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include <fmt/format.h>
@@ -10,14 +11,17 @@
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/turning_columns.hpp"
-#include "cairn/merging/optimisation/node_extent.hpp"
-#include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {
 namespace {
 
-double probability_of(const MapLink& link) {
+double probability_of(const Link& link) {
   return link.probability.value_or(0.0);
+}
+
+bool is_of(const Link& link, std::size_t map) {
+  return link.target.value == map || link.source.value == map;
 }
 
 // Says why a map is not placed.
@@ -26,9 +30,9 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
   std::size_t aligned = 0;
   std::optional<std::size_t> best;
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    const MapLink& link = result.links[i];
-    if (link.target != map && link.source != map) continue;
-    if (pose_link(link)) {
+    const Link& link = result.links[i];
+    if (!is_of(link, map)) continue;
+    if (link.connects()) {
       ++aligned;
     } else if (!best || probability_of(link) > probability_of(result.links[*best])) {
       best = i;
@@ -38,11 +42,12 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
     merged.reason = fmt::format("aligned with {} map{}, but with none of the largest group",
                                 aligned, aligned == 1 ? "" : "s");
   } else if (best) {
-    const MapLink& link = result.links[*best];
+    const Link& link = result.links[*best];
     merged.likeliest_link = best;
-    merged.reason = fmt::format("aligned with no other map; likeliest with {} ({}, {})",
-                                maps[link.target == map ? link.source : link.target].name,
-                                link_status(link.verdict), probability_text(probability_of(link)));
+    merged.reason =
+        fmt::format("aligned with no other map; likeliest with {} ({}, {})",
+                    maps[link.target.value == map ? link.source.value : link.target.value].name,
+                    link.status(), probability_text(probability_of(link)));
   } else {
     merged.reason = "no pair with another map was tried";
   }
@@ -66,19 +71,18 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
     graph.nodes.push_back({NodeId{i}, maps[i].name, maps[i].session,
                            result.maps[i].world_from_map.value_or(Similarity3())});
   }
-  for (const MapLink& link : result.links) {
-    if (const auto placed = pose_link(link)) graph.links.push_back(*placed);
-  }
+  std::copy_if(result.links.begin(), result.links.end(), std::back_inserter(graph.links),
+               [](const Link& link) { return link.connects(); });
   return graph;
 }
 
-MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options) {
+MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options) {
   options.validate();
   if (maps.size() < 2) {
     throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} of them", maps.size()),
                 "at least two maps");
   }
-  for (const PoseLink& link : options.stated) {
+  for (const Link& link : options.stated) {
     if (std::max(link.target.value, link.source.value) < maps.size()) continue;
     throw Error(ErrorKind::kMisuse, "MergeOptions.stated",
                 fmt::format("a link of maps {} and {}", link.target.value, link.source.value),
@@ -87,64 +91,90 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   MergeResult result;
   result.maps.resize(maps.size());
   std::vector<const LandmarkMap*> pointers;
+  std::vector<std::string> sessions;
   std::vector<NodeExtent> extents;
   for (const MergeInput& input : maps) {
     require_no_splats(*input.map, input.name);  // before the long work
     pointers.push_back(input.map);
-    extents.push_back(node_extent(*input.map));
+    sessions.push_back(input.session);
+    extents.push_back(node_extent(input.map->landmarks().positions));
   }
   LinkOptions how = options.links;
   how.seed = options.seed;
   how.execution = options.execution;
-  how.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
-  result.links = link_maps(pointers, how);
-  for (const PoseLink& link : options.stated) result.links.push_back(stated_link(link));
+  MapsInMemory store(pointers, std::move(sessions));
+  result.links = link_maps(store, how);
+  for (const Link& stated : options.stated) {
+    Link& link = result.links.emplace_back(stated);
+    link.verdict.reset();
+    if (link.reason.empty()) link.reason = fmt::format("stated by {}", to_string(link.kind));
+  }
   result.used.assign(result.links.size(), false);
 
   std::vector<std::size_t> link_of;  // by link of the graph
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    if (pose_link(result.links[i])) link_of.push_back(i);
+    if (result.links[i].connects()) link_of.push_back(i);
   }
   const OptimisedPoses poses = optimise_poses(pose_graph(maps, result), extents);
   for (std::size_t i = 0; i < link_of.size(); ++i) result.used[link_of[i]] = poses.agrees[i];
   for (const std::size_t link : poses.tree) result.tree.push_back(link_of[link]);
-  const bool any = !poses.tree.empty();
-  std::vector<PlacedMap> placed;
-  std::vector<std::size_t> index_of;
   for (std::size_t i = 0; i < maps.size(); ++i) {
     MergedMap& merged = result.maps[i];
-    merged.placed = any && poses.world_from_node[i].has_value();
+    merged.placed = !poses.tree.empty() && poses.world_from_node[i].has_value();
     if (!merged.placed) {
       explain(i, maps, result);
       continue;
     }
     merged.world_from_map = poses.world_from_node[i];
     merged.covariance = poses.covariances[i];
-    placed.push_back({maps[i].map, maps[i].name, *merged.world_from_map, merged.covariance});
+  }
+  return result;
+}
+
+std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
+                                                 const MergePlacedOptions& options,
+                                                 MergeResult& result) {
+  std::vector<std::vector<FrameIndex>> frames(maps.size());
+  std::vector<PlacedMap> placed;
+  std::vector<std::size_t> index_of;
+  std::vector<std::size_t> place_of(maps.size());
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    const MergedMap& map = result.maps[i];
+    if (!map.placed) continue;
+    place_of[i] = placed.size();
+    placed.push_back({maps[i].map, maps[i].name, *map.world_from_map, map.covariance});
     index_of.push_back(i);
   }
-  if (!any) return result;
+  if (placed.empty()) return frames;
+  std::vector<Link> used;
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    if (!result.used[i]) continue;
+    Link& link = used.emplace_back(result.links[i]);
+    link.target = NodeId{place_of[link.target.value]};
+    link.source = NodeId{place_of[link.source.value]};
+  }
+  MergedPlaced merged = merge_placed(placed, used, options);
+  for (std::size_t i = 0; i < index_of.size(); ++i) {
+    MergedMap& map = result.maps[index_of[i]];
+    map.fusion = merged.maps[i];
+    map.bend = merged.bends[i];
+    frames[index_of[i]] = std::move(merged.frames[i]);
+  }
+  result.map = std::move(merged.map);
+  result.adjustment = merged.adjustment;
+  return frames;
+}
+
+MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options) {
+  MergeOptions placing = options;
+  placing.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
+  MergeResult result = place_maps(maps, placing);
   MergePlacedOptions fusing = options.placed;
   fusing.fusion.seed = options.seed;
   fusing.fusion.execution = options.execution;
   fusing.fusion.execution.progress = stage_of(options.execution.progress, 0.9, 1.0);
   fusing.fusion.log = options.log;
-  std::vector<MapLink> used;
-  std::vector<std::size_t> place_of(maps.size());
-  for (std::size_t i = 0; i < index_of.size(); ++i) place_of[index_of[i]] = i;
-  for (std::size_t i = 0; i < result.links.size(); ++i) {
-    if (!result.used[i]) continue;
-    MapLink& link = used.emplace_back(result.links[i]);
-    link.target = place_of[link.target];
-    link.source = place_of[link.source];
-  }
-  MergedPlaced merged = merge_placed(placed, used, fusing);
-  for (std::size_t i = 0; i < index_of.size(); ++i) {
-    result.maps[index_of[i]].fusion = merged.maps[i];
-    result.maps[index_of[i]].bend = merged.bends[i];
-  }
-  result.map = std::move(merged.map);
-  result.adjustment = merged.adjustment;
+  fuse_placed(maps, fusing, result);
   return result;
 }
 

@@ -9,7 +9,7 @@
 
 #include "cairn/merging/fusion/merge_placed.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
-#include "cairn/pose_graph/pose_graph.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {
 
@@ -23,7 +23,7 @@ struct MergeInput {
 struct MergeOptions {
   LinkOptions links = {};  ///< execution and seed are replaced by those below
   /// Known links, of maps by index, such as odometry between mini-maps of one run.
-  std::vector<PoseLink> stated = {};
+  std::vector<Link> stated = {};
   MergePlacedOptions placed =
       {};  ///< seed, execution and log of its fusion are replaced by those below
   std::uint64_t seed = 0;
@@ -48,8 +48,9 @@ struct MergedMap {
 };
 
 struct MergeResult {
-  std::vector<MergedMap> maps;    ///< one per input
-  std::vector<MapLink> links;     ///< of all pairs, aligned or not; then the stated ones
+  std::vector<MergedMap> maps;  ///< one per input
+  /// Of all pairs that were tried, aligned or not; then the stated ones. Their nodes are the maps' indices.
+  std::vector<Link> links;
   std::vector<bool> used;         ///< per link: whether it is aligned and agrees with the poses
   std::vector<std::size_t> tree;  ///< links that first placed a map, in order
   /// In the frame of the first map that is placed; std::nullopt if no two maps were placed.
@@ -61,13 +62,25 @@ struct MergeResult {
   std::size_t placed() const;
 };
 
-/// The aligned links as a graph; its nodes are the maps by index.
+/// The links that connect maps as a graph; its nodes are the maps by index.
 PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result);
 
-/// Merges maps of one place: link_maps(), optimise_poses(), merge_placed(). Only aligned and stated links
-/// place a map; maps without a link to the largest group are left out. Maps that others show to be bent are
-/// straightened before they are fused. The order of the maps decides the frame and the numbers, and nothing else.
+/// Merges maps of one place: place_maps(), then fuse_placed().
 /// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});
+
+/// The first half of merge(): link_maps(), then optimise_poses(). Only aligned and stated links place a map; maps without a
+/// link to the largest group are left out. The order of the maps decides the frame and the numbers, and nothing else.
+/// @return without a map
+/// @throws Error as merge()
+MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options = {});
+
+/// The second half of merge(): merge_placed() of the maps that are placed, if any, by the links that are used.
+/// @param result of place_maps(), or made from what an atlas keeps; gets the map
+/// @return per map and frame: its index in the map; nothing for a map that is not placed
+/// @throws Error as merge_placed()
+std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
+                                                 const MergePlacedOptions& options,
+                                                 MergeResult& result);
 
 }  // namespace cairn

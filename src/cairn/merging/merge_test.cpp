@@ -164,8 +164,8 @@ TEST(Merge, LeavesStrangersOutAndSaysWhy) {
   EXPECT_FALSE(result.maps[0].world_from_map);
   EXPECT_THAT(result.maps[0].reason, HasSubstr("aligned with no other map; likeliest with "));
   ASSERT_TRUE(result.maps[0].likeliest_link);
-  const MapLink& likeliest = result.links[*result.maps[0].likeliest_link];
-  EXPECT_TRUE(likeliest.target == 0 || likeliest.source == 0);
+  const Link& likeliest = result.links[*result.maps[0].likeliest_link];
+  EXPECT_TRUE(likeliest.target == NodeId{0} || likeliest.source == NodeId{0});
   EXPECT_FALSE(result.maps[1].likeliest_link);
   EXPECT_EQ(result.links.size(), 3U);
   EXPECT_EQ(result.used, (std::vector<bool>{false, false, true}));

@@ -48,6 +48,26 @@ std::string_view to_string(LinkKind kind) {
   return "unknown";
 }
 
+std::string_view to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kAligned:
+      return "aligned";
+    case Verdict::kAmbiguous:
+      return "ambiguous";
+    case Verdict::kRejected:
+      return "rejected";
+  }
+  return "unknown";
+}
+
+bool Link::connects() const {
+  return target_from_source && verdict.value_or(Verdict::kAligned) == Verdict::kAligned;
+}
+
+std::string_view Link::status() const {
+  return verdict ? to_string(*verdict) : "stated";
+}
+
 void PoseGraph::validate(std::string_view where) const {
   const auto refuse = [&](const std::string& place, std::string_view what,
                           std::string_view expected) {
@@ -67,7 +87,7 @@ void PoseGraph::validate(std::string_view where) const {
     refuse(fmt::format("node {}", twice->value), "its id occurs twice", "each id once");
   }
   for (std::size_t i = 0; i < links.size(); ++i) {
-    const PoseLink& link = links[i];
+    const Link& link = links[i];
     const std::string place =
         fmt::format("link {} ({} to {})", i, link.target.value, link.source.value);
     for (const NodeId end : {link.target, link.source}) {
@@ -78,7 +98,9 @@ void PoseGraph::validate(std::string_view where) const {
     if (link.target == link.source) {
       refuse(place, "it links a node with itself", "two nodes");
     }
-    if (const auto transform = defect_of(link.target_from_source); !transform.empty()) {
+    if (!link.connects())
+      refuse(place, "it does not connect them", "a transform, stated or aligned");
+    if (const auto transform = defect_of(*link.target_from_source); !transform.empty()) {
       refuse(place, fmt::format("its transform {}", transform), kExpectedPose);
     }
     std::string defect = link.covariance ? defect_of(*link.covariance) : "";

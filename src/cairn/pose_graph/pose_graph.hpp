@@ -33,27 +33,49 @@ enum class LinkKind {
 /// "odometry" etc.: the names in files.
 std::string_view to_string(LinkKind kind);
 
-/// A measured transform between two nodes: x_in_target = target_from_source * x_in_source.
-struct PoseLink {
-  NodeId target;
-  NodeId source;
-  Similarity3 target_from_source;
-  /// Left perturbation in the target's frame, (δt, δφ); std::nullopt if unknown.
-  std::optional<Matrix6d> covariance;
-  /// The same with the scale, (δt, δφ, δ log s), for a link that measures it.
-  std::optional<Matrix7d> covariance_with_scale;
-  LinkKind kind = LinkKind::kOdometry;
-  /// Probability that the link is right; std::nullopt if not judged.
-  std::optional<double> probability;
+/// What alignment says of a pose.
+enum class Verdict {
+  kAligned,    ///< its probability suffices, and the matches determine it
+  kAmbiguous,  ///< the evidence suffices for a match, but not for one pose
+  kRejected,   ///< no pose is probable enough
 };
 
-/// Nodes and measured transforms between them.
+/// "aligned", "ambiguous" or "rejected": the names in results.
+std::string_view to_string(Verdict verdict);
+
+using LinkId = StrongId<struct LinkIdTag, std::uint64_t>;
+
+/// The relation of two nodes: a transform that was stated or judged, x_in_target = target_from_source * x_in_source, or
+/// the finding that there is none.
+struct Link {
+  LinkId id = {};  ///< in an atlas, from 1 and never reused; 0 elsewhere
+  NodeId target = {};
+  NodeId source = {};
+  LinkKind kind = LinkKind::kPlacement;
+  std::optional<Verdict> verdict = {};  ///< std::nullopt for a stated link, which was not judged
+  std::optional<double> probability =
+      {};                   ///< that the transform is right; std::nullopt if not judged
+  std::string reason = {};  ///< one sentence for people
+  /// Only if the link is stated or its verdict is aligned.
+  std::optional<Similarity3> target_from_source = {};
+  /// Left perturbation in the target's frame, (δt, δφ); std::nullopt if unknown.
+  std::optional<Matrix6d> covariance = {};
+  /// The same with the scale, (δt, δφ, δ log s), for a link that measures it.
+  std::optional<Matrix7d> covariance_with_scale = {};
+
+  /// Whether it may place a node: it has a transform, which is stated or judged aligned.
+  bool connects() const;
+  /// "stated", or the name of the verdict.
+  std::string_view status() const;
+};
+
+/// Nodes and links that connect them.
 struct PoseGraph {
   std::vector<PoseNode> nodes;
-  std::vector<PoseLink> links;
+  std::vector<Link> links;
 
   /// @throws Error (input) naming the node or link: a duplicate id, a link of a node with itself or a
-  ///        missing one, a number that is not finite, a covariance that is not symmetric or has a negative
+  ///        missing one, a link that does not connect, a number that is not finite, a covariance that is not symmetric or has a negative
   ///        eigenvalue, a probability outside [0, 1]
   /// @param where for the messages, e.g. the file's name
   void validate(std::string_view where = "pose graph") const;

@@ -17,9 +17,10 @@ using ::testing::HasSubstr;
 PoseGraph two_nodes() {
   PoseGraph graph;
   graph.nodes = {{NodeId{3}, "a", "one", {}}, {NodeId{7}, "b", "two", {}}};
-  PoseLink link;
+  Link link;
   link.target = NodeId{3};
   link.source = NodeId{7};
+  link.target_from_source = Similarity3();
   link.covariance = Matrix6d::Identity();
   link.probability = 0.5;
   graph.links = {link};
@@ -40,6 +41,12 @@ TEST(PoseGraph, RefusesWhatBreaksItsRules) {
   EXPECT_THAT(complaint(graph), HasSubstr("link 0 (3 to 8): there is no node 8"));
   graph.links[0].source = NodeId{3};
   EXPECT_THAT(complaint(graph), HasSubstr("with itself"));
+  graph = two_nodes();
+  graph.links[0].verdict = Verdict::kAmbiguous;
+  EXPECT_THAT(complaint(graph), HasSubstr("link 0 (3 to 7): it does not connect them"));
+  graph = two_nodes();
+  graph.links[0].target_from_source.reset();
+  EXPECT_THAT(complaint(graph), HasSubstr("it does not connect them"));
   graph = two_nodes();
   (*graph.links[0].covariance)(0, 1) = 0.5;
   EXPECT_THAT(complaint(graph), HasSubstr("not symmetric"));
@@ -66,7 +73,8 @@ TEST(PoseGraph, RefusesPosesBeyondTheLimits) {
   };
   for (const Similarity3& valid : {pose(1e9, -1e9), pose(1e-9, 1e9)}) {
     PoseGraph graph = two_nodes();
-    graph.nodes[0].world_from_node = graph.links[0].target_from_source = valid;
+    graph.nodes[0].world_from_node = valid;
+    graph.links[0].target_from_source = valid;
     EXPECT_EQ(complaint(graph), "");
   }
   for (const Similarity3& invalid : {pose(1.0, 1e30), pose(1e200, 0.0), pose(1e-10, 0.0)}) {

@@ -115,18 +115,6 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
 
 }  // namespace
 
-std::string_view to_string(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kAligned:
-      return "aligned";
-    case Verdict::kAmbiguous:
-      return "ambiguous";
-    case Verdict::kRejected:
-      return "rejected";
-  }
-  return "unknown";
-}
-
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
                 std::size_t landmarks, double least, const SightCounts& around) {
   if (candidates.empty()) {

@@ -5,24 +5,14 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "cairn/alignment/detail/evidence/seen_views.hpp"
 #include "cairn/alignment/detail/evidence/support.hpp"
 #include "cairn/geometry/similarity3.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
 #include "cairn/registration/icp.hpp"
 
 namespace cairn {
-
-/// Verdict on the best candidate.
-enum class Verdict {
-  kAligned,    ///< its probability suffices, and the matches determine it
-  kAmbiguous,  ///< the evidence suffices for a match, but not for one pose
-  kRejected,   ///< no pose is probable enough
-};
-
-/// "aligned", "ambiguous" or "rejected": the names in results.
-std::string_view to_string(Verdict verdict);
 
 /// A candidate pose, distinct from the others.
 struct PlacementCandidate {

@@ -55,11 +55,11 @@ std::string commit_digest(const AtlasCommit& commit, std::span<const RowChange> 
 
 void apply(const AtlasChanges& changes, AtlasState& state) {
   for (const NodeId id : changes.removed_nodes) state.nodes.erase(id);
-  for (const AtlasLinkId id : changes.removed_links) state.links.erase(id);
+  for (const LinkId id : changes.removed_links) state.links.erase(id);
   for (const NodeId id : changes.removed_poses) state.poses.erase(id);
-  for (const AtlasLinkId id : changes.removed_agrees) state.agrees.erase(id);
+  for (const LinkId id : changes.removed_agrees) state.agrees.erase(id);
   for (const AtlasNode& node : changes.nodes) state.nodes[node.id] = node;
-  for (const AtlasLink& link : changes.links) state.links[link.id] = link;
+  for (const Link& link : changes.links) state.links[link.id] = link;
   for (const AtlasPose& pose : changes.poses) state.poses[pose.node] = pose;
   for (const auto& [id, agrees] : changes.agrees) state.agrees[id] = agrees;
 }
@@ -102,7 +102,7 @@ void check_state(const AtlasState& state, const std::string& name, ErrorKind kin
   }
 }
 
-bool has_poses_of(const AtlasState& state, AtlasLinkId link, bool agrees) {
+bool has_poses_of(const AtlasState& state, LinkId link, bool agrees) {
   const auto found = state.links.find(link);
   if (found == state.links.end()) return false;
   const auto target = state.poses.find(found->second.target);

@@ -43,7 +43,7 @@ void check_state(const AtlasState& state, const std::string& name, ErrorKind kin
 
 /// Whether the poses that a link agrees with, or contradicts, are in the state. A link that agrees has both its maps
 /// in one frame.
-bool has_poses_of(const AtlasState& state, AtlasLinkId link, bool agrees);
+bool has_poses_of(const AtlasState& state, LinkId link, bool agrees);
 
 /// Checks that changes do not take away the poses that a link agrees with.
 /// @throws Error (misuse) naming the link

@@ -76,8 +76,8 @@ AtlasState sound() {
     state.nodes[NodeId{i}] = node_of(i, "map " + std::to_string(i));
     state.poses[NodeId{i}] = pose_of(i, 1);
   }
-  state.links[AtlasLinkId{1}] = link_of(1, 1, 2);
-  state.agrees[AtlasLinkId{1}] = true;
+  state.links[LinkId{1}] = link_of(1, 1, 2);
+  state.agrees[LinkId{1}] = true;
   return state;
 }
 
@@ -94,11 +94,11 @@ TEST(CheckState, RefusesByNameWhatIsNotWhole) {
   expect_refused([](AtlasState& s) { s.nodes.at(NodeId{2}).name = ""; }, "map 2 has no name");
   expect_refused([](AtlasState& s) { s.nodes.at(NodeId{2}).name = "map 1"; },
                  "two maps called 'map 1'");
-  expect_refused([](AtlasState& s) { s.links.at(AtlasLinkId{1}).source = NodeId{1}; },
+  expect_refused([](AtlasState& s) { s.links.at(LinkId{1}).source = NodeId{1}; },
                  "a map with itself");
-  expect_refused([](AtlasState& s) { s.links.at(AtlasLinkId{1}).source = NodeId{3}; },
+  expect_refused([](AtlasState& s) { s.links.at(LinkId{1}).source = NodeId{3}; },
                  "link 1 is of map 3");
-  expect_refused([](AtlasState& s) { s.links.at(AtlasLinkId{1}).target = NodeId{4}; },
+  expect_refused([](AtlasState& s) { s.links.at(LinkId{1}).target = NodeId{4}; },
                  "link 1 is of map 4");
   expect_refused([](AtlasState& s) { s.poses.at(NodeId{2}).frame = NodeId{3}; }, "map 2");
   expect_refused([](AtlasState& s) { s.poses[NodeId{5}] = pose_of(5, 1); }, "map 5");
@@ -106,7 +106,7 @@ TEST(CheckState, RefusesByNameWhatIsNotWhole) {
                  "the pose of map 2 is in the frame of map 1, which has no pose in it");
   expect_refused([](AtlasState& s) { s.poses.at(NodeId{1}).frame = NodeId{2}; },
                  "which has no pose in it");
-  expect_refused([](AtlasState& s) { s.agrees[AtlasLinkId{2}] = true; }, "agreement");
+  expect_refused([](AtlasState& s) { s.agrees[LinkId{2}] = true; }, "agreement");
 }
 
 TEST(CheckAgreements, RefusesToTakeThePosesFromALinkThatHadThem) {
@@ -126,7 +126,7 @@ TEST(CheckAgreements, RefusesToTakeThePosesFromALinkThatHadThem) {
   // A link between two frames contradicts what keeps them apart.
   AtlasState apart = sound();
   apart.poses.at(NodeId{2}).frame = NodeId{2};
-  apart.agrees.at(AtlasLinkId{1}) = false;
+  apart.agrees.at(LinkId{1}) = false;
   EXPECT_NO_THROW(check_agreements(sound(), apart, "town"));
 }
 
@@ -136,24 +136,24 @@ TEST(ApplyChanges, ReplacesAndRemovesEachKind) {
   changes.nodes = {node_of(2, "renamed"), node_of(3, "map 3")};
   changes.links = {link_of(2, 1, 3)};
   changes.poses = {pose_of(2, 3)};
-  changes.agrees = {{AtlasLinkId{2}, false}};
+  changes.agrees = {{LinkId{2}, false}};
   changes.removed_nodes = {NodeId{1}};
-  changes.removed_links = {AtlasLinkId{1}};
+  changes.removed_links = {LinkId{1}};
   changes.removed_poses = {NodeId{1}};
-  changes.removed_agrees = {AtlasLinkId{1}};
+  changes.removed_agrees = {LinkId{1}};
   apply(changes, state);
   EXPECT_EQ(state.nodes.size(), 2U);
   EXPECT_EQ(state.nodes.at(NodeId{2}).name, "renamed");
   EXPECT_EQ(state.nodes.at(NodeId{3}).name, "map 3");
   EXPECT_EQ(state.links.size(), 1U);
-  EXPECT_EQ(state.links.at(AtlasLinkId{2}).source, NodeId{3});
+  EXPECT_EQ(state.links.at(LinkId{2}).source, NodeId{3});
   EXPECT_EQ(state.poses.size(), 1U);
   EXPECT_EQ(state.poses.at(NodeId{2}).frame, NodeId{3});
-  EXPECT_EQ(state.agrees, (std::map<AtlasLinkId, bool>{{AtlasLinkId{2}, false}}));
+  EXPECT_EQ(state.agrees, (std::map<LinkId, bool>{{LinkId{2}, false}}));
 }
 
 TEST(HasPosesOf, IsFalseForALinkThatIsNotThere) {
-  EXPECT_FALSE(has_poses_of(sound(), AtlasLinkId{99}, false));
+  EXPECT_FALSE(has_poses_of(sound(), LinkId{99}, false));
 }
 
 // Undoing restores what an earlier commit removed: removal comes first.

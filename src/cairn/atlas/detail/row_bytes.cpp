@@ -179,7 +179,7 @@ std::string digest_of(const AtlasNode& node) {
       .digest();
 }
 
-LinkBlobs blobs_of(const AtlasLink& link) {
+LinkBlobs blobs_of(const Link& link) {
   LinkBlobs blobs;
   if (link.target_from_source) blobs.target_from_source = pose_bytes(*link.target_from_source);
   if (link.covariance) blobs.covariance = covariance_bytes(*link.covariance);
@@ -189,7 +189,7 @@ LinkBlobs blobs_of(const AtlasLink& link) {
   return blobs;
 }
 
-Verdict stored_verdict(const AtlasLink& link) {
+Verdict stored_verdict(const Link& link) {
   return link.verdict.value_or(Verdict::kAligned);
 }
 
@@ -198,7 +198,7 @@ std::optional<Verdict> verdict_of_stored(LinkKind kind, Verdict verdict) {
   return verdict;
 }
 
-std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs) {
+std::string digest_of(const Link& link, const LinkBlobs& blobs) {
   return RowBytes()
       .add(link.id.value)
       .add(link.target.value)

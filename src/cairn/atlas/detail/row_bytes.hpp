@@ -57,13 +57,13 @@ struct LinkBlobs {
   std::string covariance;
   std::string covariance_with_scale;
 };
-LinkBlobs blobs_of(const AtlasLink& link);
+LinkBlobs blobs_of(const Link& link);
 
 // A stated link, of odometry or a person, is stored as "aligned", which earlier versions called it.
-Verdict stored_verdict(const AtlasLink& link);
+Verdict stored_verdict(const Link& link);
 std::optional<Verdict> verdict_of_stored(LinkKind kind, Verdict verdict);
 
-std::string digest_of(const AtlasLink& link, const LinkBlobs& blobs);
+std::string digest_of(const Link& link, const LinkBlobs& blobs);
 
 /// The same for a pose.
 struct PoseBlobs {

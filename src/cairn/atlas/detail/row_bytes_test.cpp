@@ -106,26 +106,26 @@ TEST(RowBytes, DigestIsXxh3OfTheBytes) {
 }
 
 TEST(RowBytes, DigestsChangeWithEveryField) {
-  const AtlasLink link = testing::link_of(1, 2, 3);
+  const Link link = testing::link_of(1, 2, 3);
   std::set<std::string> digests = {digest_of(link, blobs_of(link))};
   std::size_t count = 1;
   const auto with = [&](auto change) {
-    AtlasLink other = link;
+    Link other = link;
     change(other);
     digests.insert(digest_of(other, blobs_of(other)));
     ++count;
   };
-  with([](AtlasLink& l) { l.id = AtlasLinkId{9}; });
-  with([](AtlasLink& l) { l.target = NodeId{9}; });
-  with([](AtlasLink& l) { l.source = NodeId{9}; });
-  with([](AtlasLink& l) { l.kind = LinkKind::kManual; });
-  with([](AtlasLink& l) { l.verdict = Verdict::kAmbiguous; });
-  with([](AtlasLink& l) { l.probability = 0.0; });
-  with([](AtlasLink& l) { l.probability = 1.0; });
-  with([](AtlasLink& l) { l.reason = "why"; });
-  with([](AtlasLink& l) { l.target_from_source = Similarity3(); });
-  with([](AtlasLink& l) { l.covariance = Matrix6d(Matrix6d::Zero()); });
-  with([](AtlasLink& l) { l.covariance_with_scale = Matrix7d(Matrix7d::Zero()); });
+  with([](Link& l) { l.id = LinkId{9}; });
+  with([](Link& l) { l.target = NodeId{9}; });
+  with([](Link& l) { l.source = NodeId{9}; });
+  with([](Link& l) { l.kind = LinkKind::kManual; });
+  with([](Link& l) { l.verdict = Verdict::kAmbiguous; });
+  with([](Link& l) { l.probability = 0.0; });
+  with([](Link& l) { l.probability = 1.0; });
+  with([](Link& l) { l.reason = "why"; });
+  with([](Link& l) { l.target_from_source = Similarity3(); });
+  with([](Link& l) { l.covariance = Matrix6d(Matrix6d::Zero()); });
+  with([](Link& l) { l.covariance_with_scale = Matrix7d(Matrix7d::Zero()); });
   AtlasNode node = testing::node_of(1, "a");
   node.session = "b";
   node.map = "c";

@@ -71,10 +71,10 @@ AtlasNode node_of(const Statement& row, const std::string& name) {
 }
 
 template <class Statement>
-AtlasLink link_of(const Statement& row, const std::string& name) {
+Link link_of(const Statement& row, const std::string& name) {
   const auto what = [&] { return fmt::format("link {}", row.integer(0)); };
-  AtlasLink link;
-  link.id = AtlasLinkId{row.unsigned_integer(0)};
+  Link link;
+  link.id = LinkId{row.unsigned_integer(0)};
   link.target = NodeId{row.unsigned_integer(1)};
   link.source = NodeId{row.unsigned_integer(2)};
   const std::int64_t kind = row.integer(3);
@@ -213,9 +213,9 @@ class SqlStore : public AtlasStore {
         const std::uint64_t object = rows.unsigned_integer(1);
         if (!seen.emplace(kind, object).second) continue;
         if (kind == kNode) touched.nodes.push_back(NodeId{object});
-        if (kind == kLink) touched.links.push_back(AtlasLinkId{object});
+        if (kind == kLink) touched.links.push_back(LinkId{object});
         if (kind == kPose) touched.poses.push_back(NodeId{object});
-        if (kind == kAgrees) touched.agrees.push_back(AtlasLinkId{object});
+        if (kind == kAgrees) touched.agrees.push_back(LinkId{object});
       }
     }
     return touched;
@@ -488,14 +488,14 @@ class SqlStore : public AtlasStore {
       state.nodes[node.id] = node;
     });
     read_rows("links", kLinkColumns, values.links, [&](const Statement& row) {
-      const AtlasLink link = link_of(row, name());
+      const Link link = link_of(row, name());
       state.links[link.id] = link;
     });
     read_rows("poses", kPoseColumns, values.poses, [&](const Statement& row) {
       const AtlasPose pose = pose_of(row, name());
       state.poses[pose.node] = pose;
     });
-    for (const auto& [link, agrees] : values.agrees) state.agrees[AtlasLinkId{link}] = agrees != 0;
+    for (const auto& [link, agrees] : values.agrees) state.agrees[LinkId{link}] = agrees != 0;
     // Digests show that bytes were changed, not that a file from others makes sense.
     check_state(state, name(), ErrorKind::kInput);
     return state;
@@ -536,11 +536,11 @@ class SqlStore : public AtlasStore {
   std::vector<RowChange> write_objects(AtlasChanges& changes, AtlasCommitted& committed) {
     std::vector<RowChange> rows;
     for (const NodeId id : changes.removed_nodes) rows.push_back({kNode, id.value, std::nullopt});
-    for (const AtlasLinkId id : changes.removed_links) {
+    for (const LinkId id : changes.removed_links) {
       rows.push_back({kLink, id.value, std::nullopt});
     }
     for (const NodeId id : changes.removed_poses) rows.push_back({kPose, id.value, std::nullopt});
-    for (const AtlasLinkId id : changes.removed_agrees) {
+    for (const LinkId id : changes.removed_agrees) {
       rows.push_back({kAgrees, id.value, std::nullopt});
     }
     std::uint64_t next = changes.nodes.empty() ? 0 : next_id("nodes", kNode);
@@ -555,9 +555,9 @@ class SqlStore : public AtlasStore {
       rows.push_back({kNode, node.id.value, node.id.value});
     }
     next = changes.links.empty() ? 0 : next_id("links", kLink);
-    for (AtlasLink& link : changes.links) {
+    for (Link& link : changes.links) {
       if (link.id.value == 0) {
-        link.id = AtlasLinkId{next++};
+        link.id = LinkId{next++};
         committed.links.push_back(link.id);
         insert(link);
       } else {
@@ -600,7 +600,7 @@ class SqlStore : public AtlasStore {
         as_blob(extent_bytes(node.extent)), as_blob(digest_of(node)));
   }
 
-  void insert(const AtlasLink& link) {
+  void insert(const Link& link) {
     using Blob = std::optional<std::span<const std::byte>>;
     const LinkBlobs blobs = blobs_of(link);
     const auto or_null = [](const std::string& bytes) {
@@ -611,7 +611,7 @@ class SqlStore : public AtlasStore {
         (!link.covariance || covariance6_of_bytes(blobs.covariance)) &&
         (!link.covariance_with_scale || covariance7_of_bytes(blobs.covariance_with_scale));
     if (!sound) {
-      throw Error(ErrorKind::kMisuse, "AtlasLink", "a transform or covariance that is none",
+      throw Error(ErrorKind::kMisuse, "Link", "a transform or covariance that is none",
                   "finite numbers and a positive semidefinite covariance");
     }
     database_.run(

@@ -523,13 +523,13 @@ AtlasSalvage salvage_sqlite_store(const fs::path& from, const fs::path& to,
   result.maps = old_nodes.size();
 
   AtlasChanges rest;
-  std::vector<AtlasLinkId> old_links;
+  std::vector<LinkId> old_links;
   each("links", detail::kLinkColumns, [&](const sqlite::Statement& row) {
-    AtlasLink link = detail::link_of(row, name);
+    Link link = detail::link_of(row, name);
     if (!was_there(values.links, link.id.value)) return;
     if (!new_of_old.contains(link.target) || !new_of_old.contains(link.source)) return;
     old_links.push_back(link.id);
-    link.id = AtlasLinkId{};
+    link.id = LinkId{};
     link.target = new_of_old[link.target];
     link.source = new_of_old[link.source];
     rest.links.push_back(std::move(link));

@@ -269,7 +269,7 @@ TEST_F(SqliteStoreTest, SalvagesWhatIsSound) {
         pose.frame = NodeId{1};
         changes.poses.push_back(pose);
       }
-      changes.agrees = {{AtlasLinkId{1}, true}, {AtlasLinkId{2}, false}};
+      changes.agrees = {{LinkId{1}, true}, {LinkId{2}, false}};
       return changes;
     });
   }
@@ -300,7 +300,7 @@ TEST_F(SqliteStoreTest, SalvagedRowsNameMapsByTheirNewNumbers) {
         pose.frame = NodeId{frame};
         changes.poses.push_back(pose);
       }
-      changes.agrees = {{AtlasLinkId{1}, false}};  // of the other it is not known
+      changes.agrees = {{LinkId{1}, false}};  // of the other it is not known
       return changes;
     });
   }
@@ -312,7 +312,7 @@ TEST_F(SqliteStoreTest, SalvagedRowsNameMapsByTheirNewNumbers) {
   const auto& [first, link] = *state.links.begin();
   EXPECT_EQ(name_of(link.target), "3");
   EXPECT_EQ(name_of(link.source), "4");
-  EXPECT_EQ(state.agrees, (std::map<AtlasLinkId, bool>{{first, false}}));
+  EXPECT_EQ(state.agrees, (std::map<LinkId, bool>{{first, false}}));
   std::map<std::string, std::string> frames;
   for (const auto& [id, pose] : state.poses) frames[name_of(id)] = name_of(pose.frame);
   EXPECT_EQ(frames, (std::map<std::string, std::string>{{"2", "2"}, {"3", "2"}, {"4", "4"}}));

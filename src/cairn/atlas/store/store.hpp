@@ -40,10 +40,10 @@ struct AtlasCommitInfo {
 
 /// Result of AtlasStore::commit().
 struct AtlasCommitted {
-  CommitId commit;                 ///< the new commit, or the last one if there was no change
-  bool is_new = false;             ///< whether there was a change
-  std::vector<NodeId> nodes;       ///< ids of the new nodes, in order
-  std::vector<AtlasLinkId> links;  ///< ids of the new links, in order
+  CommitId commit;            ///< the new commit, or the last one if there was no change
+  bool is_new = false;        ///< whether there was a change
+  std::vector<NodeId> nodes;  ///< ids of the new nodes, in order
+  std::vector<LinkId> links;  ///< ids of the new links, in order
 };
 
 struct AtlasVerification {

@@ -104,12 +104,12 @@ class StoreTest : public ::testing::TestWithParam<std::string> {
 };
 
 TEST_P(StoreTest, GivesBackWhatWasCommitted) {
-  const AtlasLink stored = link(NodeId{1}, NodeId{2});
+  const Link stored = link(NodeId{1}, NodeId{2});
   {
     const auto store = open();
     EXPECT_EQ(add(*store, "one", 1).nodes, std::vector{NodeId{1}});
     EXPECT_EQ(add(*store, "two", 2).nodes, std::vector{NodeId{2}});
-    EXPECT_EQ(add_link(*store, stored).links, std::vector{AtlasLinkId{1}});
+    EXPECT_EQ(add_link(*store, stored).links, std::vector{LinkId{1}});
   }
   const auto store = open({.read_only = true});
   const AtlasState state = store->state();
@@ -118,7 +118,7 @@ TEST_P(StoreTest, GivesBackWhatWasCommitted) {
   EXPECT_EQ(state.nodes.at(NodeId{2}).name, "two");
   EXPECT_EQ(store->map_bytes(state.nodes.at(NodeId{2}).map),
             bytes_of(synthetic_map({.seed = 2, .landmarks = 30, .frames = 4})));
-  const AtlasLink& found = state.links.at(AtlasLinkId{1});
+  const Link& found = state.links.at(LinkId{1});
   EXPECT_TRUE(
       found.target_from_source->matrix().isApprox(stored.target_from_source->matrix(), 1e-15));
   EXPECT_EQ(*found.covariance_with_scale, *stored.covariance_with_scale);
@@ -144,7 +144,7 @@ TEST_P(StoreTest, ReadsEveryRotationThatItWrote) {
   store->commit({.verb = "link"}, [](const AtlasState&) {
     AtlasChanges changes;
     for (int i = 0; i < 200; ++i) {
-      AtlasLink one = link(NodeId{1}, NodeId{2});
+      Link one = link(NodeId{1}, NodeId{2});
       one.target_from_source =
           Rigid3::from_roll_pitch_yaw({0.1 * i, 0, 0}, 0.03 * i, 0.01 * i, 1.7 * i);
       changes.links.push_back(one);
@@ -172,7 +172,7 @@ TEST_P(StoreTest, RefusesContradictionsAndChangesNothing) {
   EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { add(*store, "one", 2); }), HasSubstr("'one'"));
   message_of(ErrorKind::kMisuse, [&] { add_link(*store, link(NodeId{1}, NodeId{7})); });
   message_of(ErrorKind::kMisuse, [&] { add_link(*store, link(NodeId{1}, NodeId{1})); });
-  AtlasLink broken = link(NodeId{1}, NodeId{1});
+  Link broken = link(NodeId{1}, NodeId{1});
   (*broken.covariance_with_scale)(0, 0) = -1.0;
   message_of(ErrorKind::kMisuse, [&] { add_link(*store, broken); });
   AtlasNode never = testing::node(*store, "seven", 7);
@@ -271,7 +271,7 @@ TEST_P(StoreTest, NeverUsesARowThatWasChanged) {
 
 // As in a file that others made: every digest is right.
 TEST_P(StoreTest, RefusesARowThatRefersToWhatIsNotThere) {
-  AtlasLink stray = link(NodeId{1}, NodeId{2});
+  Link stray = link(NodeId{1}, NodeId{2});
   {
     const auto store = open();
     add(*store, "one", 1);
@@ -331,7 +331,7 @@ TEST_P(StoreTest, NeverGivesAnIdAgainThatCompactingDropped) {
   store->commit({.verb = "remove"}, [](const AtlasState&) {
     AtlasChanges changes;
     changes.removed_nodes = {NodeId{3}};
-    changes.removed_links = {AtlasLinkId{2}};
+    changes.removed_links = {LinkId{2}};
     return changes;
   });
   const std::string dropped = store->state(CommitId{3}).nodes.at(NodeId{3}).map;
@@ -348,7 +348,7 @@ TEST_P(StoreTest, NeverGivesAnIdAgainThatCompactingDropped) {
   store->compact(1, false);
   store->compact(1, false);
   EXPECT_EQ(add(*store, "five", 5).nodes, std::vector{NodeId{5}});
-  EXPECT_EQ(add_link(*store, link(NodeId{1}, NodeId{5})).links, std::vector{AtlasLinkId{3}});
+  EXPECT_EQ(add_link(*store, link(NodeId{1}, NodeId{5})).links, std::vector{LinkId{3}});
   EXPECT_EQ(store->compact(1, false).nodes, 0U);
   EXPECT_EQ(add(*store, "six", 6).nodes, std::vector{NodeId{6}});
   EXPECT_THAT(store->verify().problems, IsEmpty());

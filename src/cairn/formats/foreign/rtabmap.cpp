@@ -51,7 +51,7 @@ struct Node {
   std::optional<GnssFix> gnss = {};
 };
 
-struct Link {
+struct GraphLink {
   std::uint32_t from = 0;  // places in the nodes
   std::uint32_t to = 0;
   std::int64_t type = kNeighbor;
@@ -118,7 +118,7 @@ class Graph {
   }
 
   std::vector<Node> nodes;  // by id, ascending
-  std::vector<Link> links;
+  std::vector<GraphLink> links;
   bool is_optimised = false;
 
   std::optional<std::uint32_t> find(std::int64_t id) const {
@@ -202,7 +202,7 @@ class Graph {
               "ORDER BY from_id, to_id, type");
     std::set<std::pair<std::uint32_t, std::uint32_t>> seen;
     while (rows.step()) {
-      Link link;
+      GraphLink link;
       link.type = rows.integer(2);
       const auto from = find(rows.integer(0));
       const auto to = find(rows.integer(1));
@@ -627,7 +627,7 @@ class MapReader {
       }
       of_frame = std::move(once);
     }
-    for (const Link& link : graph_.links) {
+    for (const GraphLink& link : graph_.links) {
       const bool from_is_smaller = words[link.from].size() <= words[link.to].size();
       const auto& few = words[from_is_smaller ? link.from : link.to];
       const auto& many = words[from_is_smaller ? link.to : link.from];
@@ -736,7 +736,7 @@ class MapReader {
   void remark_on_closures() const {
     const auto closures = std::count_if(
         graph_.links.begin(), graph_.links.end(),
-        [](const Link& l) { return l.type != kNeighbor && l.type != kNeighborMerged; });
+        [](const GraphLink& l) { return l.type != kNeighbor && l.type != kNeighborMerged; });
     if (graph_.is_optimised || closures == 0) return;
     graph_.remark(
         fmt::format("holds {} loop closures but no optimised poses: the poses are those of "
@@ -775,9 +775,9 @@ PoseGraph read_rtabmap_graph(const fs::path& path, const MapReadOptions& options
     result.nodes.push_back({NodeId{node.id}, node.label, fmt::format("map {}", node.session),
                             Similarity3(node.world_from_base)});
   }
-  for (const Link& link : graph.links) {
+  for (const GraphLink& link : graph.links) {
     if (!link.from_from_to) continue;
-    PoseLink out;
+    Link out;
     out.target = NodeId{graph.nodes[link.from].id};
     out.source = NodeId{graph.nodes[link.to].id};
     out.target_from_source = Similarity3(*link.from_from_to);

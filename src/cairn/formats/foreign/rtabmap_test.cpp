@@ -245,10 +245,10 @@ TEST_F(RtabmapTest, LinksBecomeAPoseGraph) {
   const PoseGraph graph = read_rtabmap_graph(folder_ / "map.db");
   ASSERT_EQ(graph.nodes.size(), 4U);
   ASSERT_EQ(graph.links.size(), 4U) << "both directions are one link";
-  for (const PoseLink& link : graph.links) {
+  for (const Link& link : graph.links) {
     const auto pose = [&](NodeId id) { return graph.nodes[id.value - 1].world_from_node.rigid(); };
     const Rigid3 expected = pose(link.target).inverse() * pose(link.source);
-    EXPECT_LT(expected.difference_to(link.target_from_source.rigid()).norm(), 1e-5);
+    EXPECT_LT(expected.difference_to(link.target_from_source->rigid()).norm(), 1e-5);
     ASSERT_TRUE(link.covariance);
     EXPECT_NEAR((*link.covariance)(5, 5), 0.01, 1e-12);
   }
@@ -336,15 +336,15 @@ TEST(RealRtabmap, NodesAndLinksAreRead) {
   EXPECT_EQ(graph.nodes.size(), 411U);
   EXPECT_EQ(graph.links.size(), 49U);
   // Each link was measured by the odometry that the poses are of.
-  for (const PoseLink& link : graph.links) {
+  for (const Link& link : graph.links) {
     const auto pose = [&](NodeId id) {
       return std::find_if(graph.nodes.begin(), graph.nodes.end(),
                           [&](const PoseNode& node) { return node.id == id; })
           ->world_from_node.rigid();
     };
     const Rigid3 between = pose(link.target).inverse() * pose(link.source);
-    EXPECT_LT((between.inverse() * link.target_from_source.rigid()).angle(), 0.01);
-    EXPECT_LT((between.translation() - link.target_from_source.translation()).norm(), 0.01);
+    EXPECT_LT((between.inverse() * link.target_from_source->rigid()).angle(), 0.01);
+    EXPECT_LT((between.translation() - link.target_from_source->translation()).norm(), 0.01);
   }
 }
 

@@ -11,10 +11,9 @@
 #include "cairn/adjustment/measurements.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/content_uuid.hpp"
-#include "cairn/merging/detail/pose_edges.hpp"
-#include "cairn/merging/detail/pose_least_squares.hpp"
-#include "cairn/merging/fusion/straighten_maps.hpp"
-#include "cairn/merging/optimisation/node_extent.hpp"
+#include "cairn/merging/detail/fuse_and_adjust.hpp"
+#include "cairn/merging/detail/straighten_maps.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {
 namespace {
@@ -31,46 +30,31 @@ std::string adjustment_defect(std::span<const PlacedMap> maps) {
   return observed ? "" : "no map knows its observations";
 }
 
-FuseAndAdjustOptions with_adjustment(const MergePlacedOptions& options) {
-  FuseAndAdjustOptions how;
-  how.fusion = options.fusion;
-  how.adjustment = options.adjustment;
-  how.adjustment.execution = options.fusion.execution;
-  how.matching_rounds = options.matching_rounds;
-  return how;
-}
-
 // Covariances of the maps' poses relative to the largest map, from the links between them. None if the links do not
 // determine all poses.
-void set_relative_covariances(std::span<const MapLink> links, std::vector<PlacedMap>& maps) {
+void set_relative_covariances(std::span<const Link> links, std::vector<PlacedMap>& maps) {
   if (maps.size() < 3) return;  // of two, one is exact in any case
-  PoseGraph graph;
-  std::vector<NodeExtent> extents;
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    graph.nodes.push_back({NodeId{i}, {}, {}, {}});
-    extents.push_back(node_extent(*maps[i].map));
-  }
-  for (const MapLink& link : links) {
-    if (const auto edge = pose_link(link)) graph.links.push_back(*edge);
-  }
   const std::vector<std::size_t> order = largest_first(maps);
   std::vector<std::size_t> rank(maps.size());
-  std::vector<Similarity3> poses;
+  PoseGraph graph;
+  std::vector<NodeExtent> extents;
   for (std::size_t i = 0; i < order.size(); ++i) {
+    const PlacedMap& placed = maps[order[i]];
     rank[order[i]] = i;
-    poses.push_back(maps[order[i]].world_from_map);
+    graph.nodes.push_back({NodeId{i}, {}, {}, placed.world_from_map});
+    extents.push_back(node_extent(placed.map->landmarks().positions));
   }
-  std::vector<PoseEdge> edges = pose_edges(graph, extents);
-  for (PoseEdge& edge : edges) {
-    edge.target = rank[edge.target];
-    edge.source = rank[edge.source];
+  for (const Link& link : links) {
+    if (!link.connects()) continue;
+    Link& sorted = graph.links.emplace_back(link);
+    sorted.target = NodeId{rank[link.target.value]};
+    sorted.source = NodeId{rank[link.source.value]};
   }
-  std::stable_sort(edges.begin(), edges.end(), [](const PoseEdge& a, const PoseEdge& b) {
-    return std::tuple(a.target, a.source) < std::tuple(b.target, b.source);
+  std::stable_sort(graph.links.begin(), graph.links.end(), [](const Link& a, const Link& b) {
+    return std::pair(a.target, a.source) < std::pair(b.target, b.source);
   });
   try {
-    const std::vector<Matrix7d> covariances =
-        PoseLeastSquares(std::move(edges), std::move(poses)).covariances();
+    const std::vector<Matrix7d> covariances = covariances_of_poses(graph, extents);
     for (std::size_t i = 0; i < maps.size(); ++i) {
       maps[i].relative_covariance = covariances[rank[i]];
     }
@@ -89,16 +73,21 @@ LandmarkMap with_provenance(LandmarkMap map, const MergeAdjustment& adjustment) 
 }  // namespace
 
 void MergePlacedOptions::validate() const {
-  with_adjustment(*this).validate();
+  constexpr int kMostMatchingRounds = 10;
+  fusion.validate();
+  adjustment.validate();
+  if (matching_rounds >= 0 && matching_rounds <= kMostMatchingRounds) return;
+  throw Error(ErrorKind::kMisuse, "MergePlacedOptions.matching_rounds",
+              fmt::format("{}", matching_rounds), fmt::format("0 to {}", kMostMatchingRounds));
 }
 
-MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const MapLink> links,
+MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link> links,
                           const MergePlacedOptions& options) {
   options.validate();
   std::vector<PlacedMap> maps(given.begin(), given.end());
   std::vector<std::optional<MapBend>> bends(maps.size());
-  std::vector<std::optional<StraightenedMap>> straight(maps.size());
-  if (options.straighten) straight = straighten_maps(given, links, options.fusion);
+  std::vector<std::optional<detail::StraightenedMap>> straight(maps.size());
+  if (options.straighten) straight = detail::straighten_maps(given, links, options.fusion);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!straight[i]) continue;
     maps[i].map = &straight[i]->map;
@@ -107,13 +96,19 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const MapL
   set_relative_covariances(links, maps);
   const std::string defect = options.adjust ? adjustment_defect(maps) : "";
   if (!defect.empty() && options.fusion.log) options.fusion.log("not adjusted: " + defect);
-  if (!options.adjust || !defect.empty()) {
+  MergedPlaced merged;
+  if (options.adjust && defect.empty()) {
+    merged = detail::fuse_and_adjust(maps, options);
+    merged.map = with_provenance(std::move(merged.map), *merged.adjustment);
+  } else {
     FusionResult fused = fuse_maps(maps, options.fusion);
-    return {with_content_uuid(std::move(fused.map)), std::move(fused.maps), std::move(bends), {}};
+    merged.map = std::move(fused.map);
+    merged.maps = std::move(fused.maps);
+    merged.frames = std::move(fused.frames);
   }
-  AdjustedFusion fused = fuse_and_adjust(maps, with_adjustment(options));
-  return {with_content_uuid(with_provenance(std::move(fused.map), fused.adjustment)),
-          std::move(fused.maps), std::move(bends), fused.adjustment};
+  merged.map = with_content_uuid(std::move(merged.map));
+  merged.bends = std::move(bends);
+  return merged;
 }
 
 }  // namespace cairn

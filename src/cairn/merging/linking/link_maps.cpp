@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/merging/linking/link_maps.hpp"
 
+#include <algorithm>
+#include <list>
+#include <map>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -9,6 +13,7 @@
 #include "cairn/alignment/bends/by_parts.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/recognition/map_index.hpp"
 
 namespace cairn {
 namespace {
@@ -24,12 +29,12 @@ AlignOptions align_options(const LinkOptions& options) {
   return align;
 }
 
-MapLink linked(const PreparedMap& target, const PreparedMap& source, const AlignOptions& options) {
+Link linked(const PreparedMap& target, const PreparedMap& source, const AlignOptions& options) {
   Alignment alignment = align(source, target, options);
   if (alignment.registration.status == RegistrationStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "merge", "linking was cancelled", "");
   }
-  MapLink link;
+  Link link;
   link.verdict = alignment.verdict.value_or(Verdict::kRejected);
   link.probability = alignment.probability.value_or(0.0);
   link.reason = std::move(alignment.reason);
@@ -40,10 +45,53 @@ MapLink linked(const PreparedMap& target, const PreparedMap& source, const Align
   return link;
 }
 
+// The last maps used, prepared, for any number of threads.
+class PreparedMaps {
+ public:
+  PreparedMaps(MapStore& maps, const LinkOptions& how) : maps_(maps), how_(how) {}
+
+  PreparedMap get(std::size_t map) {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::find_if(prepared_.begin(), prepared_.end(),
+                                    [&](const auto& one) { return one.first == map; });
+    if (found != prepared_.end()) {
+      prepared_.splice(prepared_.begin(), prepared_, found);
+      return prepared_.front().second;
+    }
+    prepared_.emplace_front(map, prepared_to_link(*maps_.load(map), how_));
+    if (prepared_.size() > maps_.capacity()) prepared_.pop_back();
+    return prepared_.front().second;
+  }
+
+  // Target and source: whichever is given first, the result is the same.
+  MapPair larger_first(const MapPair& pair) {
+    const auto [first, second] = pair;
+    bool swap = maps_.landmark_count(first) < maps_.landmark_count(second);
+    if (maps_.landmark_count(first) == maps_.landmark_count(second)) {
+      const std::lock_guard lock(mutex_);
+      swap = precedes(*maps_.load(second), *maps_.load(first));
+    }
+    return swap ? MapPair(second, first) : pair;
+  }
+
+  // While held, no other thread uses the store.
+  std::mutex& mutex() { return mutex_; }
+
+ private:
+  MapStore& maps_;
+  LinkOptions how_;
+  std::mutex mutex_;
+  std::list<std::pair<std::size_t, PreparedMap>> prepared_;  // last used first
+};
+
 }  // namespace
 
-std::string_view link_status(const std::optional<Verdict>& verdict) {
-  return verdict ? to_string(*verdict) : "stated";
+MapsInMemory::MapsInMemory(std::span<const LandmarkMap* const> maps,
+                           std::vector<std::string> sessions)
+    : maps_(maps.begin(), maps.end()), sessions_(std::move(sessions)) {}
+
+std::shared_ptr<const LandmarkMap> MapsInMemory::load(std::size_t map) {
+  return {std::shared_ptr<void>(), maps_[map]};  // of the caller
 }
 
 PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options) {
@@ -51,11 +99,6 @@ PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options)
                            .points = options.points,
                            .seed = options.seed,
                            .executor = options.execution.executor});
-}
-
-MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
-                  const LinkOptions& options) {
-  return linked(target, source, align_options(options));
 }
 
 std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
@@ -72,78 +115,101 @@ std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const Pre
   return parts;
 }
 
-std::optional<PoseLink> pose_link(const MapLink& link) {
-  if (!connects(link.verdict, link.target_from_source)) return std::nullopt;
-  return PoseLink{NodeId{link.target}, NodeId{link.source},        *link.target_from_source,
-                  link.covariance,     link.covariance_with_scale, link.kind,
-                  link.probability};
-}
-
-MapLink stated_link(const PoseLink& link) {
-  return {.target = link.target.value,
-          .source = link.source.value,
-          .kind = link.kind,
-          .verdict = std::nullopt,
-          .probability = link.probability,
-          .reason = fmt::format("stated by {}", to_string(link.kind)),
-          .target_from_source = link.target_from_source,
-          .covariance = link.covariance,
-          .covariance_with_scale = link.covariance_with_scale};
-}
-
 void LinkOptions::validate() const {
   align_options(*this).validate();
 }
 
-std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
-                               const LinkOptions& options) {
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t later = 1; later < maps.size(); ++later) {
-    for (std::size_t earlier = 0; earlier < later; ++earlier) pairs.emplace_back(earlier, later);
+std::vector<MapPair> pairs_to_link(MapStore& maps, const LinkOptions& options) {
+  const std::size_t count = maps.size();
+  const std::size_t candidates =
+      options.candidates.value_or(count > kMapsTriedInFull ? kDefaultCandidates : 0);
+  std::set<MapPair> by_higher;  // the higher index first
+  const auto add = [&](std::size_t a, std::size_t b) {
+    by_higher.emplace(std::max(a, b), std::min(a, b));
+  };
+  const auto add_all_with = [&](std::size_t map, std::size_t below) {
+    for (std::size_t other = 0; other < below; ++other) {
+      if (other != map) add(map, other);
+    }
+  };
+  if (candidates == 0) {
+    for (std::size_t map = 0; map < count; ++map) add_all_with(map, map);
+  } else {
+    MapIndex index({.seed = options.seed});
+    std::map<std::string, std::size_t> last_of_session;
+    for (std::size_t map = 0; map < count; ++map) {
+      if (options.execution.stop.stop_requested()) {
+        throw Error(ErrorKind::kCancelled, "link", "recognition was cancelled", "");
+      }
+      index.add(*maps.load(map));
+      const std::string session = maps.session(map);
+      if (session.empty()) continue;
+      const auto [before, is_first] = last_of_session.try_emplace(session, map);
+      if (!is_first) add(std::exchange(before->second, map), map);
+    }
+    std::vector<std::vector<RecognitionCandidate>> found(count);
+    // The first query prepares the index for the others.
+    if (count > 0) found[0] = index.find(std::size_t{0}, candidates);
+    options.execution.executor.for_blocks(count, 8, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i) {
+        found[i] = index.find(i, candidates);
+      }
+    });
+    for (std::size_t map = 0; map < count; ++map) {
+      for (const RecognitionCandidate& one : found[map]) add(map, one.map);
+      if (!index.holds(map)) add_all_with(map, count);
+    }
   }
-  return link_maps(maps, pairs, options);
+  std::vector<MapPair> pairs;
+  for (const auto& [higher, lower] : by_higher) pairs.emplace_back(lower, higher);
+  return pairs;
 }
 
-std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
-                               std::span<const std::pair<std::size_t, std::size_t>> pairs,
-                               const LinkOptions& options) {
+void link_pairs(MapStore& maps, std::span<const MapPair> pairs, const LinkOptions& options,
+                const std::function<void(Link link)>& take) {
   options.validate();
   for (const auto& [a, b] : pairs) {
     if (a < maps.size() && b < maps.size() && a != b) continue;
     throw Error(ErrorKind::kMisuse, "pairs", fmt::format("({}, {})", a, b),
                 fmt::format("two of {} maps", maps.size()));
   }
-  std::vector<MapLink> links(pairs.size());
   const Executor& executor = options.execution.executor;
-  std::vector<PreparedMap> prepared;
-  prepared.reserve(maps.size());
-  for (const LandmarkMap* map : maps) prepared.push_back(prepared_to_link(*map, options));
   // With many pairs, the pairs run in parallel rather than the work within each.
   const bool by_pairs = pairs.size() >= executor.threads();
-  AlignOptions align = align_options(options);
-  align.execution = options.execution.without_progress();
-  if (by_pairs) align.execution.executor = Executor(1);
-  std::mutex mutex;
+  LinkOptions how = options;
+  how.execution = options.execution.without_progress();
+  // A thread that waits for others while holding the mutex could be given work that waits for the mutex.
+  if (by_pairs) how.execution.executor = Executor(1);
+  PreparedMaps prepared(maps, how);
+  const AlignOptions align = align_options(how);
+  const auto make = [&](std::size_t i) {
+    const auto [target, source] = prepared.larger_first(pairs[i]);
+    Link link = linked(prepared.get(target), prepared.get(source), align);
+    link.target = NodeId{target};
+    link.source = NodeId{source};
+    return link;
+  };
   std::size_t done = 0;
-  const auto link_pairs = [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      auto [target, source] = pairs[i];
-      if (precedes(*maps[source], *maps[target])) std::swap(target, source);
-      links[i] = linked(prepared[target], prepared[source], align);
-      links[i].target = target;
-      links[i].source = source;
-      const std::lock_guard lock(mutex);
-      ++done;
-      if (options.execution.progress) {
-        options.execution.progress(static_cast<double>(done) / static_cast<double>(pairs.size()));
-      }
+  const auto use = [&](std::size_t, Link link) {
+    const std::lock_guard lock(prepared.mutex());
+    take(std::move(link));
+    ++done;
+    if (options.execution.progress) {
+      options.execution.progress(static_cast<double>(done) / static_cast<double>(pairs.size()));
     }
   };
   if (by_pairs) {
-    executor.for_blocks(pairs.size(), 1, link_pairs);
+    executor.in_order(pairs.size(), 2 * std::size_t{executor.threads()}, make, use);
   } else {
-    link_pairs(0, pairs.size());
+    for (std::size_t i = 0; i < pairs.size(); ++i) use(i, make(i));
   }
+}
+
+std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options) {
+  options.validate();
+  std::vector<Link> links;
+  link_pairs(maps, pairs_to_link(maps, options), options,
+             [&](Link link) { links.push_back(std::move(link)); });
   return links;
 }
 

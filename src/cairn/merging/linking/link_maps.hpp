@@ -3,10 +3,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -15,41 +16,58 @@
 
 namespace cairn {
 
-/// "stated", or the name of the verdict.
-std::string_view link_status(const std::optional<Verdict>& verdict);
+/// The maps that are linked and merged, by index: in memory, of one session, or in an atlas.
+class MapStore {
+ public:
+  MapStore() = default;
+  MapStore(const MapStore&) = delete;
+  MapStore& operator=(const MapStore&) = delete;
+  virtual ~MapStore() = default;
 
-/// Whether a link may place a map: it has a pose, which is stated or judged aligned.
-inline bool connects(const std::optional<Verdict>& verdict,
-                     const std::optional<Similarity3>& target_from_source) {
-  return target_from_source && verdict.value_or(Verdict::kAligned) == Verdict::kAligned;
-}
-
-/// Relation of two of several maps: the result of align(), or a stated link.
-struct MapLink {
-  std::size_t target = 0;  ///< index of a map
-  std::size_t source = 0;
-  LinkKind kind = LinkKind::kPlacement;
-  std::optional<Verdict> verdict;     ///< std::nullopt for a stated link, which was not judged
-  std::optional<double> probability;  ///< std::nullopt for a stated link
-  std::string reason;                 ///< one sentence for people
-  /// Only if the link is stated or its verdict is aligned; with the covariances of Alignment.
-  std::optional<Similarity3> target_from_source;
-  std::optional<Matrix6d> covariance;
-  std::optional<Matrix7d> covariance_with_scale;
+  virtual std::size_t size() const = 0;
+  /// The run that the map is of; empty if unknown.
+  virtual std::string session(std::size_t map) const = 0;
+  virtual std::size_t landmark_count(std::size_t map) const = 0;
+  /// Called by one thread at a time.
+  virtual std::shared_ptr<const LandmarkMap> load(std::size_t map) = 0;
+  /// How many prepared maps may stay in memory.
+  virtual std::size_t capacity() const = 0;
 };
 
-/// The pose graph's link for an aligned pair or a stated link, with the maps' indices as nodes; std::nullopt for other
-/// pairs.
-std::optional<PoseLink> pose_link(const MapLink& link);
+/// A store of maps in memory.
+class MapsInMemory : public MapStore {
+ public:
+  /// @param maps     not null; they outlive the store
+  /// @param sessions one per map, or none
+  explicit MapsInMemory(std::span<const LandmarkMap* const> maps,
+                        std::vector<std::string> sessions = {});
 
-/// The inverse conversion, for a link that was not judged. Its nodes' ids are indices.
-MapLink stated_link(const PoseLink& link);
+  std::size_t size() const override { return maps_.size(); }
+  std::string session(std::size_t map) const override {
+    return sessions_.empty() ? std::string() : sessions_[map];
+  }
+  std::size_t landmark_count(std::size_t map) const override {
+    return maps_[map]->landmark_count();
+  }
+  std::shared_ptr<const LandmarkMap> load(std::size_t map) override;
+  std::size_t capacity() const override { return maps_.size(); }
+
+ private:
+  std::vector<const LandmarkMap*> maps_;
+  std::vector<std::string> sessions_;
+};
+
+/// Indices of two maps, the lower first.
+using MapPair = std::pair<std::size_t, std::size_t>;
 
 struct LinkOptions {
   double min_probability = 0.99;  ///< least probability of an aligned pair; see AlignOptions
   double prior_odds = 1.0;        ///< see PlaceOptions
   double effort = 1.0;            ///< see PlaceOptions
   PointSetOptions points = {};
+  /// Number of other maps to try each map with, the likeliest by recognition; 0: all. std::nullopt: all of up to
+  /// kMapsTriedInFull maps, else kDefaultCandidates.
+  std::optional<std::size_t> candidates = {};
   std::uint64_t seed = 0;
   Execution execution = {};
 
@@ -57,30 +75,32 @@ struct LinkOptions {
   void validate() const;
 };
 
-/// A map prepared for any number of link_pair() with these options.
-PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options = {});
+inline constexpr std::size_t kMapsTriedInFull = 32;
+inline constexpr std::size_t kDefaultCandidates = 10;
 
-/// Aligns one map with another; leaves the link's indices 0.
-/// @throws Error as link_maps()
-MapLink link_pair(const PreparedMap& target, const PreparedMap& source,
-                  const LinkOptions& options = {});
+/// A map prepared to be linked with these options.
+PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options = {});
 
 /// The parts of two maps, which show whether one is bent: place_by_parts(). std::nullopt if they do not agree.
 std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
                                             const LinkOptions& options = {});
 
-/// Aligns every map with every other one. The larger of the two is the target (precedes()), so that the order of the maps
-/// does not matter. Estimates the scale if one of the two has a free scale. The same input and seed give the same links
-/// for any number of threads.
-/// @return one link per pair, in the order (0, 1), (0, 2), (1, 2), (0, 3), ...
+/// The pairs that may show one place: all, or those found by recognition, neighbours in a session, and all pairs with
+/// maps whose descriptors cannot be compared.
+/// @return by the higher index, then the lower
 /// @throws Error (cancelled) if the caller asked to stop
-std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
-                               const LinkOptions& options = {});
+std::vector<MapPair> pairs_to_link(MapStore& maps, const LinkOptions& options = {});
 
-/// The same for some pairs only.
+/// Aligns pairs of maps. The larger of the two is the target (precedes()), so that the order of the maps does not matter.
+/// Estimates the scale if one of the two has a free scale. The same input and seed give the same links for any number of
+/// threads.
+/// @param take is given each result in the order of the pairs, one at a time; its nodes are the maps' indices
+/// @throws Error (cancelled) if the caller asked to stop
+void link_pairs(MapStore& maps, std::span<const MapPair> pairs, const LinkOptions& options,
+                const std::function<void(Link link)>& take);
+
+/// pairs_to_link() and link_pairs().
 /// @return one link per pair, in their order
-std::vector<MapLink> link_maps(std::span<const LandmarkMap* const> maps,
-                               std::span<const std::pair<std::size_t, std::size_t>> pairs,
-                               const LinkOptions& options);
+std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options = {});
 
 }  // namespace cairn

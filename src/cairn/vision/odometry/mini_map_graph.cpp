@@ -23,8 +23,11 @@ PoseGraph pose_graph(const MappedSequence& mapped, std::span<const std::string> 
     if (i >= mapped.links.size()) continue;
     const MiniMapLink& link = mapped.links[i];
     world_from_node = world_from_node * Similarity3(link.previous_from_next);
-    graph.links.push_back({NodeId{i}, NodeId{i + 1}, Similarity3(link.previous_from_next),
-                           link.covariance, std::nullopt, LinkKind::kOdometry, std::nullopt});
+    graph.links.push_back({.target = NodeId{i},
+                           .source = NodeId{i + 1},
+                           .kind = LinkKind::kOdometry,
+                           .target_from_source = Similarity3(link.previous_from_next),
+                           .covariance = link.covariance});
   }
   return graph;
 }

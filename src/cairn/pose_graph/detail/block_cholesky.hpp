@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Cholesky factor of a sparse symmetric positive definite matrix of equal square blocks, and the diagonal blocks
 /// of its inverse.
@@ -70,4 +70,4 @@ class BlockCholesky {
   std::vector<double> updates_;  // scratch memory of factor()
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/pose_least_squares.hpp"
+#include "cairn/pose_graph/detail/pose_least_squares.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,7 +14,7 @@
 
 #include "support/moved_poses.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using testing::moved_along;
@@ -303,4 +303,4 @@ TEST(PoseLeastSquares, RefusesPosesThatNothingDetermines) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

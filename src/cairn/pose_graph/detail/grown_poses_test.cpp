@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/grown_poses.hpp"
+#include "cairn/pose_graph/detail/grown_poses.hpp"
 
 #include <vector>
 
@@ -7,7 +7,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 Similarity3 pose(Random& random, double length) {
@@ -134,4 +134,4 @@ TEST(GrowGroups, LargestFirstThenTheOneWithTheLowestNode) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
-#include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Stands for an index where there is none.
 inline constexpr std::size_t kNoIndex = static_cast<std::size_t>(-1);
@@ -54,4 +54,4 @@ bool can_agree(const PoseEdge& edge, const Similarity3& target, const Similarity
 std::vector<std::size_t> most_certain_tree(std::size_t root, std::span<const PoseEdge> edges,
                                            std::span<const NodeExtent> extents);
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/fusion/straighten_maps.hpp"
+#include "cairn/merging/detail/straighten_maps.hpp"
 
 #include <algorithm>
 #include <array>
@@ -11,8 +11,9 @@
 #include "cairn/alignment/bends/straightened.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/linking/link_maps.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // Least growth of the number of fused landmarks: a smaller bend is within the uncertainty of the parts.
@@ -22,7 +23,7 @@ constexpr double kLeastBend = radians(2.0);
 constexpr double kLeastScaleRatio = 1.02;  // of a deformation that bends less
 
 // Number of landmarks of the source that are fused with one of the target.
-double fused(const LandmarkMap& target, const LandmarkMap& source, const MapLink& link,
+double fused(const LandmarkMap& target, const LandmarkMap& source, const Link& link,
              FusionOptions options) {
   PlacedMap placed{&source, "source", *link.target_from_source};
   if (link.covariance_with_scale) {
@@ -48,7 +49,7 @@ LandmarkMap straightened_for(const LandmarkMap& map, const PartsAlignment& parts
 
 // The source of a link with a free scale, deformed as the target shows; std::nullopt if it clearly is not.
 std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const PreparedMap& source,
-                                          const PreparedMap& target, const MapLink& link) {
+                                          const PreparedMap& target, const Link& link) {
   const auto pose =
       DeformablePair(source.cloud(), target.cloud()).fit(std::array{*link.target_from_source});
   if (!pose || !pose->is_small || !pose->is_clear()) return std::nullopt;
@@ -71,15 +72,16 @@ std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const Prepared
 }
 
 // Positions of the links, the most certain first, then those of the largest maps: whatever order they are given in.
-std::vector<std::size_t> order_of(std::span<const MapLink> links, std::span<const PlacedMap> maps) {
+std::vector<std::size_t> order_of(std::span<const Link> links, std::span<const PlacedMap> maps) {
   const std::vector<std::size_t> by_size = largest_first(maps);
   std::vector<std::size_t> rank(maps.size());
   for (std::size_t i = 0; i < by_size.size(); ++i) rank[by_size[i]] = i;
   std::vector<std::size_t> order(links.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   const auto key = [&](std::size_t i) {
-    const MapLink& link = links[i];
-    return std::tuple(-link.probability.value_or(1.0), rank[link.target], rank[link.source]);
+    const Link& link = links[i];
+    return std::tuple(-link.probability.value_or(1.0), rank[link.target.value],
+                      rank[link.source.value]);
   };
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
@@ -89,7 +91,7 @@ std::vector<std::size_t> order_of(std::span<const MapLink> links, std::span<cons
 }  // namespace
 
 std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
-                                                            std::span<const MapLink> links,
+                                                            std::span<const Link> links,
                                                             const FusionOptions& options) {
   LinkOptions how;
   how.seed = options.seed;
@@ -103,12 +105,12 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     }
     return *prepared[map];
   };
-  const auto parts_of = [&](const MapLink& link) {
-    auto parts = parts_of_pair(prepare(link.target), prepare(link.source), how);
+  const auto parts_of = [&](const Link& link) {
+    auto parts = parts_of_pair(prepare(link.target.value), prepare(link.source.value), how);
     if (parts) return parts;
     // Larger ones, by which maps are aligned that are not as a whole.
-    return parts_of_pair(prepared_to_link(*maps[link.target].map, how),
-                         prepared_to_link(*maps[link.source].map, how), how);
+    return parts_of_pair(prepared_to_link(*maps[link.target.value].map, how),
+                         prepared_to_link(*maps[link.source.value].map, how), how);
   };
   std::vector<std::optional<StraightenedMap>> straight(maps.size());
   const auto now = [&](std::size_t map) -> const LandmarkMap& {
@@ -117,32 +119,33 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
   std::vector<std::size_t> group(maps.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
   for (const std::size_t index : order_of(links, maps)) {
-    const MapLink& link = links[index];
-    const std::size_t joined = group[link.source];
-    if (joined == group[link.target]) continue;
-    std::replace(group.begin(), group.end(), joined, group[link.target]);
+    const Link& link = links[index];
+    const std::size_t joined = group[link.source.value];
+    if (joined == group[link.target.value]) continue;
+    std::replace(group.begin(), group.end(), joined, group[link.target.value]);
     if (link.kind != LinkKind::kPlacement) continue;
-    if (link.covariance_with_scale && !straight[link.source]) {
-      auto mended =
-          undeformed(*maps[link.source].map, prepare(link.source), prepare(link.target), link);
-      if (mended && fused(now(link.target), mended->map, link, options) >=
-                        kLeastGain * fused(now(link.target), now(link.source), link, options)) {
-        straight[link.source] = std::move(mended);
+    if (link.covariance_with_scale && !straight[link.source.value]) {
+      auto mended = undeformed(*maps[link.source.value].map, prepare(link.source.value),
+                               prepare(link.target.value), link);
+      if (mended &&
+          fused(now(link.target.value), mended->map, link, options) >=
+              kLeastGain * fused(now(link.target.value), now(link.source.value), link, options)) {
+        straight[link.source.value] = std::move(mended);
         continue;
       }
     }
     const std::optional<PartsAlignment> parts = parts_of(link);
     if (!parts || !parts->bend || parts->bend->rotation_rad < kLeastBend) continue;
     const bool of_source = parts->bend->map == MapRole::kSource;
-    const std::size_t bent = of_source ? link.source : link.target;
+    const std::size_t bent = of_source ? link.source.value : link.target.value;
     if (straight[bent]) continue;
     LandmarkMap map = straightened_for(*maps[bent].map, *parts, *link.target_from_source);
-    const double before = fused(now(link.target), now(link.source), link, options);
-    const double after = fused(of_source ? now(link.target) : map,
-                               of_source ? map : now(link.source), link, options);
+    const double before = fused(now(link.target.value), now(link.source.value), link, options);
+    const double after = fused(of_source ? now(link.target.value) : map,
+                               of_source ? map : now(link.source.value), link, options);
     if (after >= kLeastGain * before) straight[bent] = {std::move(map), *parts->bend};
   }
   return straight;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

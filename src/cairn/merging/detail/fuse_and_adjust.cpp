@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/fusion/fuse_and_adjust.hpp"
+#include "cairn/merging/detail/fuse_and_adjust.hpp"
 
 #include <algorithm>
 #include <map>
@@ -13,10 +13,9 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
-constexpr int kMostMatchingRounds = 10;
 // Iterations of the solver in all rounds but the last.
 constexpr int kIterationsBetween = 15;
 
@@ -72,14 +71,6 @@ LandmarkMap with_uncertain_references(LandmarkMap map,
 
 }  // namespace
 
-void FuseAndAdjustOptions::validate() const {
-  fusion.validate();
-  adjustment.validate();
-  if (matching_rounds >= 0 && matching_rounds <= kMostMatchingRounds) return;
-  throw Error(ErrorKind::kMisuse, "FuseAndAdjustOptions.matching_rounds",
-              fmt::format("{}", matching_rounds), fmt::format("0 to {}", kMostMatchingRounds));
-}
-
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
                               const LandmarkMap& adjusted, std::span<const FrameIndex> frames) {
   LandmarkMap in_world = transformed(map, world_from_map);
@@ -107,10 +98,9 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
   return LandmarkMap(std::move(tables));
 }
 
-AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
-                               const FuseAndAdjustOptions& options) {
-  options.validate();
-  AdjustedFusion result;
+MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedOptions& options) {
+  MergedPlaced result;
+  MergeAdjustment& adjustment = adjustment.emplace();
   std::vector<PlacedMap> placed(maps.begin(), maps.end());
   std::vector<LandmarkMap> moved(maps.size());
   const double rounds = options.matching_rounds + 1;
@@ -124,8 +114,9 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     result.maps = std::move(fused.maps);
     result.frames = std::move(fused.frames);
     AdjustOptions how = options.adjustment;
+    how.execution = options.fusion.execution;
     how.execution.progress =
-        stage_of(options.adjustment.execution.progress, round / rounds, (round + 1) / rounds);
+        stage_of(options.fusion.execution.progress, round / rounds, (round + 1) / rounds);
     if (!last) {
       how.covariances = false;
       how.max_iterations = std::min(how.max_iterations, kIterationsBetween);
@@ -134,12 +125,12 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
     AdjustResult adjusted = adjust(fused.map, how);
     noise = adjusted.noise;
     result.map = std::move(adjusted.map);
-    result.adjustment.converged = adjusted.converged;
-    result.adjustment.iterations += adjusted.iterations;
-    result.adjustment.observations = adjusted.observations;
-    if (round == 0) result.adjustment.initial_rms_px = adjusted.initial_rms_px;
-    result.adjustment.final_rms_px = adjusted.final_rms_px;
-    result.adjustment.matching_rounds = round;
+    adjustment.converged = adjusted.converged;
+    adjustment.iterations += adjusted.iterations;
+    adjustment.observations = adjusted.observations;
+    if (round == 0) adjustment.initial_rms_px = adjusted.initial_rms_px;
+    adjustment.final_rms_px = adjusted.final_rms_px;
+    adjustment.matching_rounds = round;
     if (last) {
       if (!adjusted.covariance_references.empty()) {
         result.map = with_uncertain_references(std::move(result.map),
@@ -162,4 +153,4 @@ AdjustedFusion fuse_and_adjust(std::span<const PlacedMap> maps,
   return result;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

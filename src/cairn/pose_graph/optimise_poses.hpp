@@ -17,6 +17,10 @@ struct NodeExtent {
   double radius = 1.0;  ///< median distance from the centre; positive
 };
 
+/// Centre and radius by medians, robust to outliers.
+/// @param landmarks of the node, in its frame
+NodeExtent node_extent(std::span<const Eigen::Vector3d> landmarks);
+
 /// Options of optimise_poses().
 struct PoseOptimisationOptions {
   /// Two poses of a node agree if they move its landmarks apart by less than this share of its radius: the root of the
@@ -57,5 +61,43 @@ struct OptimisedPoses {
 /// @throws Error (misuse) for invalid options or extents, (input) for an invalid graph
 OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,
                               const PoseOptimisationOptions& options = {});
+
+/// Updates the poses of a graph to which nodes and links were added, without voting anew on the links used before.
+///
+/// New nodes join the placed ones by the votes of their links, as in optimise_poses(). All used links are then
+/// optimised from the poses before, which takes few iterations, and all covariances are those of the used links.
+///
+/// Differs from optimise_poses() in that links that were used before stay unless the new ones contradict them; a
+/// wrong majority is therefore not reconsidered. If the same links are used, so are poses and covariances.
+///
+/// If the frame would change, or the new links break the group apart, the result is that of optimise_poses().
+///
+/// @param before of the graph before the additions, but with an entry per present node and link: no pose for
+///        new nodes, `false` for new links; its tree is ignored
+/// @throws Error (misuse) for invalid options or extents or an entry missing, (input) for an invalid graph
+OptimisedPoses update_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,
+                            const OptimisedPoses& before,
+                            const PoseOptimisationOptions& options = {});
+
+/// Poses of all linked nodes: those of the largest group, then of the largest of what is left, and so on.
+struct OptimisedComponents {
+  /// Per node: the node whose frame its pose is in, the first of its group; std::nullopt without a pose.
+  std::vector<std::optional<std::size_t>> frames;
+  std::vector<Similarity3> frame_from_node;  ///< one per node
+  std::vector<Matrix7d> covariances;         ///< as in OptimisedPoses
+  /// Per link between nodes with poses: whether it is of one group and agrees with the poses.
+  std::vector<std::optional<bool>> agrees;
+};
+
+/// @param before of the largest group before nodes and links were added, as for update_poses(); null: all poses are new
+/// @throws Error as optimise_poses() and update_poses()
+OptimisedComponents optimise_components(const PoseGraph& graph, std::span<const NodeExtent> extents,
+                                        const OptimisedPoses* before = nullptr,
+                                        const PoseOptimisationOptions& options = {});
+
+/// Covariances of the graph's own poses relative to its first node, as its links determine them; see OptimisedPoses.
+/// @throws Error (input) if the links do not determine all poses, or as optimise_poses()
+std::vector<Matrix7d> covariances_of_poses(const PoseGraph& graph,
+                                           std::span<const NodeExtent> extents);
 
 }  // namespace cairn

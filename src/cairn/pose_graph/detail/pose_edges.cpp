@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/pose_edges.hpp"
+#include "cairn/pose_graph/detail/pose_edges.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,9 +15,9 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/merging/detail/pose_least_squares.hpp"
+#include "cairn/pose_graph/detail/pose_least_squares.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // No link is more exact than a millionth of what it moves, or the normal equations would be ill-conditioned.
@@ -49,8 +49,8 @@ std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExt
   };
   std::vector<PoseEdge> edges;
   for (std::size_t i = 0; i < graph.links.size(); ++i) {
-    const PoseLink& link = graph.links[i];
-    PoseEdge edge{i, index_of(link.target), index_of(link.source), link.target_from_source, {}};
+    const Link& link = graph.links[i];
+    PoseEdge edge{i, index_of(link.target), index_of(link.source), *link.target_from_source, {}};
     if (link.covariance_with_scale) {
       edge.covariance = *link.covariance_with_scale;
     } else if (link.covariance) {
@@ -143,4 +143,4 @@ std::vector<std::size_t> most_certain_tree(std::size_t root, std::span<const Pos
   return tree;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

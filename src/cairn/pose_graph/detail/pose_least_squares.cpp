@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/pose_least_squares.hpp"
+#include "cairn/pose_graph/detail/pose_least_squares.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Index;
@@ -234,4 +234,4 @@ std::vector<Matrix7d> PoseLeastSquares::covariances() {
   return result;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/optimisation/update_poses.hpp"
-
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -9,11 +7,15 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/merging/detail/grown_poses.hpp"
-#include "cairn/merging/detail/pose_edges.hpp"
-#include "cairn/merging/detail/pose_least_squares.hpp"
+#include "cairn/pose_graph/detail/grown_poses.hpp"
+#include "cairn/pose_graph/detail/pose_edges.hpp"
+#include "cairn/pose_graph/detail/pose_least_squares.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {
+
+using namespace detail;  // what the solver is made of
+
 namespace {
 
 constexpr double kTolerance = 1e-12;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/block_cholesky.hpp"
+#include "cairn/pose_graph/detail/block_cholesky.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Index;
@@ -364,4 +364,4 @@ Eigen::MatrixXd BlockCholesky::inverse_diagonal() const {
   return result;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "cairn/merging/detail/pose_edges.hpp"
+#include "cairn/pose_graph/detail/pose_edges.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Linked nodes in one frame.
 struct PoseGroup {
@@ -36,4 +36,4 @@ std::vector<PoseGroup> grow_groups(std::span<const PoseEdge> edges,
                                    const std::function<void(PoseGroup& group)>& refine,
                                    std::span<const std::optional<Similarity3>> placed = {});
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/optimisation/optimise_poses.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 #include <cmath>
 #include <vector>
@@ -40,7 +40,7 @@ struct World {
     const Similarity3 right = truth[target].inverse() * truth[source];
     Vector6d error;
     for (int i = 0; i < 6; ++i) error[i] = (i < 3 ? shift : turn) * random.normal();
-    PoseLink link;
+    Link link;
     link.target = NodeId{10 * target};
     link.source = NodeId{10 * source};
     const double scale = right.scale() * (with_scale ? std::exp(turn * random.normal()) : 1.0);
@@ -73,7 +73,7 @@ TEST(OptimisePoses, GivesALinkedNodeTheLinksPoseAndCovariance) {
   World world(2, 1);
   world.link(0, 1);
   const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
-  const Rigid3 expected = world.graph.links[0].target_from_source.rigid();
+  const Rigid3 expected = world.graph.links[0].target_from_source->rigid();
   EXPECT_LT(poses.world_from_node[1]->rigid().difference_to(expected).norm(), 1e-9);
   EXPECT_EQ(poses.world_from_node[0]->scale(), 1.0);
   EXPECT_LT(
@@ -88,9 +88,9 @@ TEST(OptimisePoses, TakesALinkThatRunsTheOtherWay) {
   World world(2, 2, true);
   world.link(1, 0, true);
   const OptimisedPoses poses = optimise_poses(world.graph, world.extents);
-  const Similarity3 expected = world.graph.links[0].target_from_source.inverse();
+  const Similarity3 expected = world.graph.links[0].target_from_source->inverse();
   EXPECT_LT((poses.world_from_node[1]->matrix() - expected.matrix()).norm(), 1e-8);
-  const Matrix7d covariance = inverse_covariance(world.graph.links[0].target_from_source,
+  const Matrix7d covariance = inverse_covariance(*world.graph.links[0].target_from_source,
                                                  *world.graph.links[0].covariance_with_scale);
   EXPECT_LT((poses.covariances[1] - covariance).norm(), 1e-3 * covariance.norm());
 }
@@ -193,7 +193,7 @@ TEST(OptimisePoses, KeepsNoWrongLinkWhereOthersSpeak) {
       }
       EXPECT_FALSE(poses.world_from_node[i]) << seed << ": " << i;
       for (std::size_t k = 0; k < right.size(); ++k) {
-        const PoseLink& link = world.graph.links[k];
+        const Link& link = world.graph.links[k];
         if (link.target == NodeId{10 * i} || link.source == NodeId{10 * i}) expected[k] = false;
       }
     }
@@ -261,7 +261,7 @@ TEST(OptimisePoses, NoticesAContradictionHoweverFarTheLandmarksAreFromTheOrigin)
     PoseGraph graph;
     graph.nodes = {{NodeId{0}, {}, {}, {}}, {NodeId{1}, {}, {}, {}}};
     for (const double aside : {0.0, 2.0}) {
-      PoseLink link;
+      Link link;
       link.target = NodeId{0};
       link.source = NodeId{1};
       link.target_from_source = Rigid3(Eigen::Matrix3d::Identity(), {0.0, aside, 0.0});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/block_cholesky.hpp"
+#include "cairn/pose_graph/detail/block_cholesky.hpp"
 
 #include <vector>
 
@@ -8,7 +8,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // A positive definite matrix of blocks, sparse and dense.
@@ -90,4 +90,4 @@ TEST(BlockCholesky, ThereIsNoneOfAMatrixThatIsNotPositiveDefinite) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/fusion/fuse_and_adjust.hpp"
+#include "cairn/merging/detail/fuse_and_adjust.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -17,7 +17,7 @@
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using testing::EqualsMap;
@@ -61,7 +61,7 @@ std::vector<PlacedMap> in_place(const LandmarkMap& target, const LandmarkMap& so
 
 // How many fused pairs are of one point of the scene, and how many are not.
 std::pair<std::size_t, std::size_t> right_and_wrong(const SyntheticPair& maps,
-                                                    const AdjustedFusion& fused) {
+                                                    const MergedPlaced& fused) {
   std::set<std::pair<std::uint32_t, std::uint32_t>> shared;
   for (const auto& [source, target] : maps.shared) shared.emplace(source.value, target.value);
   // Pixels tell whose an observation is.
@@ -83,7 +83,7 @@ std::pair<std::size_t, std::size_t> right_and_wrong(const SyntheticPair& maps,
   return count;
 }
 
-double largest_error(const SyntheticPair& maps, const AdjustedFusion& fused) {
+double largest_error(const SyntheticPair& maps, const MergedPlaced& fused) {
   double most = 0.0;
   for (std::uint32_t i = 0; i < maps.source.frame_count(); ++i) {
     const Rigid3 truth = maps.target_from_source * maps.source.world_from_camera(FrameIndex{i});
@@ -97,16 +97,16 @@ TEST(FuseAndAdjust, MatchingAgainFindsWhatABentMapHid) {
   const SyntheticPair maps = two_sessions();
   const LandmarkMap source = bent(maps.source, 0.05);
   const std::vector<PlacedMap> placed = in_place(maps.target, source, maps.target_from_source);
-  FuseAndAdjustOptions options;
+  MergePlacedOptions options;
   options.matching_rounds = 0;
-  const AdjustedFusion once = fuse_and_adjust(placed, options);
-  const AdjustedFusion straight =
+  const MergedPlaced once = fuse_and_adjust(placed, options);
+  const MergedPlaced straight =
       fuse_and_adjust(in_place(maps.target, maps.source, maps.target_from_source), options);
   options.matching_rounds = 2;
-  const AdjustedFusion again = fuse_and_adjust(placed, options);
+  const MergedPlaced again = fuse_and_adjust(placed, options);
   const auto [right_once, wrong_once] = right_and_wrong(maps, once);
   const auto [right, wrong] = right_and_wrong(maps, again);
-  EXPECT_EQ(again.adjustment.matching_rounds, 2);
+  EXPECT_EQ(again.adjustment->matching_rounds, 2);
   EXPECT_GT(right, right_once + right_once / 10);
   // About as well as if the map had never been bent.
   const auto [right_straight, wrong_straight] = right_and_wrong(maps, straight);
@@ -119,11 +119,10 @@ TEST(FuseAndAdjust, MatchingAgainFindsWhatABentMapHid) {
 TEST(FuseAndAdjust, SameResultWithAnyNumberOfThreads) {
   const SyntheticPair maps = two_sessions();
   const std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
-  FuseAndAdjustOptions options;
+  MergePlacedOptions options;
   options.matching_rounds = 1;
-  const AdjustedFusion one = fuse_and_adjust(placed, options);
+  const MergedPlaced one = fuse_and_adjust(placed, options);
   options.fusion.execution.executor = Executor(2);
-  options.adjustment.execution.executor = Executor(2);
   EXPECT_THAT(fuse_and_adjust(placed, options).map, EqualsMap(one.map));
 }
 
@@ -133,9 +132,9 @@ TEST(FuseAndAdjust, TheFirstMapMayBeAnywhereInTheWorld) {
   const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
   std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
   for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
-  FuseAndAdjustOptions options;
+  MergePlacedOptions options;
   options.matching_rounds = 1;
-  const AdjustedFusion fused = fuse_and_adjust(placed, options);
+  const MergedPlaced fused = fuse_and_adjust(placed, options);
   for (std::uint32_t i = 0; i < maps.target.frame_count(); ++i) {
     const Rigid3 truth = moved * maps.target.world_from_camera(FrameIndex{i});
     const Rigid3 pose = fused.map.world_from_camera(fused.frames[0][i]);
@@ -151,7 +150,7 @@ TEST(FuseAndAdjust, AMapThatSharesNoLandmarkIsAsUncertainAsItsPose) {
       in_place(maps.target, maps.source, Rigid3(Eigen::Matrix3d::Identity(), {100.0, 0.0, 0.0}));
   placed[1].covariance.topLeftCorner<3, 3>() = 0.01 * Eigen::Matrix3d::Identity();
   placed[1].covariance(5, 5) = 1e-4;
-  FuseAndAdjustOptions options;
+  MergePlacedOptions options;
   options.matching_rounds = 1;
   const LandmarkMap map = fuse_and_adjust(placed, options).map;
   const auto& poses = map.frames().pose_covariances;
@@ -177,7 +176,7 @@ TEST(FuseAndAdjust, GravityAndTheGeoreferenceDoNotDependOnTheRounds) {
   std::vector<PlacedMap> placed = in_place(target, source, maps.target_from_source);
   const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
   for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
-  FuseAndAdjustOptions options;
+  MergePlacedOptions options;
   options.adjustment.max_iterations = 1;
   options.adjustment.covariances = false;
   options.matching_rounds = 0;
@@ -217,9 +216,9 @@ TEST(FuseAndAdjust, AKeyframeOfTwoMapsBecomesOne) {
     return LandmarkMap(std::move(tables));
   };
   const LandmarkMap source = without_pixels_in_first(timed(maps.source, 129.0));
-  FuseAndAdjustOptions options;
+  MergePlacedOptions options;
   options.matching_rounds = 1;
-  const AdjustedFusion fused =
+  const MergedPlaced fused =
       fuse_and_adjust(in_place(target, source, maps.target_from_source), options);
   EXPECT_EQ(fused.map.frame_count(), 59U);
   EXPECT_EQ(fused.frames[0][29], FrameIndex{29});
@@ -253,11 +252,11 @@ TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {
 }
 
 TEST(FuseAndAdjust, RefusesRoundsOutOfRange) {
-  FuseAndAdjustOptions options;
+  MergePlacedOptions options;
   options.matching_rounds = 11;
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
               HasSubstr("matching_rounds"));
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

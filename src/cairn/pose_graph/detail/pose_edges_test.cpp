@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/pose_edges.hpp"
+#include "cairn/pose_graph/detail/pose_edges.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,12 +11,12 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/merging/detail/pose_least_squares.hpp"
+#include "cairn/pose_graph/detail/pose_least_squares.hpp"
 
 #include "support/moved_poses.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::HasSubstr;
@@ -180,6 +180,7 @@ PoseGraph two_nodes() {
   graph.links.resize(1);
   graph.links[0].target = NodeId{3};
   graph.links[0].source = NodeId{7};
+  graph.links[0].target_from_source = Similarity3();
   return graph;
 }
 
@@ -197,7 +198,7 @@ TEST(PoseEdges, AreTheLinksThatHaveACovariance) {
   EXPECT_EQ(edges[0].link, 1U);
   EXPECT_EQ(edges[0].target, 1U);
   EXPECT_EQ(edges[0].source, 0U);
-  EXPECT_EQ(edges[0].target_from_source.matrix(), graph.links[1].target_from_source.matrix());
+  EXPECT_EQ(edges[0].target_from_source.matrix(), graph.links[1].target_from_source->matrix());
   EXPECT_LT((edges[0].covariance - covariance).norm(), 1e-9 * covariance.norm());
 }
 
@@ -261,4 +262,4 @@ TEST(SessionNumbers, AreEqualForNodesOfOneSession) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/grown_poses.hpp"
+#include "cairn/pose_graph/detail/grown_poses.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 #include <tuple>
 #include <utility>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // Number of edges between two groups that propose a relative pose; the others only vote.
@@ -486,4 +486,4 @@ std::vector<PoseGroup> grow_groups(std::span<const PoseEdge> edges,
   return Growth(edges, extents, runs, agreement, refine, placed).run();
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -9,10 +9,10 @@
 #include <Eigen/Core>
 
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/merging/detail/block_cholesky.hpp"
-#include "cairn/merging/detail/grown_poses.hpp"
+#include "cairn/pose_graph/detail/block_cholesky.hpp"
+#include "cairn/pose_graph/detail/grown_poses.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Standard deviation of the scale's logarithm in a link that does not measure the scale, between maps of one
 /// length unit.
@@ -72,4 +72,4 @@ class PoseLeastSquares {
   bool has_factor_ = false;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/optimisation/update_poses.hpp"
-
 #include <cmath>
 #include <vector>
 
@@ -9,6 +7,7 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
 
 #include "support/refusal.hpp"
 
@@ -50,9 +49,11 @@ struct Drive {
     Vector6d variances;
     variances << Eigen::Vector3d::Constant(kLinkShift * kLinkShift),
         Eigen::Vector3d::Constant(kLinkTurn * kLinkTurn);
-    graph.links.push_back({NodeId{target + 1}, NodeId{source + 1}, Similarity3(target_from_source),
-                           Matrix6d(variances.asDiagonal()), std::nullopt, LinkKind::kPlacement,
-                           0.999});
+    graph.links.push_back({.target = NodeId{target + 1},
+                           .source = NodeId{source + 1},
+                           .probability = 0.999,
+                           .target_from_source = Similarity3(target_from_source),
+                           .covariance = Matrix6d(variances.asDiagonal())});
   }
 
   // The graph without the last maps and, of the others, without the last links.
@@ -60,7 +61,7 @@ struct Drive {
     PoseGraph less = graph;
     less.nodes.resize(graph.nodes.size() - maps);
     less.links.resize(graph.links.size() - links);
-    std::erase_if(less.links, [&](const PoseLink& link) {
+    std::erase_if(less.links, [&](const Link& link) {
       return link.source.value > less.nodes.size() || link.target.value > less.nodes.size();
     });
     return less;
@@ -72,11 +73,11 @@ struct Drive {
     poses.covariances.resize(graph.nodes.size(), Matrix7d::Zero());
     std::vector<bool> agrees;
     std::size_t next = 0;
-    for (const PoseLink& link : graph.links) {
+    for (const Link& link : graph.links) {
       const bool is_there =
           next < less.links.size() && less.links[next].source == link.source &&
           less.links[next].target == link.target &&
-          (less.links[next].target_from_source.matrix() == link.target_from_source.matrix());
+          (less.links[next].target_from_source->matrix() == link.target_from_source->matrix());
       agrees.push_back(is_there && poses.agrees[next]);
       if (is_there) ++next;
     }
@@ -175,7 +176,7 @@ TEST(UpdatePoses, StatesWhatAWeakLinkAndALongChainGive) {
   drive.graph.nodes.back().id = NodeId{11};
   drive.extents.push_back(drive.extents.back());
   const auto link = [&](std::size_t target, double sigma) {
-    PoseLink one = drive.graph.links.front();
+    Link one = drive.graph.links.front();
     one.target = NodeId{target + 1};
     one.source = NodeId{11};
     one.target_from_source = Similarity3(drive.truth[target].inverse() * drive.truth[9]);
@@ -219,7 +220,7 @@ TEST(UpdatePoses, JoinsASessionThatWasApart) {
   for (std::size_t i = 0; i < 40; ++i) drive.graph.nodes[i].session = i < 28 ? "first" : "second";
   // Without the links between them.
   PoseGraph less = drive.graph;
-  std::erase_if(less.links, [](const PoseLink& link) {
+  std::erase_if(less.links, [](const Link& link) {
     return (link.target.value <= 28) != (link.source.value <= 28);
   });
   OptimisedPoses before = drive.before(less);
@@ -250,9 +251,9 @@ TEST(UpdatePoses, OptimisesAnewIfLinksThatWereUsedAreGone) {
   // The line is cut after the twelfth map.
   OptimisedPoses before = whole;
   std::vector<bool> agrees;
-  std::vector<PoseLink> links;
+  std::vector<Link> links;
   for (std::size_t i = 0; i < drive.graph.links.size(); ++i) {
-    const PoseLink& link = drive.graph.links[i];
+    const Link& link = drive.graph.links[i];
     if (link.target.value <= 12 && link.source.value > 12) continue;
     links.push_back(link);
     agrees.push_back(whole.agrees[i]);

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+
+#include "cairn/merging/fusion/merge_placed.hpp"
+
+namespace cairn::detail {
+
+/// A map with the keyframe poses of an adjusted map that was made from it. Each landmark and its covariance
+/// move with the keyframe that observed it first, or with the map if none did. Keeps the map's cameras.
+/// @param world_from_map pose of the map before the adjustment; its scale is applied
+/// @param frames         frame of `adjusted` for each frame of the map
+LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
+                              const LandmarkMap& adjusted, std::span<const FrameIndex> frames);
+
+/// The rounds of fusing and adjusting of merge_placed(), which uses its progress for the adjustment.
+MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedOptions& options);
+
+}  // namespace cairn::detail
