@@ -219,7 +219,7 @@ class Looks {
   Looks(const LandmarkMap& first, const LandmarkMap& second) {
     const auto& a = first.landmarks().descriptors;
     const auto& b = second.landmarks().descriptors;
-    if (a && b && comparable(*a, *b)) {
+    if (a && b && detail::comparable(*a, *b)) {
       first_ = &*a;
       second_ = &*b;
     }
@@ -228,7 +228,7 @@ class Looks {
   // 1 where either is unknown.
   double difference(std::size_t i, std::size_t j) const {
     if (first_->known[i] == 0 || second_->known[j] == 0) return 1.0;
-    return static_cast<double>(differing_bits(*first_, i, *second_, j)) /
+    return static_cast<double>(detail::differing_bits(*first_, i, *second_, j)) /
            (8.0 * static_cast<double>(first_->bytes_each));
   }
 

@@ -15,7 +15,7 @@
 #include "cairn/merging/detail/descriptor_difference.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 constexpr std::size_t kCandidates = 4;   // nearest landmarks that may be the partner
@@ -320,4 +320,4 @@ AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
   return result;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

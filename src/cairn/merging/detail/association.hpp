@@ -10,7 +10,7 @@
 #include "cairn/core/execution.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Input of the association: landmarks in one frame.
 struct LandmarkSet {
@@ -53,4 +53,4 @@ struct AssociationResult {
 AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
                             const AssociationOptions& options = {});
 
-}  // namespace cairn
+}  // namespace cairn::detail

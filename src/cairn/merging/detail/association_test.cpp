@@ -10,7 +10,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
@@ -429,4 +429,4 @@ TEST(Associate, IsMoreCertainOfWhatLooksAlike) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -10,7 +10,7 @@
 #include "cairn/core/hamming.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Whether descriptors of the two columns can be compared: same kind and size.
 inline bool comparable(const DescriptorColumn& a, const DescriptorColumn& b) {
@@ -51,4 +51,4 @@ inline int differing_bits(const DescriptorColumn& a, std::size_t i, const Descri
   return least_difference(a, i, b, j, [](auto x, auto y) { return differing_bits(x, y); });
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

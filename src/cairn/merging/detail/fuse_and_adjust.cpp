@@ -100,7 +100,7 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
 
 MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedOptions& options) {
   MergedPlaced result;
-  MergeAdjustment& adjustment = adjustment.emplace();
+  MergeAdjustment& adjustment = result.adjustment.emplace();
   std::vector<PlacedMap> placed(maps.begin(), maps.end());
   std::vector<LandmarkMap> moved(maps.size());
   const double rounds = options.matching_rounds + 1;

@@ -1,0 +1,372 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/map/turning_columns.hpp"
+#include "cairn/merging/detail/fusion.hpp"
+
+// Keyframes, observations and what a fused map says of itself.
+namespace cairn::detail {
+namespace {
+
+// Of a keyframe in the world: of its pose in its map, and of the map's.
+std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex frame) {
+  const auto& in_map = placed.map->frames().pose_covariances;
+  if (in_map.empty() || !in_map[frame.value]) return std::nullopt;
+  const Vector3d arm =
+      placed.world_from_map.linear() * placed.map->world_from_camera(frame).translation();
+  Eigen::Matrix<double, 6, 7> by_pose = Eigen::Matrix<double, 6, 7>::Zero();
+  by_pose.topRows<3>() = point_by_pose(arm);
+  by_pose.block<3, 3>(3, 3).setIdentity();
+  const Matrix6d sum = left_transformed_covariance(*in_map[frame.value], placed.world_from_map) +
+                       by_pose * placed.covariance * by_pose.transpose();
+  return 0.5 * (sum + sum.transpose());
+}
+
+}  // namespace
+
+void Fusion::add_frames(std::size_t m) {
+  const LandmarkMap& map = *maps_[m].map;
+  const Similarity3& world_from_map = maps_[m].world_from_map;
+  const FrameTable& theirs = map.frames();
+  FrameTable& frames = tables_.frames;
+  std::vector<FrameIndex>& own = result_.frames.emplace_back();
+  std::vector<CameraIndex> camera_of;
+  for (Camera camera : map.cameras()) {
+    auto found = std::find_if(tables_.cameras.begin(), tables_.cameras.end(), [&](Camera other) {
+      other.id = camera.id;
+      return other == camera;
+    });
+    if (found == tables_.cameras.end()) {
+      camera.id = CameraId{tables_.cameras.size()};
+      tables_.cameras.push_back(std::move(camera));
+      found = tables_.cameras.end() - 1;
+    }
+    camera_of.push_back(CameraIndex{static_cast<std::uint32_t>(found - tables_.cameras.begin())});
+  }
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    std::optional<CameraIndex> camera;
+    if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
+    Vector3d translation = theirs.translations[i];
+    std::array<double, 4> quaternion = theirs.quaternions[i];
+    if (!maps_[m].is_in_world()) {
+      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+      const Eigen::Quaterniond q = (world_from_map.rigid() * pose).quaternion();
+      translation = world_from_map * pose.translation();
+      quaternion = {q.w(), q.x(), q.y(), q.z()};
+    }
+    if (const auto known = known_frame(m, i, camera)) {
+      const std::uint32_t f = known->value;
+      own.push_back(*known);
+      is_shared_[f] = true;
+      if (!precedes(map, *maps_[map_of_frame_[f]].map)) continue;
+      map_of_frame_[f] = m;
+      frames.translations[f] = translation;
+      frames.quaternions[f] = quaternion;
+      frames.pose_covariances.set(f, pose_covariance(maps_[m], FrameIndex{i}));
+      continue;
+    }
+    own.push_back(FrameIndex{static_cast<std::uint32_t>(frames.ids.size())});
+    is_shared_.push_back(false);
+    map_of_frame_.push_back(m);
+    frames.ids.push_back(FrameId{frames.ids.size()});
+    frames.translations.push_back(translation);
+    frames.quaternions.push_back(quaternion);
+    frames.cameras.push_back(camera);
+    frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
+                                                              : theirs.timestamps_s[i]);
+    frames.image_names.push_back(theirs.image_names.empty() ? std::string()
+                                                            : theirs.image_names[i]);
+    frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
+    frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
+  }
+}
+
+namespace {
+
+std::vector<Pixel> pixels_in(const LandmarkMap& map, FrameIndex frame) {
+  const ObservationTable& observations = map.observations();
+  std::vector<Pixel> pixels;
+  for (std::size_t k = 0; k < observations.frames.size(); ++k) {
+    if (observations.frames[k] == frame) pixels.push_back(observations.pixels[k]);
+  }
+  return pixels;
+}
+
+// Whether two lists of pixels are of one image: a quarter of the shorter list is within a pixel of the other. Each map
+// tracks its own features, to tenths of a pixel; among those of two images a few in a hundred coincide.
+bool show_one_image(std::vector<Pixel> few, std::vector<Pixel> many) {
+  constexpr double kWithin = 1.0;
+  if (few.size() > many.size()) std::swap(few, many);
+  std::sort(many.begin(), many.end(), [](const Pixel& a, const Pixel& b) { return a.u < b.u; });
+  std::size_t common = 0;
+  for (const Pixel& pixel : few) {
+    const auto is_left = [](const Pixel& a, double u) { return a.u < u; };
+    auto other = std::lower_bound(many.begin(), many.end(), pixel.u - kWithin, is_left);
+    const auto in_reach = [&] { return other != many.end() && other->u <= pixel.u + kWithin; };
+    while (in_reach() && std::abs(other->v - pixel.v) > kWithin) ++other;
+    common += in_reach() ? 1 : 0;
+  }
+  return 4 * common >= few.size();
+}
+
+}  // namespace
+
+// The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.
+std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
+                                              std::optional<CameraIndex> camera) const {
+  const FrameTable& theirs = maps_[m].map->frames();
+  const bool is_last = i + 1 == maps_[m].map->frame_count();
+  if (i > 0 && !is_last) return std::nullopt;
+  if (theirs.timestamps_s.empty() || !theirs.timestamps_s[i]) return std::nullopt;
+  const std::string name = theirs.image_names.empty() ? std::string() : theirs.image_names[i];
+  const auto is_same = [&](std::size_t k, FrameIndex frame, std::size_t in_earlier) {
+    const std::uint32_t f = frame.value;
+    if (tables_.frames.timestamps_s[f] != theirs.timestamps_s[i] ||
+        tables_.frames.image_names[f] != name || tables_.frames.cameras[f] != camera) {
+      return false;
+    }
+    // Maps whose clocks start at 0 have equal times, too.
+    return show_one_image(
+        pixels_in(*maps_[k].map, FrameIndex{static_cast<std::uint32_t>(in_earlier)}),
+        pixels_in(*maps_[m].map, FrameIndex{i}));
+  };
+  for (std::size_t k = 0; k < m; ++k) {
+    const std::vector<FrameIndex>& earlier = result_.frames[k];
+    if (earlier.empty()) continue;
+    if (i == 0 && is_same(k, earlier.back(), earlier.size() - 1)) return earlier.back();
+    if (is_last && is_same(k, earlier.front(), 0)) return earlier.front();
+  }
+  return std::nullopt;
+}
+
+// Captures number their images alike, and programs find an image by its name: images of different maps that share one
+// are told apart by the names of their maps.
+void Fusion::tell_images_apart() {
+  std::vector<std::string>& names = tables_.frames.image_names;
+  std::vector<std::size_t> map_of(names.size());  // the first map of each frame
+  for (std::size_t m = maps_.size(); m-- > 0;) {
+    for (const FrameIndex frame : result_.frames[m]) map_of[frame.value] = m;
+  }
+  std::string example;
+  std::size_t alike = 0;
+  for (bool changed = true; changed;) {
+    changed = false;
+    std::vector<bool> next = has_prefix_;
+    std::map<std::string, std::size_t> map_with;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      if (names[i].empty()) continue;
+      const std::size_t m = map_of[i];
+      const auto [other, is_new] = map_with.emplace(image_name(m, names[i]), m);
+      if (is_new || other->second == m) continue;
+      alike += names[i] == other->first ? 1 : 0;
+      if (has_prefix_[m] && has_prefix_[other->second]) continue;
+      if (example.empty()) {
+        example = fmt::format("{} of {} and {}", printable(names[i]), maps_[other->second].name,
+                              maps_[m].name);
+      }
+      next[m] = next[other->second] = changed = true;
+    }
+    has_prefix_ = std::move(next);
+  }
+  if (example.empty()) return;
+  std::string folders;
+  std::size_t renamed = 0;
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    if (!has_prefix_[m]) continue;
+    constexpr std::size_t kShown = 4;
+    if (++renamed <= kShown) folders += (renamed > 1 ? ", " : "") + image_folder(m);
+    if (renamed == kShown + 1) folders += ", ...";
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) names[i] = image_name(map_of[i], names[i]);
+  if (options_.log) {
+    options_.log(fmt::format(
+        "names that images of different maps share: {}, e.g. {}; the names of all images of these "
+        "{} maps begin with the map's name now. Programs find the images if those of each map are "
+        "copied into a folder of that name: {}",
+        alike, example, renamed, folders));
+  }
+}
+
+std::vector<std::vector<bool>> Fusion::repeated_observations() const {
+  std::vector<std::vector<bool>> repeated(maps_.size());
+  if (std::find(is_shared_.begin(), is_shared_.end(), true) == is_shared_.end()) return repeated;
+  std::set<std::pair<std::uint32_t, FrameIndex>> seen;
+  for (const std::size_t m : order_) {
+    const ObservationTable& theirs = maps_[m].map->observations();
+    if (theirs.offsets.empty()) continue;
+    for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
+      for (std::uint64_t k = theirs.offsets[i]; k < theirs.offsets[i + 1]; ++k) {
+        const FrameIndex frame = result_.frames[m][theirs.frames[k].value];
+        if (!is_shared_[frame.value] || seen.emplace(landmark_of_[m][i], frame).second) continue;
+        repeated[m].resize(theirs.frames.size(), false);
+        repeated[m][k] = true;
+      }
+    }
+  }
+  return repeated;
+}
+
+void Fusion::set_observations() {
+  ObservationTable& observations = tables_.observations;
+  bool any = false;
+  bool keypoints = false;
+  bool depths = false;
+  bool octaves = false;
+  bool sources = false;
+  bool sigmas = false;
+  for (const PlacedMap& placed : maps_) {
+    const ObservationTable& theirs = placed.map->observations();
+    any = any || !theirs.offsets.empty();
+    keypoints = keypoints || !theirs.keypoints.empty();
+    depths = depths || !theirs.depths.empty();
+    octaves = octaves || !theirs.octaves.empty();
+    sources = sources || !theirs.sources.empty();
+    sigmas = sigmas || !theirs.sigmas_px.empty();
+    if (!placed.map->has_observations() && options_.log) {
+      options_.log(placed.name +
+                   ": does not know who observed its landmarks, which count as not observed");
+    }
+  }
+  if (!any) return;
+  const std::vector<std::vector<bool>> repeated = repeated_observations();
+  observations.offsets.assign(last_member_.size() + 1, 0);
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const ObservationTable& theirs = maps_[m].map->observations();
+    if (theirs.offsets.empty()) continue;
+    for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
+      std::uint64_t& count = observations.offsets[landmark_of_[m][i] + 1];
+      for (std::uint64_t k = theirs.offsets[i]; k < theirs.offsets[i + 1]; ++k) {
+        count += repeated[m].empty() || !repeated[m][k] ? 1 : 0;
+      }
+    }
+  }
+  for (std::size_t i = 1; i < observations.offsets.size(); ++i) {
+    observations.offsets[i] += observations.offsets[i - 1];
+  }
+  const std::size_t count = observations.offsets.back();
+  observations.frames.resize(count);
+  observations.pixels.resize(count);
+  if (keypoints) observations.keypoints.resize(count);
+  if (depths) observations.depths.resize(count);
+  if (octaves) observations.octaves.resize(count);
+  if (sources) observations.sources.resize(count);
+  if (sigmas) observations.sigmas_px.resize(count);
+  std::vector<std::uint64_t> next(observations.offsets.begin(), observations.offsets.end() - 1);
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const ObservationTable& theirs = maps_[m].map->observations();
+    if (theirs.offsets.empty()) continue;
+    const double scale = maps_[m].world_from_map.scale();
+    for (std::size_t i = 0; i < landmark_of_[m].size(); ++i) {
+      for (std::uint64_t k = theirs.offsets[i]; k < theirs.offsets[i + 1]; ++k) {
+        if (!repeated[m].empty() && repeated[m][k]) continue;
+        const std::uint64_t to = next[landmark_of_[m][i]]++;
+        observations.frames[to] = result_.frames[m][theirs.frames[k].value];
+        observations.pixels[to] = theirs.pixels[k];
+        if (!theirs.keypoints.empty()) observations.keypoints[to] = theirs.keypoints[k];
+        if (!theirs.depths.empty() && theirs.depths[k]) {
+          observations.depths[to] = scale * *theirs.depths[k];
+        }
+        if (!theirs.octaves.empty()) observations.octaves[to] = theirs.octaves[k];
+        // A patch defines the landmark of its own map, not the fused one.
+        const bool defines =
+            !theirs.sources.empty() && theirs.sources[k] == PixelSource::kReference;
+        if (defines && parts_[landmark_of_[m][i]] > 1) continue;
+        if (!theirs.sources.empty()) observations.sources[to] = theirs.sources[k];
+        if (!theirs.sigmas_px.empty()) observations.sigmas_px[to] = theirs.sigmas_px[k];
+      }
+    }
+  }
+}
+
+namespace {
+
+// A point of one name and place is the same one.
+void add_control_points(const std::vector<ControlPoint>& more, std::vector<ControlPoint>& all) {
+  for (const ControlPoint& point : more) {
+    const auto same = std::find_if(all.begin(), all.end(), [&](const ControlPoint& other) {
+      return other.name == point.name && other.latitude_deg == point.latitude_deg &&
+             other.longitude_deg == point.longitude_deg && other.altitude_m == point.altitude_m;
+    });
+    if (same == all.end()) {
+      all.push_back(point);
+      continue;
+    }
+    for (const ControlPoint::View& view : point.views) {
+      if (std::find(same->views.begin(), same->views.end(), view) == same->views.end()) {
+        same->views.push_back(view);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+// Which frames are a map's: consecutive ones, and those that an earlier map has too.
+std::string Fusion::frames_line(std::size_t m) const {
+  // New frames come behind all others.
+  std::uint32_t known = 0;
+  for (std::size_t k = 0; k < m; ++k) {
+    for (const FrameIndex frame : result_.frames[k]) known = std::max(known, frame.value + 1);
+  }
+  std::string line;
+  std::vector<FrameIndex> own;
+  for (std::size_t i = 0; i < result_.frames[m].size(); ++i) {
+    const FrameIndex frame = result_.frames[m][i];
+    if (frame.value >= known) {
+      own.push_back(frame);
+    } else {
+      line += fmt::format("; frame {} is its {} too", frame.value, i == 0 ? "first" : "last");
+    }
+  }
+  if (own.empty()) return line;
+  return fmt::format("; frames {} to {} are its {}{} in their order", own.front().value,
+                     own.back().value, line.empty() ? "" : "other ", own.size()) +
+         line;
+}
+
+void Fusion::set_info() {
+  const PlacedMap& placed_first = maps_.front();
+  const MapInfo& first = placed_first.map->info();
+  MapInfo& info = tables_.info;
+  info.length_unit = first.length_unit;
+  info.gravity = first.gravity;
+  if (placed_first.is_in_world()) {
+    info.world_frame = first.world_frame;
+  } else if (info.gravity) {
+    info.gravity = placed_first.world_from_map.rigid().rotation() * *info.gravity;
+  }
+  for (std::size_t m = 0; m < maps_.size(); ++m) {
+    const MapInfo& theirs = maps_[m].map->info();
+    if (theirs.georeference && !info.georeference) {
+      info.georeference = maps_[m].is_in_world()
+                              ? *theirs.georeference
+                              : theirs.georeference->moved(maps_[m].world_from_map);
+    }
+    std::vector<ControlPoint> points = theirs.control_points;
+    for (ControlPoint& point : points) {
+      for (ControlPoint::View& view : point.views) view.image_name = image_name(m, view.image_name);
+    }
+    add_control_points(points, info.control_points);
+    for (const std::string& line : theirs.provenance) {
+      info.provenance.push_back(fmt::format("{}: {}", maps_[m].name, line));
+    }
+    std::string line = fmt::format("map {} of a merge: {}", m, maps_[m].name);
+    if (theirs.uuid) line += fmt::format(", uuid {}", *theirs.uuid);
+    line += fmt::format(", {} landmarks, of which {} were fused with those of other maps",
+                        result_.maps[m].landmarks, result_.maps[m].fused);
+    line += frames_line(m);
+    info.provenance.push_back(std::move(line));
+  }
+}
+
+}  // namespace cairn::detail

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/merging/detail/association.hpp"
+#include "cairn/merging/fusion/fuse_maps.hpp"
+
+namespace cairn::detail {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+inline bool is_known(const Matrix3d& covariance) {
+  return !std::isnan(covariance(0, 0));
+}
+
+// A map's landmarks in the world frame. Covariances are zero if unknown.
+struct WorldLandmarks {
+  std::vector<Vector3d> positions;
+  std::vector<Matrix3d> covariances;
+};
+
+// Which landmark of which map is one of those that a fused landmark combines.
+struct Member {
+  std::uint32_t map = 0;
+  std::uint32_t landmark = 0;
+  double probability = 1.0;  // that it is the same as the earlier ones
+  std::uint32_t previous = kNoMember;
+
+  static constexpr std::uint32_t kNoMember = std::numeric_limits<std::uint32_t>::max();
+};
+
+// An estimate of a position. The uncertainty of the maps' poses moves all landmarks of a map together, so it does not tell
+// which of them are better.
+struct Estimate {
+  Vector3d position;
+  Matrix3d covariance;  // by which landmarks are weighted
+  Matrix3d
+      compared;  // by which they are compared: with that of the poses relative to the largest map's
+  Matrix3d stated;  // with that of the poses in the world
+};
+
+// The fused map under construction.
+class Fusion {
+ public:
+  Fusion(std::span<const PlacedMap> maps, const FusionOptions& options);
+
+  FusionResult run();
+
+ private:
+  void add(std::size_t m);
+  void add_frames(std::size_t m);
+  void tell_images_apart();
+  std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
+                                        std::optional<CameraIndex> camera) const;
+  void estimate_variances(std::size_t m, const AssociationResult& association);
+  Estimate estimate(std::uint32_t landmark) const;
+  void count_fused();
+  void append(std::size_t m, std::uint32_t i);
+  void set_positions();
+  void take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark);
+  void take_further(const DescriptorColumn& theirs, std::uint32_t i, std::uint32_t landmark);
+  void set_further();
+  void set_columns();
+  std::vector<std::vector<bool>> repeated_observations() const;
+  void set_observations();
+  std::string frames_line(std::size_t m) const;
+  // The folder of a map's images; without blanks, at which COLMAP ends a name.
+  std::string image_folder(std::size_t m) const {
+    std::string folder = maps_[m].name + "/";
+    std::replace(folder.begin(), folder.end(), ' ', '_');
+    return folder;
+  }
+  std::string image_name(std::size_t m, const std::string& name) const {
+    return has_prefix_[m] && !name.empty() ? image_folder(m) + name : name;
+  }
+  void set_info();
+
+  bool has_covariance(std::size_t m, std::uint32_t i) const {
+    const auto& covariances = maps_[m].map->landmarks().covariances;
+    return !covariances.empty() && is_known(covariances[i]);
+  }
+
+  std::span<const PlacedMap> maps_;
+  const FusionOptions& options_;
+  std::vector<std::size_t> order_;  // in which maps are added, whatever order they are given in
+  FusionResult result_;
+  MapTables tables_;
+  std::vector<WorldLandmarks> world_;  // by map
+  // By map: variance of its landmarks that their covariances do not explain. Unknown before another map has the same ones.
+  std::vector<std::optional<double>> variances_;
+  std::vector<std::size_t>
+      original_;  // by map: the first one with the same landmarks, mostly itself
+  std::vector<Member> members_;
+  std::vector<std::uint32_t> last_member_;  // of each fused landmark
+  std::vector<Vector3d> positions_;         // of the fused landmarks, so far
+  std::vector<Matrix3d> covariances_;       // with the variances
+  bool has_colors_ = false;
+  std::vector<std::uint32_t> best_observed_;  // observations of the part that gave the descriptor
+  bool has_further_ = false;                  // a map with several of a landmark
+  std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
+  std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
+  std::vector<bool> is_shared_;                          // by frame: whether two maps have it
+  std::vector<std::size_t> map_of_frame_;                // whose pose it has
+  std::vector<bool> has_prefix_;                         // by map: before the names of its images
+  std::vector<std::uint32_t> from_map_;
+  std::vector<std::uint32_t> from_landmark_;  // index
+  std::vector<std::uint32_t> parts_;
+};
+
+}  // namespace cairn::detail
