@@ -148,10 +148,8 @@ std::vector<MapPair> pairs_to_link(MapStore& maps, const LinkOptions& options) {
       if (!is_first) add(std::exchange(before->second, map), map);
     }
     std::vector<std::vector<RecognitionCandidate>> found(count);
-    // The first query prepares the index for the others.
-    if (count > 0) found[0] = index.find(std::size_t{0}, candidates);
     options.execution.executor.for_blocks(count, 8, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i) {
+      for (std::size_t i = begin; i < end; ++i) {
         found[i] = index.find(i, candidates);
       }
     });

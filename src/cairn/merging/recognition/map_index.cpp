@@ -183,6 +183,7 @@ std::uint32_t MapIndex::key(std::size_t table, std::span<const std::uint64_t> de
 
 // Counting sort: entries with the same key become adjacent, in their order.
 void MapIndex::prepare() const {
+  const std::lock_guard lock(preparing_);
   if (words_each_ == 0 || (prepared_ == descriptors() && !starts_.empty())) return;
   words_.shrink_to_fit();
   choose_bits();

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -51,8 +52,7 @@ class MapIndex {
   bool holds(std::size_t map) const { return entries_of_[map] > 0; }
 
   /// The maps most similar to map number `map`, likeliest first, at most `most`; of equal scores the lower
-  /// number. The first call after an add() prepares the index; until it returns, no other thread may call
-  /// this.
+  /// number. The first call after an add() prepares the index. Any number of threads may call this.
   std::vector<RecognitionCandidate> find(std::size_t map, std::size_t most) const;
   /// The same for any map.
   std::vector<RecognitionCandidate> find(const LandmarkMap& map, std::size_t most) const;
@@ -84,6 +84,7 @@ class MapIndex {
   mutable std::vector<std::vector<std::uint32_t>> starts_;
   mutable std::vector<std::vector<std::uint32_t>> entries_;
   mutable std::size_t prepared_ = 0;
+  mutable std::mutex preparing_;
 };
 
 }  // namespace cairn
