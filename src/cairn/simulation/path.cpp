@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
@@ -213,16 +214,11 @@ PathKind path_kind(std::string_view name) {
 }
 
 void PathOptions::validate() const {
-  const auto check = [](double value, double low, double high, const char* field) {
-    if (value >= low && value <= high) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("PathOptions.{}", field), fmt::format("{}", value),
-                fmt::format("{} to {}", low, high));
-  };
-  check(static_cast<double>(frames), 1.0, 1e6, "frames");
-  check(rate_hz, 0.1, 1000.0, "rate_hz");
-  check(pace, 0.01, 5.0, "pace");
-  check(shake, 0.0, 5.0, "shake");
-  check(clearance_m, 0.0, 1.0, "clearance_m");
+  detail::require_within(frames, std::size_t{1}, std::size_t{1000000}, "PathOptions.frames");
+  detail::require_within(rate_hz, 0.1, 1000.0, "PathOptions.rate_hz");
+  detail::require_within(pace, 0.01, 5.0, "PathOptions.pace");
+  detail::require_within(shake, 0.0, 5.0, "PathOptions.shake");
+  detail::require_within(clearance_m, 0.0, 1.0, "PathOptions.clearance_m");
 }
 
 Rigid3 looking_at(const Vector3d& position, const Vector3d& target) {

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 std::uint64_t hashed(std::uint64_t x) {
@@ -276,4 +276,4 @@ Texture Canvas::texture() const {
           std::move(texels)};
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "cairn/core/random.hpp"
-#include "cairn/simulation/texture.hpp"
+#include "cairn/simulation/scene.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A colour as displayed on a screen, each channel in [0, 1].
 struct Paint {
@@ -77,4 +77,4 @@ class Canvas {
   std::vector<Paint> pixels_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -2,12 +2,14 @@
 #include "cairn/simulation/detail/furniture.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <string_view>
 
 #include "cairn/simulation/detail/paintings.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Vector3d;
@@ -318,116 +320,63 @@ std::vector<SupportSurface> add_kitchen_front(SceneBuilder& builder, const Rigid
           {above(shelf, kDepth + 0.02 - 0.5 * kShallow, kWallUnits + 0.22), 0.58, kShallow - 0.02}};
 }
 
+namespace {
+
+struct Range {
+  double low;
+  double high;
+};
+
+constexpr Range exactly(double value) {
+  return {value, value};
+}
+
+struct ItemSpecies {
+  std::string_view name;
+  Range width, depth, height;  // metres
+};
+
+// In the order of ItemKind.
+constexpr std::array<ItemSpecies, 19> kSpecies = {{
+    {"monitor", {0.46, 0.58}, exactly(0.2), exactly(0.39)},
+    {"laptop", exactly(0.34), exactly(0.3), exactly(0.23)},
+    {"keyboard", exactly(0.44), exactly(0.14), exactly(0.025)},
+    {"mouse", exactly(0.06), exactly(0.1), exactly(0.035)},
+    {"cup", exactly(0.085), exactly(0.085), {0.085, 0.11}},
+    {"bottle", exactly(0.075), exactly(0.075), {0.2, 0.28}},
+    {"book", {0.14, 0.2}, {0.2, 0.27}, {0.015, 0.05}},
+    {"book stack", exactly(0.26), exactly(0.28), {0.08, 0.2}},
+    {"upright books", {0.2, 0.4}, exactly(0.18), exactly(0.24)},
+    {"paper", exactly(0.21), exactly(0.297), exactly(0.001)},
+    {"carton", {0.3, 0.6}, {0.3, 0.5}, {0.2, 0.5}},
+    {"small box", {0.07, 0.22}, {0.06, 0.18}, {0.05, 0.2}},
+    {"pen holder", exactly(0.085), exactly(0.085), exactly(0.1)},
+    {"lamp", exactly(0.24), exactly(0.24), exactly(0.38)},
+    {"plant", exactly(0.2), exactly(0.2), exactly(0.3)},
+    {"big plant", exactly(0.6), exactly(0.6), exactly(1.4)},
+    {"chair", exactly(0.5), exactly(0.5), exactly(0.95)},
+    {"bin", exactly(0.3), exactly(0.3), exactly(0.36)},
+    {"pallet", exactly(1.2), exactly(0.8), exactly(1.1)},
+}};
+
+}  // namespace
+
 std::string item_name(ItemKind kind) {
-  switch (kind) {
-    case ItemKind::kMonitor:
-      return "monitor";
-    case ItemKind::kLaptop:
-      return "laptop";
-    case ItemKind::kKeyboard:
-      return "keyboard";
-    case ItemKind::kMouse:
-      return "mouse";
-    case ItemKind::kCup:
-      return "cup";
-    case ItemKind::kBottle:
-      return "bottle";
-    case ItemKind::kBook:
-      return "book";
-    case ItemKind::kBookStack:
-      return "book stack";
-    case ItemKind::kUprightBooks:
-      return "upright books";
-    case ItemKind::kPaper:
-      return "paper";
-    case ItemKind::kCarton:
-      return "carton";
-    case ItemKind::kSmallBox:
-      return "small box";
-    case ItemKind::kPenHolder:
-      return "pen holder";
-    case ItemKind::kLamp:
-      return "lamp";
-    case ItemKind::kPlant:
-      return "plant";
-    case ItemKind::kBigPlant:
-      return "big plant";
-    case ItemKind::kChair:
-      return "chair";
-    case ItemKind::kBin:
-      return "bin";
-    case ItemKind::kPallet:
-      return "pallet";
-  }
-  return "thing";
+  return std::string(kSpecies[static_cast<std::size_t>(kind)].name);
 }
 
 ItemShape item_shape(ItemKind kind, std::uint64_t seed) {
   ItemShape shape{0.1, 0.1, 0.1, Random(seed)};
-  const auto set = [&](double width, double depth, double height) {
-    shape.width = width;
-    shape.depth = depth;
-    shape.height = height;
+  const auto draw = [&](const Range& range) {
+    return range.low < range.high ? shape.random.uniform(range.low, range.high) : range.low;
   };
-  Random& random = shape.random;
-  switch (kind) {
-    case ItemKind::kMonitor:
-      set(random.uniform(0.46, 0.58), 0.2, 0.39);
-      break;
-    case ItemKind::kLaptop:
-      set(0.34, 0.3, 0.23);
-      break;
-    case ItemKind::kKeyboard:
-      set(0.44, 0.14, 0.025);
-      break;
-    case ItemKind::kMouse:
-      set(0.06, 0.1, 0.035);
-      break;
-    case ItemKind::kCup:
-      set(0.085, 0.085, random.uniform(0.085, 0.11));
-      break;
-    case ItemKind::kBottle:
-      set(0.075, 0.075, random.uniform(0.2, 0.28));
-      break;
-    case ItemKind::kBook:
-      set(random.uniform(0.14, 0.2), random.uniform(0.2, 0.27), random.uniform(0.015, 0.05));
-      break;
-    case ItemKind::kBookStack:
-      set(0.26, 0.28, random.uniform(0.08, 0.2));
-      break;
-    case ItemKind::kUprightBooks:
-      set(random.uniform(0.2, 0.4), 0.18, 0.24);
-      break;
-    case ItemKind::kPaper:
-      set(0.21, 0.297, 0.001 + 0.012 * random.uniform() * random.uniform());
-      break;
-    case ItemKind::kCarton:
-      set(random.uniform(0.3, 0.6), random.uniform(0.3, 0.5), random.uniform(0.2, 0.5));
-      break;
-    case ItemKind::kSmallBox:
-      set(random.uniform(0.07, 0.22), random.uniform(0.06, 0.18), random.uniform(0.05, 0.2));
-      break;
-    case ItemKind::kPenHolder:
-      set(0.085, 0.085, 0.1);
-      break;
-    case ItemKind::kLamp:
-      set(0.24, 0.24, 0.38);
-      break;
-    case ItemKind::kPlant:
-      set(0.2, 0.2, 0.3);
-      break;
-    case ItemKind::kBigPlant:
-      set(0.6, 0.6, 1.4);
-      break;
-    case ItemKind::kChair:
-      set(0.5, 0.5, 0.95);
-      break;
-    case ItemKind::kBin:
-      set(0.3, 0.3, 0.36);
-      break;
-    case ItemKind::kPallet:
-      set(1.2, 0.8, 1.1);
-      break;
+  const ItemSpecies& species = kSpecies[static_cast<std::size_t>(kind)];
+  // What a seed gives depends on the order of the draws.
+  shape.height = draw(species.height);
+  shape.depth = draw(species.depth);
+  shape.width = draw(species.width);
+  if (kind == ItemKind::kPaper) {  // mostly thin
+    shape.height += 0.012 * shape.random.uniform() * shape.random.uniform();
   }
   return shape;
 }
@@ -666,4 +615,4 @@ void add_item(SceneBuilder& builder, ItemKind kind, ItemShape shape) {
   }
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

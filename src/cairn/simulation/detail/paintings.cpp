@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace cairn::paintings {
+namespace cairn::detail::paintings {
 namespace {
 
 constexpr Paint kInk{0.08F, 0.08F, 0.1F};
@@ -834,4 +834,4 @@ void leaf(Canvas& canvas, Random& random) {
   canvas.grain(0.15, random);
 }
 
-}  // namespace cairn::paintings
+}  // namespace cairn::detail::paintings

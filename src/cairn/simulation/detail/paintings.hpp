@@ -5,7 +5,7 @@
 
 /// Pictures for walls, floors, furniture and items. Each function fills the canvas with a picture that
 /// depends on the random numbers and is rich in corners. Only the tiles have a repeating pattern.
-namespace cairn::paintings {
+namespace cairn::detail::paintings {
 
 void plaster(Canvas& canvas, Random& random);       ///< a wall, with stains, scuffs and cracks
 void bricks(Canvas& canvas, Random& random);        ///< a painted wall of blocks
@@ -36,4 +36,4 @@ void cupboard(Canvas& canvas, Random& random);     ///< a door of the canvas's o
 void oven(Canvas& canvas, Random& random);
 void leaf(Canvas& canvas, Random& random);
 
-}  // namespace cairn::paintings
+}  // namespace cairn::detail::paintings

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-namespace cairn {
+namespace cairn::detail {
 
 std::uint32_t SceneBuilder::paint(double width_m, double height_m, double texels_per_metre,
                                   const Paint& background, Painting painting, Random random) {
@@ -100,4 +100,4 @@ Scene SceneBuilder::build(const Executor& executor) {
   return std::move(scene_);
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

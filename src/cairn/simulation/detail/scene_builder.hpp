@@ -11,7 +11,7 @@
 #include "cairn/simulation/detail/canvas.hpp"
 #include "cairn/simulation/scene.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Builds a scene object by object. In an object's frame x points right, y to the back and z up; its front
 /// faces -y.
@@ -63,4 +63,4 @@ class SceneBuilder {
   Scene scene_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

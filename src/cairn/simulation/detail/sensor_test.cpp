@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/simulation/sensor.hpp"
+#include "cairn/simulation/detail/sensor.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Each;
@@ -200,4 +200,4 @@ TEST(Sensor, RefusesNonsenseByName) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/simulation/renderer.hpp"
+#include "cairn/simulation/detail/renderer.hpp"
 
 #include <algorithm>
 #include <array>
@@ -15,7 +15,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Vector3d;
@@ -110,14 +110,6 @@ struct Renderer::State {
   double light_at(const Surface& surface, const Vector3d& point, std::uint64_t seed) const;
   bool occluded(const Vector3d& from, const Vector3d& direction, double far) const;
 };
-
-void RendererOptions::validate() const {
-  const bool inside = light_grid_m >= 0.01 && light_grid_m <= 1.0;
-  if (!inside) {
-    throw Error(ErrorKind::kMisuse, "RendererOptions.light_grid_m", fmt::format("{}", light_grid_m),
-                "0.01 to 1");
-  }
-}
 
 RayTable ray_table(const Camera& camera) {
   const std::string defect = camera_defect(camera);
@@ -624,4 +616,4 @@ RenderedFrame Renderer::render(const Camera& camera, const RayTable& rays,
   return std::move(job.frame);
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -9,8 +9,9 @@
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/simulation/scene.hpp"
+#include "cairn/simulation/simulator.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Image of an ideal camera, without noise or limits. Row by row from the top left.
 struct RenderedFrame {
@@ -38,16 +39,6 @@ struct RayTable {
 /// @throws Error (misuse) for a defective camera, or naming a pixel where its distortion cannot be inverted
 RayTable ray_table(const Camera& camera);
 
-struct RendererOptions {
-  /// Grid of the precomputed light on each surface, metres; 0.01 to 1.
-  double light_grid_m = 0.08;
-  /// Averages four lines of sight in pixels with an edge; if false, each pixel uses its centre.
-  bool smooth_edges = true;
-
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-};
-
 /// Renders a scene by casting a ray through each pixel (Embree). Precomputes the light: from the lights,
 /// with soft shadows, and from the surroundings, darker in corners; surfaces are matt. The image is the
 /// same for any number of threads. Other processors may round differently: depth then agrees to a relative
@@ -70,4 +61,4 @@ class Renderer {
   std::shared_ptr<const State> state_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

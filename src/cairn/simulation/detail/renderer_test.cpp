@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/simulation/renderer.hpp"
+#include "cairn/simulation/detail/renderer.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 #include "cairn/simulation/detail/scene_builder.hpp"
 #include "cairn/simulation/path.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Vector3d;
@@ -227,4 +227,4 @@ TEST(Renderer, RefusesWhatIsWrongByName) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/simulation/sensor.hpp"
+#include "cairn/simulation/detail/sensor.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
-#include <fmt/format.h>
-
-#include "cairn/core/error.hpp"
-
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 constexpr std::size_t kRows = 16;  // of a block
@@ -65,30 +62,7 @@ const std::array<float, kTableSize>& normal_table() {
   return table;
 }
 
-void check(double value, double low, double high, const char* field) {
-  if (value >= low && value <= high) return;
-  throw Error(ErrorKind::kMisuse, fmt::format("SensorOptions.{}", field), fmt::format("{}", value),
-              fmt::format("{:.6g} to {:.6g}", low, high));
-}
-
 }  // namespace
-
-void SensorOptions::validate() const {
-  check(exposure, 0.01, 100.0, "exposure");
-  check(color_noise, 0.0, 100.0, "color_noise");
-  check(depth_noise_m, 0.0, 0.1, "depth_noise_m");
-  check(depth_step_m, 0.0, 0.1, "depth_step_m");
-  check(min_depth_m, 0.0, 1000.0, "min_depth_m");
-  check(max_depth_m, 0.0, 1000.0, "max_depth_m");
-  if (max_depth_m <= min_depth_m) {
-    throw Error(ErrorKind::kMisuse, "SensorOptions.max_depth_m", fmt::format("{}", max_depth_m),
-                fmt::format("more than min_depth_m, {}", min_depth_m));
-  }
-  check(baseline_m, 0.0, 10.0, "baseline_m");
-  check(max_incidence_rad, 0.0, 0.5 * std::numbers::pi, "max_incidence_rad");
-  check(edge_holes, 0.0, 1.0, "edge_holes");
-  check(dropout, 0.0, 1.0, "dropout");
-}
 
 std::vector<std::uint8_t> expose(const RenderedFrame& frame, const SensorOptions& options,
                                  std::uint64_t stream, const Executor& executor) {
@@ -180,4 +154,4 @@ std::vector<float> measure_depth(const RenderedFrame& frame, double focal_length
   return image;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail
