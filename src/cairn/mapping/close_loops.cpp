@@ -19,8 +19,7 @@
 #include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/optimise_poses.hpp"
 #include "cairn/merging/recognition/map_index.hpp"
-#include "cairn/vision/odometry/mini_map_graph.hpp"
-#include "cairn/vision/odometry/stated_covariance.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "cairn/merging/fusion/fuse_and_adjust.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
-#include "cairn/vision/odometry/map_sequence.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {
 
