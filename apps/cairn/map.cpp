@@ -23,10 +23,8 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
 #include "cairn/mapping/close_loops.hpp"
-#include "cairn/vision/odometry/map_at_poses.hpp"
-#include "cairn/vision/odometry/map_sequence.hpp"
-#include "cairn/vision/odometry/mini_map_graph.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/map_sequence.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "commands.hpp"
 #include "support/adjustment.hpp"

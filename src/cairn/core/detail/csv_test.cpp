@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/processor.hpp"
+#include "cairn/core/detail/processor.hpp"
 
 #include <array>
 #include <cstdio>
@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // "x86-64-v3" if that is the highest level that the C library's loader calls supported, "" if it names none.
@@ -40,4 +40,4 @@ TEST(Processor, IsOfTheHighestLevelThatTheLoaderSupports) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/outputs.hpp"
+#include "cairn/core/detail/files_read.hpp"
 
 #include <fmt/format.h>
 #include <sys/stat.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/core/hash.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
+
+thread_local FilesRead* innermost_record = nullptr;
 
 // The file of an output, which no path identifies.
 struct OutputIdentity {
@@ -22,6 +26,28 @@ std::vector<OutputIdentity>& outputs_not_to_read() {
 }
 
 }  // namespace
+
+FilesRead::FilesRead() : outer_(innermost_record) {
+  innermost_record = this;
+}
+
+FilesRead::~FilesRead() {
+  innermost_record = outer_;
+}
+
+void note_file_read(const std::filesystem::path& path) {
+  for (FilesRead* record = innermost_record; record != nullptr; record = record->outer_) {
+    if (record->known_.insert(path).second) record->paths_.push_back(path);
+  }
+}
+
+std::string hash_files(const std::vector<std::filesystem::path>& paths) {
+  Hasher hasher;
+  for (const std::filesystem::path& path : paths) {
+    hasher.update(hash_file(path) + "\n");
+  }
+  return "xxh3:" + to_string(hasher.digest());
+}
 
 void refuse_to_read(const std::vector<NamedOutput>& outputs) {
   outputs_not_to_read().clear();
@@ -40,4 +66,4 @@ void require_no_output(const std::filesystem::path& path, const struct stat& sta
   }
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

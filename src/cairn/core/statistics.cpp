@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 
 #include <algorithm>
 #include <cmath>

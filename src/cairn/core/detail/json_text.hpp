@@ -7,7 +7,7 @@
 #include <string_view>
 #include <utility>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Largest nesting depth of JSON that is read. Values are copied, compared and printed by recursion, which
 /// needs stack for each level.
@@ -39,4 +39,4 @@ std::optional<Json> parse_json(std::string_view text, std::string_view name) {
   return std::optional<Json>(std::in_place, std::move(json));
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 
 #include <cmath>
 #include <vector>
@@ -38,6 +38,17 @@ TEST(Quantile, RefusesWhatHasNone) {
   EXPECT_THROW(quantile({}, 0.5), Error);
   EXPECT_THROW(quantile(std::vector<double>{1.0}, 1.1), Error);
   EXPECT_THROW(quantile(std::vector<double>{1.0}, std::nan("")), Error);
+}
+
+TEST(NthLowest, CountsFromTheLowest) {
+  const std::vector<int> values = {40, 10, 20, 30};
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_EQ(nth_lowest(std::vector<int>(values), static_cast<std::size_t>(i)), 10 * (i + 1));
+  }
+  EXPECT_EQ(upper_median(std::vector<int>(values)), 30);
+  EXPECT_EQ(upper_median(std::vector<float>{7.0F}), 7.0F);
+  EXPECT_EQ(lower_quantile(std::vector<int>(values), 0.6), 20);
+  EXPECT_EQ(lower_quantile(std::vector<int>(values), 1.0), 40);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/json_text.hpp"
+#include "cairn/core/detail/json_text.hpp"
 
 #include <array>
 
@@ -7,7 +7,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 void check_json(std::string_view text, std::string_view name, std::size_t most_keys) {
   std::size_t depth = 0;
@@ -38,4 +38,4 @@ void check_json(std::string_view text, std::string_view name, std::size_t most_k
   }
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/processor.hpp"
+#include "cairn/core/detail/processor.hpp"
 
 #include <sys/utsname.h>
 
-namespace cairn {
+namespace cairn::detail {
 
 std::string processor_kind() {
 #if defined(__x86_64__)
@@ -24,4 +24,4 @@ std::string processor_kind() {
 #endif
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

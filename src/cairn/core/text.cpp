@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 
 #include <algorithm>
 #include <cstddef>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/json_text.hpp"
+#include "cairn/core/detail/json_text.hpp"
 
 #include <string>
 
@@ -11,7 +11,7 @@
 
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using nlohmann::json;
@@ -79,4 +79,4 @@ TEST(ParseJson, CountsWhatIsNestedOnly) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail
