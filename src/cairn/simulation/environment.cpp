@@ -34,7 +34,7 @@ using detail::Wall;
 using Eigen::Vector3d;
 using enum detail::ItemKind;
 using enum detail::Wall;
-namespace paintings = detail::paintings;
+using detail::Painter;
 
 constexpr double kPi = std::numbers::pi;
 
@@ -317,9 +317,9 @@ struct Site {
       const double z = bottom + random.uniform(0.0, 0.25);
       if (w > 0.8 && random.chance(0.4)) {
         hang(builder, room, wall, "notice board", x + 0.5 * w, z, w, h, 0.02,
-             paintings::notice_board, {0.5F, 0.4F, 0.3F}, 800.0, random);
+             &Painter::notice_board, {0.5F, 0.4F, 0.3F}, 800.0, random);
       } else {
-        hang(builder, room, wall, "poster", x + 0.5 * w, z, w, h, 0.004, paintings::poster,
+        hang(builder, room, wall, "poster", x + 0.5 * w, z, w, h, 0.004, &Painter::poster,
              {0.9F, 0.9F, 0.9F}, 600.0, random);
       }
       x += w + random.uniform(0.1, 0.5);
@@ -328,25 +328,25 @@ struct Site {
 
   void board(const RoomShape& room, Wall wall, double along, double width) {
     hang(builder, room, layout.wall(wall), "whiteboard", layout.along(room, wall, along), 0.95,
-         width, 1.1, 0.02, paintings::whiteboard, {0.93F, 0.93F, 0.93F}, 500.0, random);
+         width, 1.1, 0.02, &Painter::whiteboard, {0.93F, 0.93F, 0.93F}, 500.0, random);
   }
   void window(const RoomShape& room, Wall wall, double along, double width) {
     hang(builder, room, layout.wall(wall), "window", layout.along(room, wall, along), 0.9, width,
-         1.3, 0.02, paintings::window_view, {0.8F, 0.8F, 0.8F}, 300.0, random);
+         1.3, 0.02, &Painter::window_view, {0.8F, 0.8F, 0.8F}, 300.0, random);
   }
   void door(const RoomShape& room, Wall wall, double along) {
     const Paint paint =
         detail::random_paint(random, random.uniform(0.2, 0.6), random.uniform(0.4, 0.75));
     hang(builder, room, layout.wall(wall), "door", layout.along(room, wall, along), 0.0, 0.95, 2.05,
-         0.04, paintings::door, paint, 400.0, random);
+         0.04, &Painter::door, paint, 400.0, random);
   }
 };
 
 void build_desk(Site& site) {
   const RoomShape drawn{-2.7, -2.3, 3.1, 3.5, 2.7};
-  const RoomLook look{paintings::plaster,
-                      paintings::carpet_tiles,
-                      paintings::ceiling_panels,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::carpet_tiles,
+                      &Painter::ceiling_panels,
                       {0.82F, 0.8F, 0.75F},
                       {0.3F, 0.33F, 0.38F}};
   const RoomShape room = site.room(drawn, look, 2, 2, 2.7);
@@ -392,9 +392,9 @@ void build_desk(Site& site) {
 void build_office(Site& site) {
   const RoomShape drawn{-5.2, -3.8, 4.8, 3.8, 2.8};
   Random& random = site.random;
-  const RoomLook look{paintings::plaster,
-                      paintings::carpet_tiles,
-                      paintings::ceiling_panels,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::carpet_tiles,
+                      &Painter::ceiling_panels,
                       {0.78F, 0.82F, 0.84F},
                       {0.36F, 0.3F, 0.3F}};
   const RoomShape room = site.room(drawn, look, 4, 3, 2.0);
@@ -444,9 +444,9 @@ void build_office(Site& site) {
 void build_corridor(Site& site) {
   const RoomShape drawn{-9.0, -1.5, 9.0, 1.5, 2.6};
   Random& random = site.random;
-  const RoomLook look{paintings::plaster,
-                      paintings::vinyl_tiles,
-                      paintings::ceiling_panels,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::vinyl_tiles,
+                      &Painter::ceiling_panels,
                       {0.85F, 0.78F, 0.62F},
                       {0.5F, 0.5F, 0.5F}};
   const RoomShape room = site.room(drawn, look, 6, 1, 2.7);
@@ -493,9 +493,9 @@ void build_corridor(Site& site) {
 void build_warehouse(Site& site) {
   const RoomShape drawn{-8.0, -6.0, 8.0, 7.0, 5.5};
   Random& random = site.random;
-  const RoomLook look{paintings::bricks,
-                      paintings::concrete,
-                      paintings::metal,
+  const RoomLook look{&Painter::bricks,
+                      &Painter::concrete,
+                      &Painter::metal,
                       {0.6F, 0.6F, 0.58F},
                       {0.45F, 0.45F, 0.44F}};
   const RoomShape room = site.room(drawn, look, 4, 4, 6.5);
@@ -544,15 +544,15 @@ void build_warehouse(Site& site) {
 void build_room(Site& site) {
   const RoomShape drawn{-3.0, -2.5, 3.0, 2.5, 2.5};
   Random& random = site.random;
-  const RoomLook look{paintings::plaster,
-                      paintings::planks,
-                      paintings::plaster,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::planks,
+                      &Painter::plaster,
                       {0.74F, 0.66F, 0.58F},
                       {0.6F, 0.42F, 0.27F}};
   const RoomShape room = site.room(drawn, look, 2, 1, 4.6);
   site.builder.begin_object("rug", site.at(0.0, 0.2));
   const auto carpet =
-      site.builder.paint(2.8, 2.0, 500.0, {0.5F, 0.3F, 0.25F}, paintings::rug, random.fork(7));
+      site.builder.paint(2.8, 2.0, 500.0, {0.5F, 0.3F, 0.25F}, &Painter::rug, random.fork(7));
   site.builder.box({-1.4, -1.0, 0.0}, {2.8, 2.0, 0.01}, SceneBuilder::Skin::all(carpet));
   add_sofa(site.builder, site.at(0.0, 1.6), 1.9, random);
   const std::size_t table = site.table(site.at(0.0, -0.1), 1.2, 0.65, 0.43);
@@ -596,9 +596,9 @@ void build_kitchen(Site& site) {
   const double half = 0.5 * (width + spare);
   const RoomShape room{-half, -1.9, half, 1.3, 2.5};
   const double shade = random.uniform(0.7, 0.85);
-  const RoomLook look{paintings::plaster,
-                      random.chance(0.5) ? paintings::planks : paintings::vinyl_tiles,
-                      paintings::plaster,
+  const RoomLook look{&Painter::plaster,
+                      random.chance(0.5) ? &Painter::planks : &Painter::vinyl_tiles,
+                      &Painter::plaster,
                       {0.82F, 0.8F, 0.74F},
                       {0.55F, 0.42F, 0.3F}};
   add_room(site.builder, room, look, 3, 1, 2.6, random);

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
-#include "cairn/simulation/detail/canvas.hpp"
+#include "cairn/simulation/detail/paintings.hpp"
 #include "cairn/simulation/scene.hpp"
 
 namespace cairn::detail {
@@ -17,7 +17,7 @@ namespace cairn::detail {
 /// faces -y.
 class SceneBuilder {
  public:
-  using Painting = void (*)(Canvas& canvas, Random& random);
+  using Painting = void (Painter::*)();
 
   /// @param texture_scale factor on the resolution of all textures
   explicit SceneBuilder(double texture_scale) : texture_scale_(texture_scale) {}
