@@ -9,9 +9,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/formats/content_uuid.hpp"
 #include "cairn/vision/detail/bundle_adjustment.hpp"
+#include "cairn/vision/detail/covariances.hpp"
 #include "cairn/vision/detail/keyframe_map.hpp"
 #include "cairn/vision/detail/landmark_colors.hpp"
-#include "cairn/vision/detail/landmark_covariance.hpp"
 #include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {

@@ -10,7 +10,7 @@
 #include <ceres/ceres.h>
 
 #include "cairn/adjustment/detail/costs.hpp"
-#include "cairn/vision/detail/residual_limits.hpp"
+#include "cairn/vision/detail/sensor_model.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cairn/vision/detail/linearisation.hpp"
+#include "cairn/vision/detail/covariances.hpp"
 
 #include "support/landmark_graphs.hpp"
 

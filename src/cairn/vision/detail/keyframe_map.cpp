@@ -8,7 +8,7 @@
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/vision/detail/noise_estimation.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
-#include "cairn/vision/detail/residual_limits.hpp"
+#include "cairn/vision/detail/sensor_model.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/vision/detail/landmark_covariance.hpp"
-
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -8,7 +6,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "cairn/vision/detail/linearisation.hpp"
+#include "cairn/vision/detail/covariances.hpp"
 
 #include "support/landmark_graphs.hpp"
 

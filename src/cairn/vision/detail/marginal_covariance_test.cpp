@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/vision/detail/marginal_covariance.hpp"
-
 #include <Eigen/LU>
 #include <gmock/gmock.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/vision/detail/linearisation.hpp"
+#include "cairn/vision/detail/covariances.hpp"
 
 #include "support/landmark_graphs.hpp"
 #include "support/refusal.hpp"
@@ -182,7 +180,7 @@ TEST(MarginalCovariances, NothingInNothingOut) {
 
 TEST(MarginalCovariances, TooManyKeyframesAreRefused) {
   LandmarkGraph graph(testing::test_sensor());
-  for (std::size_t k = 0; k <= kMostMarginalKeyframes; ++k) graph.add_keyframe(Keyframe());
+  for (std::size_t k = 0; k <= kMostDenseFrames; ++k) graph.add_keyframe(Keyframe());
   EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { marginal_covariances(graph); }),
               ::testing::HasSubstr("cut the sequence into mini-maps"));
 }

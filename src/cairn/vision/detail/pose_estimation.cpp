@@ -9,7 +9,7 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
-#include "cairn/vision/detail/residual_limits.hpp"
+#include "cairn/vision/detail/sensor_model.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cmath>
-#include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -54,10 +54,26 @@ inline PointResidual point_residual(const Pinhole& pinhole, const PointMeasureme
   return residual;
 }
 
+// Quantiles of chi² for squared residuals in standard deviations: two degrees of freedom for a pixel, one
+// for a depth. Huber's kernel is quadratic up to 95 %; above 99 %, the noise does not explain a residual.
+inline constexpr double kPixel95 = 5.991;
+inline constexpr double kPixel99 = 9.210;
+inline constexpr double kDepth95 = 3.841;
+inline constexpr double kDepth99 = 6.635;
+
+/// Weight of a squared residual in iteratively reweighted least squares with Huber's kernel.
+inline double huber_weight(double squared, double quadratic_up_to) {
+  return squared <= quadratic_up_to ? 1.0 : std::sqrt(quadratic_up_to / squared);
+}
+
 /// Measurements from keypoints.
 class SensorModel {
  public:
-  SensorModel(const SensorNoise& noise, const Pinhole& pinhole, std::vector<double> octave_scales);
+  /// @throws Error (misuse) naming the field of the noise
+  SensorModel(const SensorNoise& noise, const Pinhole& pinhole, std::vector<double> octave_scales)
+      : noise_(noise), pinhole_(pinhole), octave_scales_(std::move(octave_scales)) {
+    noise_.validate();
+  }
 
   const SensorNoise& noise() const { return noise_; }
   const Pinhole& pinhole() const { return pinhole_; }
@@ -78,7 +94,12 @@ class SensorModel {
   double sigma_depth_m(double depth_m) const {
     return noise_.depth_floor_m + noise_.depth_quadratic * depth_m * depth_m;
   }
-  PointMeasurement measurement(const Keypoint& keypoint) const;
+  PointMeasurement measurement(const Keypoint& keypoint) const {
+    return {.pixel = keypoint.pixel.cast<double>(),
+            .depth_m = keypoint.depth_m,
+            .sigma_pixel = sigma_pixel(keypoint),
+            .sigma_depth_m = sigma_depth_m(keypoint.depth_m)};
+  }
 
  private:
   SensorNoise noise_;

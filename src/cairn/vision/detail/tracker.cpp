@@ -6,8 +6,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/vision/detail/bundle_adjustment.hpp"
-#include "cairn/vision/detail/landmark_covariance.hpp"
-#include "cairn/vision/detail/marginal_covariance.hpp"
+#include "cairn/vision/detail/covariances.hpp"
 #include "cairn/vision/map_sequence.hpp"
 
 namespace cairn::detail {
@@ -493,7 +492,7 @@ Tracker::MapCovariances Tracker::map_covariances(LandmarkCovariance kind) const 
   MapCovariances result;
   const bool marginal = kind == LandmarkCovariance::kMarginal;
   const std::vector<Keyframe>& keyframes = graph_.keyframes();
-  if (marginal || keyframes.size() <= kMostMarginalKeyframes) {
+  if (marginal || keyframes.size() <= kMostDenseFrames) {
     MarginalCovariances all = marginal_covariances(graph_);
     for (std::size_t i = 0; i < keyframes.size(); ++i) {
       // The map is in the frame of its first keyframe.

@@ -50,7 +50,7 @@ class Tracker {
 
   struct MapCovariances {
     std::vector<Eigen::Matrix3d> landmarks;
-    std::vector<Matrix6d> poses;  // one per keyframe; none for more than kMostMarginalKeyframes
+    std::vector<Matrix6d> poses;  // one per keyframe; none for more than kMostDenseFrames
   };
 
   bool start(TrackedFrame& frame);
