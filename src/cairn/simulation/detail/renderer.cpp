@@ -16,12 +16,9 @@
 #include "cairn/core/error.hpp"
 
 namespace cairn::detail {
-namespace {
 
 using Eigen::Vector3d;
 using Eigen::Vector3f;
-
-constexpr std::uint32_t kNothing = RTC_INVALID_GEOMETRY_ID;
 
 struct DeviceDeleter {
   void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
@@ -31,20 +28,6 @@ struct SceneDeleter {
 };
 using Device = std::unique_ptr<std::remove_pointer_t<RTCDevice>, DeviceDeleter>;
 using EmbreeScene = std::unique_ptr<std::remove_pointer_t<RTCScene>, SceneDeleter>;
-
-// log2 to 0.09, exact at powers of two: good enough to choose a mip level by.
-float rough_log2(float x) {
-  const auto bits = std::bit_cast<std::uint32_t>(x);
-  return static_cast<float>(bits) * 0x1p-23F - 127.0F;
-}
-
-// Uniform in [0, 1) from a counter.
-double hashed(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15ULL;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
-  return static_cast<double>((x ^ (x >> 31)) >> 11) * 0x1p-53;
-}
 
 // Light that falls on a surface, at the nodes of a grid from corner to corner.
 struct LightGrid {
@@ -72,6 +55,24 @@ struct Shading {
   std::uint32_t object = 0;
   std::uint32_t texture_index = 0;
 };
+
+namespace {
+
+constexpr std::uint32_t kNothing = RTC_INVALID_GEOMETRY_ID;
+
+// log2 to 0.09, exact at powers of two: good enough to choose a mip level by.
+float rough_log2(float x) {
+  const auto bits = std::bit_cast<std::uint32_t>(x);
+  return static_cast<float>(bits) * 0x1p-23F - 127.0F;
+}
+
+// Uniform in [0, 1) from a counter.
+double uniform_of(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15ULL;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+  return static_cast<double>((x ^ (x >> 31)) >> 11) * 0x1p-53;
+}
 
 // The same in the frame of a camera, for lines of sight d = (x, y, 1):
 // 1 / depth = plane·d; u = u_offset + depth * (u·d).
@@ -255,7 +256,7 @@ double Renderer::State::light_at(const Surface& surface, const Vector3d& point,
   constexpr double kThrownBack = 0.3;
   const Vector3d across = normal.unitOrthogonal();
   const Vector3d along = normal.cross(across);
-  const double turn = hashed(seed);
+  const double turn = uniform_of(seed);
   for (int i = 0; i < kDirections; ++i) {
     const double angle = 2.0 * std::numbers::pi * (i * std::numbers::phi + turn);
     const double height = std::sqrt((i + 0.5) / kDirections);  // more light from above
@@ -270,8 +271,8 @@ double Renderer::State::light_at(const Surface& surface, const Vector3d& point,
     for (int i = 0; i < samples; ++i) {
       const std::uint64_t draw = seed * 1000003 + k * 64 + static_cast<std::uint64_t>(i) * 2;
       const Vector3d target =
-          lamp.centre + Vector3d((hashed(draw) - 0.5) * lamp.width_m,
-                                 ((i + hashed(draw + 1)) / samples - 0.5) * lamp.length_m, 0.0);
+          lamp.centre + Vector3d((uniform_of(draw) - 0.5) * lamp.width_m,
+                                 ((i + uniform_of(draw + 1)) / samples - 0.5) * lamp.length_m, 0.0);
       const Vector3d way = target - from;
       const double squared = way.squaredNorm();
       const Vector3d direction = way / std::sqrt(squared);
