@@ -25,7 +25,8 @@
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
-#include "cairn/vision/odometry/map_at_poses.hpp"
+#include "cairn/vision/detail/features.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 namespace {
 
@@ -88,11 +89,11 @@ struct Counts {
 
 // The corner that is most similar to one of a landmark's first `most` descriptors, if similar enough.
 std::optional<std::uint32_t> most_similar(const DescriptorColumn& column, std::uint32_t landmark,
-                                          std::size_t most, const Features& features) {
+                                          std::size_t most, const detail::Features& features) {
   std::optional<std::uint32_t> best;
   std::uint32_t least = kMostBits + 1;
   for (std::size_t k = 0; k < std::min(column.count(landmark), most); ++k) {
-    Descriptor descriptor;
+    detail::Descriptor descriptor;
     std::memcpy(descriptor.data(), column.descriptor(landmark, k).data(), sizeof descriptor);
     for (std::uint32_t i = 0; i < features.size(); ++i) {
       const auto bits =
@@ -107,8 +108,9 @@ std::optional<std::uint32_t> most_similar(const DescriptorColumn& column, std::u
 }
 
 void count(const LandmarkMap& map, FrameIndex keyframe, const RgbdFrame& view,
-           const FeatureExtractor& extractor, Counts& counts) {
-  const Features features = extractor.extract(images_of(view).gray, cv::Mat());
+           const detail::FeatureExtractor& extractor, Counts& counts) {
+  const detail::Features features =
+      extractor.extract(detail::matrix_of(images_of(view).gray), cv::Mat());
   const Rigid3 camera_from_world = view.world_from_camera.inverse();
   const DescriptorColumn& column = *map.landmarks().descriptors;
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
@@ -128,9 +130,9 @@ void count(const LandmarkMap& map, FrameIndex keyframe, const RgbdFrame& view,
     if (std::abs(depth - x.z()) > kSameDepth * x.z()) continue;
     ++counts.shown;
     const auto is_there = [&](std::uint32_t corner) {
-      const Keypoint& keypoint = features.keypoints()[corner];
+      const detail::Keypoint& keypoint = features.keypoints()[corner];
       return (keypoint.pixel.cast<double>() - pixel).norm() <=
-             kCorner * extractor.scale(keypoint.octave);
+             kCorner * extractor.scales()[keypoint.octave];
     };
     bool has_corner = false;
     for (std::uint32_t corner = 0; corner < features.size() && !has_corner; ++corner) {
@@ -177,7 +179,7 @@ void measure(EnvironmentKind kind, std::uint64_t seed, std::vector<Counts>& coun
   other_noise.seed = seed + 1;
   const RgbdSimulator again(std::move(place.scene), Trajectory(std::move(poses)), other_noise,
                             executor);
-  const FeatureExtractor extractor(camera, FeatureOptions());
+  const detail::FeatureExtractor extractor(camera, FeatureOptions());
   for (std::size_t i = 0; i < keyframe_of.size(); ++i) {
     count(map, keyframe_of[i], again.frame(i, executor), extractor, counts[i % all.size()]);
   }

@@ -20,8 +20,8 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/vision/localization/image_locator.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/image_locator.hpp"
+#include "cairn/vision/sequence.hpp"
 
 namespace {
 

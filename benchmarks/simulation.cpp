@@ -4,6 +4,7 @@
 
 #include <benchmark/benchmark.h>
 
+#include "cairn/simulation/detail/renderer.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
@@ -31,15 +32,15 @@ void build_environment(benchmark::State& state) {
 
 void prepare_scene(benchmark::State& state) {
   for (auto _ : state) {
-    const Renderer renderer(place().scene, {}, Executor(static_cast<unsigned>(state.range(0))));
+    const detail::Renderer renderer(place().scene, {}, Executor(static_cast<unsigned>(state.range(0))));
     benchmark::DoNotOptimize(&renderer.scene());
   }
 }
 
 void render(benchmark::State& state) {
-  const Renderer renderer(place().scene, {.smooth_edges = state.range(0) != 0}, Executor(0));
+  const detail::Renderer renderer(place().scene, {.smooth_edges = state.range(0) != 0}, Executor(0));
   const Camera camera = default_simulated_camera();
-  const RayTable rays = ray_table(camera);
+  const detail::RayTable rays = detail::ray_table(camera);
   std::size_t i = 0;
   for (auto _ : state) {
     benchmark::DoNotOptimize(

@@ -80,8 +80,6 @@ set(CAIRN_UNITY_APART
     "src/cairn/formats/own/pcd_test.cpp"
     "src/cairn/formats/own/ply_test.cpp"
     "src/cairn/merging/detail/association.cpp"
-    "src/cairn/vision/localization/image_locator.cpp"
-    "src/cairn/vision/odometry/map_at_poses.cpp"
     "src/cairn/alignment/detail/search/constellation_poses.cpp src/cairn/alignment/detail/search/descriptor_poses.cpp"
     "src/cairn/alignment/search/place.cpp"
     # Highway's sources include themselves.
@@ -98,13 +96,7 @@ set(CAIRN_UNITY_APART
     "src/cairn/experiments/run_test.cpp"
     "src/cairn/experiments/study_runs.cpp"
     "src/cairn/pose_graph/optimise_poses.cpp"
-    "src/cairn/vision/detail/sequence/image_codec.cpp"
-    "src/cairn/simulation/renderer.cpp"
-    "src/cairn/vision/sequence/sequence_test.cpp"
-    "src/cairn/vision/detail/sequence/tum_layout_test.cpp"
-    "src/cairn/alignment/evidence/verdict_test.cpp"
-    "src/cairn/simulation/detail/canvas.cpp src/cairn/simulation/environment.cpp"
-    "src/cairn/evaluation/trajectory_evaluation_test.cpp")
+    "src/cairn/alignment/evidence/verdict_test.cpp")
 
 # cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...])
 #

@@ -4,8 +4,8 @@
 #include <iostream>
 
 #include <cairn/formats/map_file.hpp>
-#include <cairn/vision/localization/image_locator.hpp>
-#include <cairn/vision/sequence/image_file.hpp>
+#include <cairn/vision/image.hpp>
+#include <cairn/vision/image_locator.hpp>
 
 int main(int argc, char** argv) {
   if (argc != 3) {

@@ -15,7 +15,7 @@
 
 #include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/alignment/prepared_map.hpp"
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 

@@ -12,12 +12,11 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
-#include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/map/operations.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/sequence.hpp"
 #endif
 #include "cairn/formats/trajectory_file.hpp"
 

@@ -14,7 +14,7 @@
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"

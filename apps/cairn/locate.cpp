@@ -15,12 +15,12 @@
 #endif
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/vision/localization/image_locator.hpp"
-#include "cairn/vision/sequence/image_file.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/image.hpp"
+#include "cairn/vision/image_locator.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"

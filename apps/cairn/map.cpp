@@ -23,10 +23,8 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
 #include "cairn/mapping/close_loops.hpp"
-#include "cairn/vision/odometry/map_at_poses.hpp"
-#include "cairn/vision/odometry/map_sequence.hpp"
-#include "cairn/vision/odometry/mini_map_graph.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/map_sequence.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "commands.hpp"
 #include "support/adjustment.hpp"
@@ -325,7 +323,7 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
   for (std::size_t i = 0; i < mapped.links.size(); ++i) {
     index["links"].push_back({{"source", mini_map_name(i + 1)},
                               {"target", mini_map_name(i)},
-                              {"target_from_source", to_json(mapped.links[i].previous_from_next)},
+                              {"target_from_source", to_json(mapped.links[i].target_from_source->rigid())},
                               {"covariance", to_json(mapped.links[i].covariance)}});
   }
   write_file(folder.unfinished() / kPoseGraphFile,

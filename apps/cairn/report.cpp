@@ -12,9 +12,9 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/json_text.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/json_text.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/experiments/study_analysis.hpp"
 #include "cairn/experiments/study_tables.hpp"
@@ -219,7 +219,7 @@ void Assembly::add_file(const std::string& path) {
     return;
   }
   refuse_sequence(path);
-  const std::optional<Json> parsed = parse_json<Json>(text, path);
+  const std::optional<Json> parsed = detail::parse_json<Json>(text, path);
   if (!parsed) throw Error(ErrorKind::kInput, path, "is not valid JSON", kExpected);
   const Json& document = *parsed;
   const Json::json_pointer place("/schema/name");
@@ -338,7 +338,7 @@ void Assembly::add_experiment(const std::string& folder) {
     throw Error(ErrorKind::kInput, folder,
                 "holds no experiment.json: no experiment was completed here", kExpected);
   }
-  const Json document = parse_json<Json>(text_of("experiment.json"), path).value_or(Json());
+  const Json document = detail::parse_json<Json>(text_of("experiment.json"), path).value_or(Json());
   const Json kind = document.is_object() ? document.value("experiment", Json()) : Json();
   const std::string title = report_.title;
   inputs_.push_back(describe_file(path, common_));

@@ -20,7 +20,7 @@
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
-#include "cairn/vision/sequence/sequence_writer.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"

@@ -15,7 +15,7 @@
 #include "cairn/atlas/route.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/atlas/world_difference.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 
 #include "bindings/maps.hpp"
 #include "bindings/merging.hpp"

@@ -9,7 +9,6 @@
 
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
-#include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"

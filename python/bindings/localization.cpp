@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cstring>
 
 #include <fmt/format.h>
 
-#include "cairn/vision/localization/image_locator.hpp"
-#include "cairn/vision/odometry/map_sequence.hpp"
+#include "cairn/vision/image_locator.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 #include "bindings/images.hpp"
 #include "bindings/maps.hpp"
@@ -43,11 +42,7 @@ ImageLocation locate(const Locator& self, const py::object& image, const py::obj
   const std::vector<float> depth = depth_of(depth_m, self.camera);
   return unlocked([&] {
     const FrameImages images = frame_images(0.0, self.camera.width, self.camera.height, bgr, depth);
-    GrayImage gray(self.camera.width, self.camera.height);
-    std::memcpy(gray.values.data(), images.gray.data, gray.values.size());
-    return self.locator.locate(
-        gray,
-        depth.empty() ? DepthImage() : DepthImage(self.camera.width, self.camera.height, depth));
+    return self.locator.locate(images.gray, images.depth_m);
   });
 }
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/vision/odometry/odometry.hpp"
+#include "cairn/vision/odometry.hpp"
 
 #include <mutex>
 
 #include <fmt/format.h>
 
-#include "cairn/vision/odometry/map_sequence.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/map_sequence.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "bindings/images.hpp"
 #include "bindings/support.hpp"
@@ -109,9 +109,10 @@ FrameReport track(SharedOdometry& self, double timestamp_s, const py::object& im
   const std::vector<float> depth = depth_of(depth_m, self.camera());
   const std::string name = encoded(image_name, "image_name");
   return self.alone([&](Odometry& odometry) {
-    const FrameImages images =
+    FrameImages images =
         frame_images(timestamp_s, self.camera().width, self.camera().height, bgr, depth);
-    return odometry.track(timestamp_s, odometry.extract(images.gray, images.depth_m), name);
+    images.name = name;
+    return odometry.track(images);
   });
 }
 

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn::python {
 

@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/file.hpp"
-#include "cairn/evaluation/first_keyframe.hpp"
+#include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"
 #include "cairn/formats/trajectory_file.hpp"

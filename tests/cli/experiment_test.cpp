@@ -4,7 +4,7 @@
 #include <string>
 #include <thread>
 
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/report/viewer_page.hpp"

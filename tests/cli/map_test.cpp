@@ -13,7 +13,7 @@
 
 #include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/evaluation/trajectory_error.hpp"
+#include "cairn/evaluation/trajectory_evaluation.hpp"
 #include "cairn/formats/g2o.hpp"
 #include "cairn/formats/graph_json.hpp"
 #include "cairn/formats/map_file.hpp"

@@ -7,7 +7,7 @@
 #include "cairn/report/viewer_page.hpp"
 
 #ifdef CAIRN_HAS_SEQUENCE
-#include "cairn/vision/sequence/sequence_writer.hpp"
+#include "cairn/vision/sequence.hpp"
 #endif
 
 #include "cli.hpp"

@@ -8,7 +8,7 @@
 
 #include "cairn/formats/camera_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "cli.hpp"
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-#include "cairn/vision/sequence/image_file.hpp"
+#include "cairn/vision/image.hpp"
 
 #include "fuzz/file_in_memory.hpp"
 #include "fuzz/imported.hpp"

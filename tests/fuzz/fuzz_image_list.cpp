@@ -2,7 +2,7 @@
 #include <limits>
 #include <string>
 
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "fuzz/file_in_memory.hpp"
 #include "fuzz/imported.hpp"

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <string>
 
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 #include "cairn/experiments/runs_file.hpp"
 
 #include "fuzz/imported.hpp"

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/vision/odometry/map_at_poses.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,6 +11,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 #include "recording.hpp"
 
@@ -64,9 +63,9 @@ std::optional<Eigen::Vector3d> true_point(const Recording& recording, std::size_
   for (const double corner : {at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)}) {
     if (std::abs(corner - depth) > 0.01 * depth) return std::nullopt;
   }
-  const Pinhole pinhole{intrinsics(recording.camera)};
+  const Intrinsics k = intrinsics(recording.camera);
   return recording.truth.poses()[frame].world_from_camera *
-         pinhole.back_project({pixel.u, pixel.v}, depth);
+         Eigen::Vector3d((pixel.u - k.cx) / k.fx * depth, (pixel.v - k.cy) / k.fy * depth, depth);
 }
 
 TEST(MapAtPoses, KeyframesAreWhereThePosesSay) {
@@ -213,9 +212,9 @@ std::string refusal(const Trajectory& poses, ErrorKind kind,
   const auto white = [](std::size_t i) {
     return FrameImages{static_cast<double>(i),
                        "white.png",
-                       cv::Mat(240, 320, CV_8UC1, cv::Scalar(240)),
+                       GrayImage(320, 240, std::uint8_t{240}),
                        {},
-                       cv::Mat(240, 320, CV_32FC1, cv::Scalar(1.5F))};
+                       DepthImage(320, 240, 1.5F)};
   };
   try {
     map_at_poses(std::vector<double>{0.0, 1.0, 2.0}, white, poses, kCamera, options);

@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/evaluation/trajectory_error.hpp"
+#include "cairn/evaluation/trajectory_evaluation.hpp"
 
 #include "recording.hpp"
 
@@ -183,7 +183,7 @@ struct FastTurn {
   double bend(double readout_s, std::size_t dark = 100) const {
     const auto read = [&](std::size_t i) {
       FrameImages frame = recording(i);
-      if (i == dark) frame.gray.setTo(0);
+      if (i == dark) frame.gray = GrayImage(320, 240);
       return frame;
     };
     MapSequenceOptions options;
@@ -221,7 +221,7 @@ TEST(OdometryPipeline, MapsNothingFromARollingShutterJustAfterALostFrame) {
   constexpr std::size_t kDark = 9;
   const auto read = [&](std::size_t i) {
     FrameImages frame = turn.recording(i);
-    if (i == kDark) frame.gray.setTo(0);
+    if (i == kDark) frame.gray = GrayImage(320, 240);
     return frame;
   };
   const auto keyframe_times = [&](double readout_s) {
@@ -247,9 +247,9 @@ TEST(OdometryPipeline, AWhiteWallIsNothingToBeginWith) {
   const auto read = [](std::size_t i) {
     return FrameImages{static_cast<double>(i),
                        "white.png",
-                       cv::Mat(240, 320, CV_8UC1, cv::Scalar(240)),
+                       GrayImage(320, 240, std::uint8_t{240}),
                        {},
-                       cv::Mat(240, 320, CV_32FC1, cv::Scalar(1.5F))};
+                       DepthImage(320, 240, 1.5F)};
   };
   const MappedSequence mapped = map_frames(10, read, kCamera, kDefaults);
   EXPECT_EQ(mapped.waiting, 10U);
@@ -262,7 +262,7 @@ TEST(OdometryPipeline, AWhiteWallIsNothingToBeginWith) {
 TEST(OdometryPipeline, FindsItselfAgainAfterADarkStretch) {
   const auto read = [](std::size_t i) {
     FrameImages frame = sweep()(i);
-    if (i >= 25 && i < 32) frame.gray.setTo(0);
+    if (i >= 25 && i < 32) frame.gray = GrayImage(320, 240);
     return frame;
   };
   const MappedSequence mapped = map_with(sweep(), read);
@@ -277,7 +277,7 @@ TEST(OdometryPipeline, FindsItselfAgainAfterADarkStretch) {
 TEST(OdometryPipeline, WithoutAnyDepthItWaits) {
   const auto without = [](std::size_t i) {
     FrameImages frame = sweep()(i);
-    frame.depth_m.release();
+    frame.depth_m = {};
     return frame;
   };
   MappedSequence mapped = map_frames(10, without, kCamera, kDefaults);
@@ -286,7 +286,7 @@ TEST(OdometryPipeline, WithoutAnyDepthItWaits) {
   EXPECT_TRUE(mapped.maps.empty());
   const auto no_reading = [](std::size_t i) {
     FrameImages frame = sweep()(i);
-    frame.depth_m.setTo(0.0F);
+    frame.depth_m = DepthImage(320, 240);
     return frame;
   };
   mapped = map_frames(10, no_reading, kCamera, kDefaults);
@@ -298,7 +298,7 @@ TEST(OdometryPipeline, WithoutAnyDepthItWaits) {
 TEST(OdometryPipeline, FramesWithoutDepthAreTrackedAllTheSame) {
   const auto read = [](std::size_t i) {
     FrameImages frame = sweep()(i);
-    if (i >= 20 && i < 30) frame.depth_m.release();
+    if (i >= 20 && i < 30) frame.depth_m = {};
     return frame;
   };
   const MappedSequence mapped = map_with(sweep(), read);
@@ -310,7 +310,7 @@ TEST(OdometryPipeline, FramesWithoutDepthAreTrackedAllTheSame) {
 TEST(OdometryPipeline, AnImageOfAnotherSizeIsRefused) {
   const auto read = [](std::size_t i) {
     FrameImages frame = sweep()(i);
-    if (i == 5) cv::resize(frame.gray, frame.gray, {160, 120});
+    if (i == 5) frame.gray = GrayImage(160, 120);
     return frame;
   };
   try {
@@ -345,7 +345,7 @@ TEST(OdometryPipeline, LinksOfMiniMapsAreTheTrueRelativePoses) {
   double all = 0.0;
   for (std::size_t i = 0; i < mapped.links.size(); ++i) {
     const Rigid3 truth = truth_at(mapped.maps[i]).inverse() * truth_at(mapped.maps[i + 1]);
-    const Vector6d off = truth.difference_to(mapped.links[i].previous_from_next);
+    const Vector6d off = truth.difference_to(mapped.links[i].target_from_source->rigid());
     EXPECT_LT(off.head<3>().norm(), 0.008) << i;
     EXPECT_LT(off.tail<3>().norm(), 0.006) << i;
     const Matrix6d& covariance = mapped.links[i].covariance;

@@ -6,12 +6,10 @@
 #include <utility>
 #include <vector>
 
-#include <opencv2/imgproc.hpp>
-
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
-#include "cairn/vision/odometry/map_sequence.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn::testing {
 
@@ -24,15 +22,9 @@ inline const Environment& desk() {
 }
 
 inline FrameImages images_of(const RgbdFrame& frame, std::size_t index) {
-  FrameImages images;
-  images.timestamp_s = frame.timestamp_s;
+  FrameImages images =
+      frame_images(frame.timestamp_s, frame.width, frame.height, frame.bgr, frame.depth_m);
   images.name = std::to_string(index) + ".png";
-  const auto rows = static_cast<int>(frame.height);
-  const auto columns = static_cast<int>(frame.width);
-  const cv::Mat bgr(rows, columns, CV_8UC3, const_cast<std::uint8_t*>(frame.bgr.data()));
-  cv::cvtColor(bgr, images.gray, cv::COLOR_BGR2GRAY);
-  images.depth_m =
-      cv::Mat(rows, columns, CV_32FC1, const_cast<float*>(frame.depth_m.data())).clone();
   return images;
 }
 
@@ -43,12 +35,7 @@ struct Recording {
   std::vector<FrameImages> frames;
   std::vector<std::vector<float>> exact_depths_m;  // one a frame, row by row
 
-  FrameImages operator()(std::size_t i) const {
-    FrameImages copy = frames[i];
-    copy.gray = copy.gray.clone();
-    copy.depth_m = copy.depth_m.clone();
-    return copy;
-  }
+  const FrameImages& operator()(std::size_t i) const { return frames[i]; }
 };
 
 // Every so-manieth pose of the path becomes a frame.

@@ -8,9 +8,11 @@
 #include <opencv2/core.hpp>
 
 #include "cairn/core/random.hpp"
-#include "cairn/vision/odometry/landmark_graph.hpp"
+#include "cairn/vision/detail/landmark_graph.hpp"
 
 namespace cairn::testing {
+
+using namespace detail;  // NOLINT(google-build-using-namespace)
 
 inline constexpr Pinhole kTestPinhole{500.0, 505.0, 319.5, 239.5};
 

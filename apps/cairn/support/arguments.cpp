@@ -13,9 +13,9 @@
 
 #include "cairn/alignment/document.hpp"
 #include "cairn/core/detail/json_field.hpp"
+#include "cairn/core/detail/json_text.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/json_text.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
@@ -128,7 +128,7 @@ Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer
   const std::string text(without_byte_order_mark(content));
   const std::size_t first = text.find_first_not_of(kBlanks);
   const bool is_json = first != std::string::npos && text[first] == '{';
-  const auto document = is_json ? parse_json<nlohmann::ordered_json>(text, file)
+  const auto document = is_json ? detail::parse_json<nlohmann::ordered_json>(text, file)
                                 : std::optional<nlohmann::ordered_json>();
   const bool places_maps = document && document->contains("maps");
   if (!map.empty() && !places_maps) fail_pose_file(path, "names a map, but the file places none");

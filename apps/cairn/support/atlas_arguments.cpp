@@ -13,7 +13,7 @@
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/link_documents.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/command_line.hpp"
 
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn::cli {
 namespace {

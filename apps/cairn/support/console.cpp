@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
-#include "cairn/core/progress.hpp"
 
 namespace cairn::cli {
 

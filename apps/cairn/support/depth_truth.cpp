@@ -6,9 +6,9 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/time_association.hpp"
-#include "cairn/evaluation/first_keyframe.hpp"
-#include "cairn/vision/sequence/image_file.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/evaluation/covariance_calibration.hpp"
+#include "cairn/vision/image.hpp"
+#include "cairn/vision/sequence.hpp"
 
 namespace cairn::cli {
 namespace {

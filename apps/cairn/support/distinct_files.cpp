@@ -11,8 +11,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/files_read.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/outputs.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -92,9 +92,9 @@ void require_distinct_files(const CLI::App& verb) {
     for (std::size_t j = 0; j < i; ++j) refuse_one_file(outputs[i], outputs[j], "the output");
   }
   // Inputs that no word names: those that lie in a folder, or that a list or an earlier result names.
-  std::vector<NamedOutput> written;
+  std::vector<detail::NamedOutput> written;
   for (const NamedPath& output : outputs) written.push_back({output.option, output.path});
-  refuse_to_read(written);
+  detail::refuse_to_read(written);
 }
 
 }  // namespace cairn::cli

@@ -10,9 +10,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/core/detail/files_read.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/files_read.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
@@ -90,7 +90,7 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common,
   LoadedMap loaded{path, {}, {}};
   std::vector<std::filesystem::path> files;
   {
-    const FilesRead read;
+    const detail::FilesRead read;
     loaded.map = all_formats().read(path == "-" ? kStdin : path, options);
     files = read.paths();
   }
@@ -114,7 +114,7 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common,
   loaded.description = describe_file(path, common, with_hash);
   std::error_code ignored;
   if (wants_hash(common, with_hash) && std::filesystem::is_directory(path, ignored)) {
-    loaded.description["hash"] = hash_files(files);
+    loaded.description["hash"] = detail::hash_files(files);
   }
   loaded.description["frames"] = loaded.map.frame_count();
   loaded.description["landmarks"] = loaded.map.landmark_count();

@@ -9,7 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/similarity3.hpp"

@@ -14,8 +14,8 @@
 #include "cairn/report/experiment_sections.hpp"
 #include "cairn/report/figures/figures.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
-#include "cairn/vision/sequence/image_file.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/image.hpp"
+#include "cairn/vision/sequence.hpp"
 #endif
 
 #include "support/alignments.hpp"

@@ -9,6 +9,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/statistics.hpp"
+
 namespace cairn::cli {
 namespace {
 
@@ -28,9 +30,7 @@ double extent_of(const LandmarkMap& map) {
   for (const Eigen::Vector3d& position : positions) {
     distances.push_back((position - centre).norm());
   }
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  return upper_median(distances);
 }
 
 class Hints {

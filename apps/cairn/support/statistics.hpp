@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 
 #include "support/documents.hpp"
 

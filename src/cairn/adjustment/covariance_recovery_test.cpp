@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
-#include "cairn/adjustment/pose_derivative.hpp"
+#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/core/random.hpp"
 
 namespace cairn {

@@ -8,7 +8,7 @@
 
 #include "cairn/adjustment/detail/frame_groups.hpp"
 #include "cairn/adjustment/detail/seen_point.hpp"
-#include "cairn/adjustment/pose_derivative.hpp"
+#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
 
@@ -71,6 +71,44 @@ bool is_determined(const LinearLandmark& landmark) {
   return size > 0.0 && information.determinant() > kLeast * size * size * size;
 }
 
+// The least-squares problem of a group's frames, and the landmarks that it determines.
+std::pair<LinearProblem, std::vector<std::uint32_t>> problem_of(
+    const LandmarkMap& map, std::span<const std::vector<Measurement>> measurements,
+    const FrameGroup& group, std::vector<std::uint32_t>& index_in_group) {
+  LinearProblem problem;
+  for (const std::uint32_t frame : group.frames) {
+    index_in_group[frame] = static_cast<std::uint32_t>(problem.camera_centres.size());
+    problem.camera_centres.push_back(map.frames().translations[frame]);
+  }
+  if (group.scale_frame) problem.scale_frame = index_in_group[*group.scale_frame];
+  double by_length = 0.0;
+  double by_angle = 0.0;
+  std::vector<std::uint32_t> landmarks;
+  for (const std::uint32_t l : group.landmarks) {
+    LinearLandmark linear;
+    linear.position = map.landmarks().positions[l];
+    for (const Measurement& one : measurements[l]) {
+      linear.observations.push_back(linearise(map, one, linear.position));
+      linear.observations.back().frame = index_in_group[one.frame.value];
+      const auto& by_pose = linear.observations.back().by_pose;
+      by_length += by_pose.leftCols<3>().squaredNorm();
+      by_angle += by_pose.rightCols<3>().squaredNorm();
+    }
+    if (!is_determined(linear)) continue;
+    problem.landmarks.push_back(std::move(linear));
+    landmarks.push_back(l);
+  }
+  // In the problem's own units, because the map's are arbitrary.
+  const double poses = 3.0 * static_cast<double>(group.frames.size());
+  constexpr double kLeast = 1e-10;
+  const auto least = [&](double information) {
+    return kLeast * information / poses + std::numeric_limits<double>::min();
+  };
+  problem.least_information.head<3>().setConstant(least(by_length));
+  problem.least_information.tail<3>().setConstant(least(by_angle));
+  return {std::move(problem), std::move(landmarks)};
+}
+
 }  // namespace
 
 void CovarianceOptions::validate() const {
@@ -99,39 +137,11 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
 
   std::vector<std::uint32_t> index_in_group(map.frame_count());
   for (const FrameGroup& group : frame_groups(map, measurements, 2)) {
-    LinearProblem problem;
     for (const std::uint32_t frame : group.frames) {
       result.references[frame] = FrameIndex{group.frames.front()};
       pose_covariances.set(frame, std::nullopt);
-      index_in_group[frame] = static_cast<std::uint32_t>(problem.camera_centres.size());
-      problem.camera_centres.push_back(map.frames().translations[frame]);
     }
-    if (group.scale_frame) problem.scale_frame = index_in_group[*group.scale_frame];
-    double by_length = 0.0;
-    double by_angle = 0.0;
-    std::vector<std::uint32_t> landmarks;
-    for (const std::uint32_t l : group.landmarks) {
-      LinearLandmark linear;
-      linear.position = positions[l];
-      for (const Measurement& one : measurements[l]) {
-        linear.observations.push_back(linearise(map, one, positions[l]));
-        linear.observations.back().frame = index_in_group[one.frame.value];
-        const auto& by_pose = linear.observations.back().by_pose;
-        by_length += by_pose.leftCols<3>().squaredNorm();
-        by_angle += by_pose.rightCols<3>().squaredNorm();
-      }
-      if (!is_determined(linear)) continue;
-      problem.landmarks.push_back(std::move(linear));
-      landmarks.push_back(l);
-    }
-    // In the problem's own units, because the map's are arbitrary.
-    const double poses = 3.0 * static_cast<double>(group.frames.size());
-    constexpr double kLeast = 1e-10;
-    const auto least = [&](double information) {
-      return kLeast * information / poses + std::numeric_limits<double>::min();
-    };
-    problem.least_information.head<3>().setConstant(least(by_length));
-    problem.least_information.tail<3>().setConstant(least(by_angle));
+    const auto [problem, landmarks] = problem_of(map, measurements, group, index_in_group);
     const RecoveredCovariances recovered =
         recover_covariances(problem, options.gauge, options.execution);
     for (std::size_t i = 0; i < group.frames.size(); ++i) {

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
 
 namespace cairn {
 namespace {
@@ -17,17 +18,11 @@ constexpr double kMedianOfTwo = 1.386294361;  // of chi² with two degrees of fr
 constexpr double kMedianOfOne = 0.454936423;
 constexpr std::size_t kFewestResiduals = 100;  // for a meaningful median
 
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Factor of a standard deviation.
 double factor(std::vector<double>& squared, double expected_median) {
   if (squared.size() < kFewestResiduals) return 1.0;
   // Not zero: simulated observations may be exact.
-  return std::max(1e-6, std::sqrt(median(squared) / expected_median));
+  return std::max(1e-6, std::sqrt(upper_median(squared) / expected_median));
 }
 
 // Squared residuals divided by their variances, corrected for the fitted landmark.

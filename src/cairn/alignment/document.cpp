@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "cairn/core/detail/json_field.hpp"
-#include "cairn/core/json_text.hpp"
+#include "cairn/core/detail/json_text.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/decompositions.hpp"
 
@@ -592,7 +592,7 @@ std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
 
 std::vector<AlignmentRecord> read_alignments(std::string_view document, const std::string& name) {
   constexpr std::string_view kExpected = "what 'cairn align --json' writes";
-  const std::optional<Json> parsed = parse_json<Json>(document, name);
+  const std::optional<Json> parsed = detail::parse_json<Json>(document, name);
   if (!parsed) throw Error(ErrorKind::kInput, name, "is no JSON", kExpected);
   const JsonField root(*parsed, name, "");
   unsigned version = kAlignmentVersion;

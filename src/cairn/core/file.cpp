@@ -14,10 +14,9 @@
 #include <unistd.h>
 
 #include "cairn/core/detail/file_lock.hpp"
+#include "cairn/core/detail/files_read.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/files_read.hpp"
 #include "cairn/core/hash.hpp"
-#include "cairn/core/outputs.hpp"
 #include "cairn/core/text.hpp"
 
 namespace cairn {
@@ -208,9 +207,9 @@ FileReader::FileReader(const std::filesystem::path& path) : name_(path.string())
     if (::fstat(descriptor_, &status) != 0) fail_reading(path, errno);
     if (S_ISDIR(status.st_mode)) fail_reading(path, EISDIR);
     if (!S_ISREG(status.st_mode)) return;
-    require_no_output(path, status);
+    detail::require_no_output(path, status);
     size_ = static_cast<std::uint64_t>(status.st_size);
-    note_file_read(path);
+    detail::note_file_read(path);
   } catch (...) {
     ::close(descriptor_);  // no destructor runs after a failed constructor
     throw;

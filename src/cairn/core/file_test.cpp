@@ -25,9 +25,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "cairn/core/detail/files_read.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/files_read.hpp"
-#include "cairn/core/outputs.hpp"
 
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
@@ -332,13 +331,13 @@ TEST(FileReader, RefusesAFileThatIsToBeWritten) {
   std::filesystem::create_symlink("input", folder / "symlink");
   std::filesystem::create_hard_link(input, folder / "hard");
   for (const char* const name : {"input", "symlink", "hard"}) {
-    refuse_to_read({{"--csv", folder / "missing"}, {"--json", folder / name}});
+    detail::refuse_to_read({{"--csv", folder / "missing"}, {"--json", folder / name}});
     EXPECT_EQ(refusal(ErrorKind::kMisuse, [&] { read_file(input); }),
               "--json: " + input.string() + " is an input too; expected a file of its own")
         << name;
     EXPECT_EQ(read_file(other), "left alone");
   }
-  refuse_to_read({});
+  detail::refuse_to_read({});
   EXPECT_EQ(read_file(input), "what would be lost");
 }
 
@@ -635,10 +634,10 @@ TEST(FilesRead, ListsTheFilesThatAreOpenedWhileItLives) {
   read_file(second);
   std::vector<std::filesystem::path> paths;
   {
-    const FilesRead outer;
+    const detail::FilesRead outer;
     read_file(second);
     {
-      const FilesRead inner;
+      const detail::FilesRead inner;
       read_file(first);
       EXPECT_EQ(inner.paths(), std::vector{first});
     }
@@ -646,10 +645,10 @@ TEST(FilesRead, ListsTheFilesThatAreOpenedWhileItLives) {
     paths = outer.paths();
   }
   EXPECT_EQ(paths, (std::vector{second, first}));
-  const std::string hash = hash_files(paths);
-  EXPECT_EQ(hash_files(paths), hash);
+  const std::string hash = detail::hash_files(paths);
+  EXPECT_EQ(detail::hash_files(paths), hash);
   folder.write("first", "3");
-  EXPECT_NE(hash_files(paths), hash);
+  EXPECT_NE(detail::hash_files(paths), hash);
 }
 
 }  // namespace

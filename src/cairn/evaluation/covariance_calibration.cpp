@@ -11,7 +11,8 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
@@ -69,6 +70,18 @@ std::vector<NeesBin<Bound>> binned(std::span<const LandmarkEstimate> landmarks,
   return bins;
 }
 
+[[noreturn]] void fail_missing(std::string_view missing) {
+  throw Error(ErrorKind::kInput, "covariance calibration",
+              fmt::format("the map has no {}", missing), "a map that has");
+}
+
+void require_count(std::string_view name, std::size_t count, std::size_t expected,
+                   std::string_view of_what) {
+  if (count == expected) return;
+  throw Error(ErrorKind::kMisuse, name, fmt::format("{} entries", count),
+              fmt::format("{}, one a {} of the map", expected, of_what));
+}
+
 }  // namespace
 
 void CovarianceCalibrationOptions::validate() const {
@@ -112,6 +125,83 @@ CovarianceCalibration calibrate_covariances(std::span<const LandmarkEstimate> la
   result.by_observations =
       binned(landmarks, result.nees, options.observation_bins, &LandmarkEstimate::observations);
   return result;
+}
+
+std::optional<FrameIndex> first_keyframe(const LandmarkMap& map, LandmarkIndex landmark) {
+  const auto frames = map.observing_frames(landmark);
+  if (frames.empty()) return std::nullopt;
+  const auto& ids = map.frames().ids;
+  return *std::min_element(frames.begin(), frames.end(),
+                           [&](FrameIndex a, FrameIndex b) { return ids[a.value] < ids[b.value]; });
+}
+
+std::vector<LandmarkEstimate> estimates_in_first_keyframe(
+    const LandmarkMap& map, std::span<const std::optional<Eigen::Vector3d>> truth_in_keyframe) {
+  if (!map.has_observations()) fail_missing("observations");
+  if (!map.has_covariances() && map.landmark_count() > 0) fail_missing("landmark covariances");
+  require_count("truth_in_keyframe", truth_in_keyframe.size(), map.landmark_count(), "landmark");
+  std::vector<LandmarkEstimate> estimates(map.landmark_count());
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const LandmarkIndex landmark{i};
+    const auto keyframe = first_keyframe(map, landmark);
+    LandmarkEstimate& estimate = estimates[i];
+    estimate.observations = map.observation_count(landmark);
+    if (!keyframe) continue;
+    const Rigid3 keyframe_from_world = map.world_from_camera(*keyframe).inverse();
+    estimate.estimate = keyframe_from_world * map.landmarks().positions[i];
+    estimate.truth = truth_in_keyframe[i];
+    if (const auto covariance = map.covariance(landmark)) {
+      estimate.covariance = rotated_covariance(*covariance, keyframe_from_world.rotation());
+    }
+    estimate.depth = estimate.estimate.z();
+  }
+  return estimates;
+}
+
+KeyframePoses keyframe_poses(const LandmarkMap& map, const LandmarkMap& truth) {
+  KeyframePoses poses(map.frame_count());
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const auto found = truth.find(map.frames().ids[i]);
+    if (found) poses[i] = truth.world_from_camera(*found);
+  }
+  return poses;
+}
+
+KeyframePoses keyframe_poses(const LandmarkMap& map, const Trajectory& truth,
+                             double max_time_difference_s) {
+  const auto& timestamps = map.frames().timestamps_s;
+  if (timestamps.empty() && map.frame_count() > 0) {
+    throw Error(ErrorKind::kInput, "true trajectory", "the map has no timestamps of its frames",
+                "a map that has, to find their poses by time");
+  }
+  KeyframePoses poses(map.frame_count());
+  for (std::uint32_t i = 0; i < timestamps.size(); ++i) {
+    if (!timestamps[i]) continue;
+    const TimedPose* const nearest = nearest_pose(truth, *timestamps[i]);
+    if (nearest != nullptr &&
+        std::abs(nearest->timestamp_s - *timestamps[i]) < max_time_difference_s) {
+      poses[i] = nearest->world_from_camera;
+    }
+  }
+  return poses;
+}
+
+std::vector<std::optional<Eigen::Vector3d>> true_positions_in_first_keyframe(
+    const LandmarkMap& map, const LandmarkMap& truth, const KeyframePoses& truth_from_keyframe) {
+  require_count("truth_from_keyframe", truth_from_keyframe.size(), map.frame_count(), "frame");
+  if (map.info().length_unit != truth.info().length_unit) {
+    throw Error(ErrorKind::kInput, "true map", "its unit of length is not the map's",
+                "maps of one scale");
+  }
+  std::vector<std::optional<Eigen::Vector3d>> positions(map.landmark_count());
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto keyframe = first_keyframe(map, LandmarkIndex{i});
+    const auto found = truth.find(map.landmarks().ids[i]);
+    if (!keyframe || !found || !truth_from_keyframe[keyframe->value]) continue;
+    positions[i] =
+        truth_from_keyframe[keyframe->value]->inverse() * truth.landmarks().positions[found->value];
+  }
+  return positions;
 }
 
 }  // namespace cairn

@@ -9,7 +9,8 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/error.hpp"
+#include "cairn/core/detail/require.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
@@ -113,12 +114,6 @@ std::pair<State, double> start_from(const std::vector<Pair>& pairs, bool with_sc
   return {state, squared_angles / static_cast<double>(pairs.size())};
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Residual of the body's pose from the estimate versus the true one.
 Residual residual_of(const State& state, const Rigid3& world_from_camera,
                      const Rigid3& world_from_body) {
@@ -213,8 +208,8 @@ void Solver::linearise(const State& state) {
   }
   constexpr double kMedianOfThree = 1.5382;  // of the length of three normal numbers
   constexpr double kExact = 1e-9;
-  const double sigma_length = std::max(kExact, median(lengths) / kMedianOfThree);
-  const double sigma_angle = std::max(kExact, median(angles) / kMedianOfThree);
+  const double sigma_length = std::max(kExact, upper_median(lengths) / kMedianOfThree);
+  const double sigma_angle = std::max(kExact, upper_median(angles) / kMedianOfThree);
   const auto weight = [](double deviations) {
     constexpr double kUsual = 2.8;  // 95 % of the lengths of three normal numbers
     return deviations <= kUsual ? 1.0 : std::sqrt(kUsual / deviations);
@@ -323,14 +318,10 @@ HandEyeResult Solver::run() {
 }  // namespace
 
 void HandEyeOptions::validate() const {
-  if (!(max_clock_offset_s >= 0.0 && max_clock_offset_s <= 10.0)) {
-    throw Error(ErrorKind::kMisuse, "HandEyeOptions.max_clock_offset_s",
-                fmt::format("{}", max_clock_offset_s), "0 to 10 seconds");
-  }
-  if (!(max_gap_s > 0.0 && std::isfinite(max_gap_s))) {
-    throw Error(ErrorKind::kMisuse, "HandEyeOptions.max_gap_s", fmt::format("{}", max_gap_s),
-                "a positive number of seconds");
-  }
+  detail::require(max_clock_offset_s >= 0.0 && max_clock_offset_s <= 10.0,
+                  "HandEyeOptions.max_clock_offset_s", max_clock_offset_s, "0 to 10 seconds");
+  detail::require(max_gap_s > 0.0 && std::isfinite(max_gap_s), "HandEyeOptions.max_gap_s",
+                  max_gap_s, "a positive number of seconds");
 }
 
 HandEyeResult estimate_hand_eye(const Trajectory& estimate, const Trajectory& truth,

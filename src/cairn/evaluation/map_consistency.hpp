@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn {

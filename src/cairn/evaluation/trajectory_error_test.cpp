@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/evaluation/trajectory_error.hpp"
-
 #include <cmath>
 #include <vector>
 
@@ -8,6 +6,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/evaluation/trajectory_evaluation.hpp"
 
 namespace cairn {
 namespace {
@@ -15,7 +14,7 @@ namespace {
 constexpr double kStep = 0.1;
 
 // A path that turns and climbs, a pose each 0.1 s.
-Trajectory path(int count = 50) {
+Trajectory curve(int count = 50) {
   std::vector<TimedPose> poses;
   for (int i = 0; i < count; ++i) {
     const double t = kStep * i;
@@ -38,7 +37,7 @@ PosePairs all(const Trajectory& trajectory) {
 }
 
 TEST(AbsoluteError, IsBlindToWhatTheAlignmentRemoves) {
-  const Trajectory truth = path();
+  const Trajectory truth = curve();
   const auto shift = Rigid3::from_roll_pitch_yaw({5, -6, 7}, 1.0, 0.5, -2.0);
   const Trajectory moved = changed(truth, [&](const Rigid3& pose) { return shift * pose; });
   for (const auto alignment :
@@ -62,7 +61,7 @@ TEST(AbsoluteError, IsBlindToWhatTheAlignmentRemoves) {
 }
 
 TEST(AbsoluteError, MeasuresAKnownOffset) {
-  const Trajectory truth = path();
+  const Trajectory truth = curve();
   const Trajectory off = changed(truth, [](const Rigid3& pose) {
     return pose.perturbed((Vector6d() << 0.03, 0.04, 0, 0, 0, 0.1).finished());
   });
@@ -73,19 +72,19 @@ TEST(AbsoluteError, MeasuresAKnownOffset) {
 }
 
 TEST(AbsoluteError, NeedsEnoughPairs) {
-  const Trajectory truth = path(2);
+  const Trajectory truth = curve(2);
   EXPECT_FALSE(absolute_error(truth, truth, all(truth), TrajectoryAlignment::kSe3));
   EXPECT_FALSE(absolute_error(truth, truth, {}, TrajectoryAlignment::kNone));
   EXPECT_TRUE(absolute_error(truth, truth, all(truth), TrajectoryAlignment::kOrigin));
-  const Trajectory still = changed(path(), [](const Rigid3&) { return Rigid3(); });
-  EXPECT_FALSE(absolute_error(still, path(), all(still), TrajectoryAlignment::kSim3))
+  const Trajectory still = changed(curve(), [](const Rigid3&) { return Rigid3(); });
+  EXPECT_FALSE(absolute_error(still, curve(), all(still), TrajectoryAlignment::kSim3))
       << "a point has no scale";
-  EXPECT_TRUE(absolute_error(still, path(), all(still), TrajectoryAlignment::kSe3));
+  EXPECT_TRUE(absolute_error(still, curve(), all(still), TrajectoryAlignment::kSe3));
 }
 
 TEST(RelativeError, DoesNotDependOnTheFramesOfEither) {
   Random random(1);
-  const Trajectory truth = path();
+  const Trajectory truth = curve();
   const Trajectory noisy = changed(truth, [&](const Rigid3& pose) {
     return pose.perturbed(0.01 * Vector6d(Vector6d::NullaryExpr([&] { return random.normal(); })));
   });
@@ -136,7 +135,7 @@ TEST(RelativeError, ReachesToThePoseNearestToTheInterval) {
 }
 
 TEST(RelativeError, IsUnknownWhereNothingIsAnIntervalApart) {
-  const Trajectory truth = path(5);
+  const Trajectory truth = curve(5);
   EXPECT_FALSE(relative_error(truth, truth, all(truth), {}));
   EXPECT_THROW(relative_error(truth, truth, all(truth), {RelativeInterval::Unit::kSeconds, 0.0}),
                Error);

@@ -1,14 +1,73 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "cairn/evaluation/trajectory_error.hpp"
+#include "cairn/core/statistics.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/geometry/trajectory.hpp"
 
+/// Errors of an estimated trajectory, as defined by the TUM RGB-D benchmark (Sturm et al., IROS 2012) and
+/// evo.
 namespace cairn {
+
+/// Alignment of the estimate with the truth before the comparison.
+enum class TrajectoryAlignment {
+  kNone,    ///< both have one frame already
+  kOrigin,  ///< the first poses coincide
+  kSe3,     ///< least squares over all positions, rotation and translation
+  kSim3,    ///< the same with scale
+  /// Mean rotation from the orientations (chordal), then mean translation. Determined for any path, if both
+  /// trajectories are of one camera body.
+  kPoses,
+};
+
+struct AbsoluteError {
+  Similarity3 truth_from_estimate;    ///< the alignment
+  ErrorStatistics translation;        ///< distances between positions, in the truth's unit
+  ErrorStatistics rotation_rad;       ///< angles between orientations
+  std::vector<double> translations;   ///< one per pair
+  std::vector<double> rotations_rad;  ///< one per pair
+};
+
+/// Absolute trajectory error (ATE) over the pairs of poses.
+/// @param pairs (estimate, truth); see associate()
+/// @return std::nullopt if there are too few pairs for the alignment: 1, or 3 for kSe3 and kSim3
+std::optional<AbsoluteError> absolute_error(const Trajectory& estimate, const Trajectory& truth,
+                                            const PosePairs& pairs, TrajectoryAlignment alignment);
+
+/// Length of the stretch for a relative error.
+struct RelativeInterval {
+  enum class Unit {
+    kSeconds,
+    kMetres,  ///< along the true path
+    kFrames,  ///< associated poses
+  };
+  Unit unit = Unit::kSeconds;
+  double length = 1.0;  ///< positive; whole for frames
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+struct RelativeError {
+  ErrorStatistics translation;   ///< drift over the interval, in the truth's unit
+  ErrorStatistics rotation_rad;  ///< angle of the drift
+};
+
+/// Relative pose error (RPE): from each associated pose to the one nearest to an interval later, as
+/// evaluate_rpe.py --fixed_delta selects it, compares the motion P of the estimate with the motion Q of the
+/// truth: translation and angle of Q⁻¹·P, as the paper and evo define them. (The script uses P·Q⁻¹, whose
+/// translation differs by the rotation error times the motion.) Independent of the frames of both
+/// trajectories. Intervals that begin less than their length before the end are left out.
+/// @return std::nullopt if the trajectory is shorter than the interval
+/// @throws Error (misuse) for an interval that is not positive
+std::optional<RelativeError> relative_error(const Trajectory& estimate, const Trajectory& truth,
+                                            const PosePairs& pairs,
+                                            const RelativeInterval& interval);
 
 struct TrajectoryEvaluationOptions {
   TrajectoryAlignment alignment = TrajectoryAlignment::kSe3;

@@ -48,7 +48,7 @@ TrajectoryEvaluation evaluated(const Trajectory& estimate, const Trajectory& tru
   return evaluate_trajectory(estimate, truth, options);
 }
 
-const Similarity3 kMotion(1.0, Rigid3::from_roll_pitch_yaw({5, -6, 7}, 1.0, 0.5, -2.0));
+const Similarity3 kWorldMotion(1.0, Rigid3::from_roll_pitch_yaw({5, -6, 7}, 1.0, 0.5, -2.0));
 
 TEST(EvaluateTrajectory, IsZeroForTheTruthItself) {
   const Trajectory truth = path();
@@ -65,7 +65,7 @@ TEST(EvaluateTrajectory, IsZeroForTheTruthItself) {
 TEST(EvaluateTrajectory, RigidMotionOfTheEstimateLeavesTheAlignedErrorsUnchanged) {
   const Trajectory truth = path();
   const Trajectory estimate = noisy(truth);
-  const Trajectory moved = transformed(estimate, kMotion);
+  const Trajectory moved = transformed(estimate, kWorldMotion);
   for (const auto alignment : {Alignment::kOrigin, Alignment::kSe3, Alignment::kSim3}) {
     const TrajectoryEvaluation here = evaluated(estimate, truth, alignment);
     const TrajectoryEvaluation there = evaluated(moved, truth, alignment);
@@ -82,7 +82,7 @@ TEST(EvaluateTrajectory, RigidMotionOfTheEstimateLeavesTheAlignedErrorsUnchanged
 TEST(EvaluateTrajectory, ScalingOfTheEstimateLeavesTheSim3ErrorsUnchanged) {
   const Trajectory truth = path();
   const Trajectory estimate = noisy(truth);
-  const Trajectory scaled = transformed(estimate, Similarity3(7.5, kMotion.rigid()));
+  const Trajectory scaled = transformed(estimate, Similarity3(7.5, kWorldMotion.rigid()));
   const TrajectoryEvaluation here = evaluated(estimate, truth, Alignment::kSim3);
   const TrajectoryEvaluation there = evaluated(scaled, truth, Alignment::kSim3);
   EXPECT_NEAR(here.absolute->translation.rmse, there.absolute->translation.rmse, 1e-10);

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 #include "cairn/core/number_text.hpp"
 
 namespace cairn {

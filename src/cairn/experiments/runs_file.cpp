@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/core/number_text.hpp"

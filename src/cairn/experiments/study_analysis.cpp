@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/experiments/published.hpp"
 #include "cairn/experiments/statistics/multiple_comparisons.hpp"
 

@@ -16,13 +16,13 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include "cairn/core/csv.hpp"
+#include "cairn/core/detail/csv.hpp"
 #include "cairn/core/detail/file_lock.hpp"
 #include "cairn/core/detail/output_folder.hpp"
+#include "cairn/core/detail/processor.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/core/processor.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 
@@ -302,7 +302,7 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
 
   std::set<std::string> processors = read_processors(folder);
   if (files_->done == 0) processors.clear();
-  if (processors.insert(processor_kind()).second) write_processors(folder, processors);
+  if (processors.insert(detail::processor_kind()).second) write_processors(folder, processors);
   files_->processors.assign(processors.begin(), processors.end());
 }
 

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/core/execution.hpp"
 #include "cairn/core/executor.hpp"
-#include "cairn/core/progress.hpp"
 #include "cairn/experiments/study.hpp"
 
 namespace cairn {

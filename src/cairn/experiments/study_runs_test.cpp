@@ -10,9 +10,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/core/detail/processor.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/processor.hpp"
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -134,12 +134,12 @@ TEST_F(StudyRunsTest, RunAgainFromADamagedRowOn) {
 TEST_F(StudyRunsTest, NameTheKindsOfProcessorTheyAreFrom) {
   run(folder_ / "a");
   EXPECT_EQ(StudyFolder(folder_ / "a", plan_, {}).processors(),
-            std::vector<std::string>{processor_kind()});
+            std::vector<std::string>{detail::processor_kind()});
   write_file(folder_ / "a/processors.txt", [](const ByteSink& sink) { sink("abacus\n"); });
   EXPECT_THAT(StudyFolder(folder_ / "a", plan_, {}).processors(),
-              UnorderedElementsAre("abacus", processor_kind()));
+              UnorderedElementsAre("abacus", detail::processor_kind()));
   EXPECT_THAT(merge_study({folder_ / "a"}, folder_ / "merged"),
-              UnorderedElementsAre("abacus", processor_kind()));
+              UnorderedElementsAre("abacus", detail::processor_kind()));
 }
 
 TEST_F(StudyRunsTest, GoOnAfterTheyWereStopped) {

@@ -10,8 +10,8 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cairn/core/detail/json_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/json_text.hpp"
 #include "cairn/core/text.hpp"
 
 namespace cairn {
@@ -133,7 +133,7 @@ class Value {
 };
 
 Document parsed(const std::string& text, const std::string& name) {
-  check_json(text, name, std::numeric_limits<std::size_t>::max());
+  detail::check_json(text, name, std::numeric_limits<std::size_t>::max());
   try {
     return Document::parse(text);
   } catch (const Document::exception& error) {

@@ -3,8 +3,8 @@
 
 #include <stop_token>
 
+#include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
-#include "cairn/core/progress.hpp"
 
 namespace cairn {
 

@@ -16,7 +16,7 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/mapping/corrected_trajectory.hpp"
-#include "cairn/vision/odometry/stated_covariance.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {
 namespace {
@@ -30,18 +30,6 @@ std::vector<MergeInput> inputs_of(const MappedSequence& session) {
     inputs.push_back({fmt::format("mini-map {}", i), &session.maps[i], "the session"});
   }
   return inputs;
-}
-
-std::vector<Link> links_of(const MappedSequence& session) {
-  std::vector<Link> links;
-  for (std::size_t i = 0; i < session.links.size(); ++i) {
-    links.push_back({.target = NodeId{i},
-                     .source = NodeId{i + 1},
-                     .kind = LinkKind::kOdometry,
-                     .target_from_source = Similarity3(session.links[i].previous_from_next),
-                     .covariance = session.links[i].covariance});
-  }
-  return links;
 }
 
 // Covariance of a pose after that of its neighbour and of the link between both, neighbour_from_pose.
@@ -75,22 +63,22 @@ void place_all(const MappedSequence& session, std::vector<MergedMap>& maps) {
   for (std::size_t i = 1; i < maps.size(); ++i) {
     const MergedMap& before = maps[i - 1];
     if (maps[i].placed || !before.placed) continue;
-    const MiniMapLink& link = session.links[i - 1];
+    const Link& link = session.links[i - 1];
     maps[i].placed = true;
-    maps[i].world_from_map = *before.world_from_map * Similarity3(link.previous_from_next);
+    maps[i].world_from_map = *before.world_from_map * *link.target_from_source;
     maps[i].covariance = chained_covariance(before.covariance, *before.world_from_map,
-                                            link.covariance, *maps[i].world_from_map);
+                                            *link.covariance, *maps[i].world_from_map);
   }
   for (std::size_t i = maps.size() - 1; i > 0; --i) {
     const MergedMap& after = maps[i];
     if (maps[i - 1].placed || !after.placed) continue;
-    const MiniMapLink& link = session.links[i - 1];
+    const Link& link = session.links[i - 1];
     maps[i - 1].placed = true;
     maps[i - 1].world_from_map =
-        *after.world_from_map * Similarity3(link.previous_from_next.inverse());
+        *after.world_from_map * link.target_from_source->inverse();
     maps[i - 1].covariance = chained_covariance(
         after.covariance, *after.world_from_map,
-        inverse_covariance(link.previous_from_next, link.covariance), *maps[i - 1].world_from_map);
+        inverse_covariance(link.target_from_source->rigid(), *link.covariance), *maps[i - 1].world_from_map);
   }
   if (maps.front().world_from_map->matrix() != Matrix4d::Identity()) move_first_to_identity(maps);
 }
@@ -109,7 +97,7 @@ std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
                            merged.world_from_camera(frames[m][i])});
     }
     if (m < session.links.size()) {
-      first_from_map = first_from_map * session.links[m].previous_from_next;
+      first_from_map = first_from_map * session.links[m].target_from_source->rigid();
     }
   }
   return keyframes;
@@ -178,7 +166,7 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   if (count < 2) return result;
   const std::vector<MergeInput> inputs = inputs_of(session);
   MergeOptions how = options.merging;
-  how.stated = links_of(session);
+  how.stated = session.links;
   if (!how.links.candidates && count > kMiniMapsTriedInFull) {
     how.links.candidates = kDefaultCandidates;
   }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cairn/merging/merge.hpp"
-#include "cairn/vision/odometry/map_sequence.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {
 

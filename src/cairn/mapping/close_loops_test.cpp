@@ -84,12 +84,16 @@ MappedSequence session_in_pieces(const LandmarkMap& truth, std::size_t pieces, d
                        first_from_piece * map.world_from_camera(FrameIndex{i})});
     }
     if (p + 1 == pieces) break;
-    MiniMapLink link;
-    link.previous_from_next = map.world_from_camera(FrameIndex{length}) *
+    const Rigid3 previous_from_next = map.world_from_camera(FrameIndex{length}) *
                               Rigid3::from_roll_pitch_yaw({0.005, 0.0, 0.0}, 0.0, drift_rad, 0.0);
-    link.covariance.diagonal() << 1e-4, 1e-4, 1e-4, 4e-4, 4e-4, 4e-4;
-    session.links.push_back(link);
-    first_from_piece = first_from_piece * link.previous_from_next;
+    Vector6d variances;
+    variances << 1e-4, 1e-4, 1e-4, 4e-4, 4e-4, 4e-4;
+    session.links.push_back({.target = NodeId{p},
+                             .source = NodeId{p + 1},
+                             .kind = LinkKind::kOdometry,
+                             .target_from_source = Similarity3(previous_from_next),
+                             .covariance = Matrix6d(variances.asDiagonal())});
+    first_from_piece = first_from_piece * previous_from_next;
   }
   session.trajectory = Trajectory(std::move(poses));
   session.frames = session.tracked = session.trajectory.size();

@@ -15,11 +15,12 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/map/camera_projection.hpp"
 #include "cairn/report/map_builder.hpp"
-#include "cairn/vision/sequence/image_file.hpp"
-#include "cairn/vision/sequence/sequence.hpp"
+#include "cairn/vision/image.hpp"
+#include "cairn/vision/sequence.hpp"
 
 namespace cairn::report {
 namespace {
@@ -35,10 +36,7 @@ double median_interval_s(std::span<const SequenceFrame> images) {
   for (std::size_t i = 1; i < images.size(); ++i) {
     intervals.push_back(images[i].timestamp_s - images[i - 1].timestamp_s);
   }
-  if (intervals.empty()) return 0.0;
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-  std::nth_element(intervals.begin(), middle, intervals.end());
-  return *middle;
+  return intervals.empty() ? 0.0 : upper_median(intervals);
 }
 
 std::vector<SeenFrame> seen_frames(const LandmarkMap& map, std::span<const SequenceFrame> images) {

@@ -13,8 +13,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/report/map_builder.hpp"
-#include "cairn/vision/sequence/image_file.hpp"
-#include "cairn/vision/sequence/sequence_writer.hpp"
+#include "cairn/vision/image.hpp"
+#include "cairn/vision/sequence.hpp"
 
 #include "support/temporary_folder.hpp"
 

@@ -12,6 +12,7 @@
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/camera.hpp"
 
@@ -53,14 +54,8 @@ std::vector<LandmarkIndex> all_landmarks(const LandmarkMap& map) {
 
 // The central extent of the landmarks along one axis.
 double central_extent(std::vector<double> coordinates) {
-  const auto at = [&](double share) {
-    const auto place =
-        coordinates.begin() +
-        static_cast<std::ptrdiff_t>(share * static_cast<double>(coordinates.size() - 1));
-    std::nth_element(coordinates.begin(), place, coordinates.end());
-    return *place;
-  };
-  return at(0.5 + 0.5 * kCentral) - at(0.5 - 0.5 * kCentral);
+  return lower_quantile(coordinates, 0.5 + 0.5 * kCentral) -
+         lower_quantile(coordinates, 0.5 - 0.5 * kCentral);
 }
 
 template <class Stored>

@@ -16,9 +16,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cairn/core/detail/json_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/json_text.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/report/detail/gzip_base64.hpp"
@@ -208,7 +208,7 @@ Json list_or_null(const std::vector<Value>& values) {
 
 Json parsed(const std::string& text, std::string_view where) {
   if (text.empty()) return nullptr;
-  std::optional<Json> json = parse_json<Json>(text, where);
+  std::optional<Json> json = detail::parse_json<Json>(text, where);
   require(json.has_value(), where, "no JSON", "JSON in UTF-8");
   return std::move(*json);
 }

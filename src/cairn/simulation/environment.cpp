@@ -13,6 +13,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/simulation/detail/furniture.hpp"
 #include "cairn/simulation/detail/paintings.hpp"
@@ -20,18 +21,22 @@
 namespace cairn {
 namespace {
 
+using detail::hang;
+using detail::ItemKind;
+using detail::ItemShape;
+using detail::kKitchenUnit;
+using detail::Paint;
+using detail::RoomLook;
+using detail::RoomShape;
+using detail::SceneBuilder;
+using detail::SupportSurface;
+using detail::Wall;
 using Eigen::Vector3d;
+using enum detail::ItemKind;
+using enum detail::Wall;
+using detail::Painter;
 
 constexpr double kPi = std::numbers::pi;
-
-constexpr std::array<std::pair<EnvironmentKind, std::string_view>, 6> kNames = {{
-    {EnvironmentKind::kDesk, "desk"},
-    {EnvironmentKind::kOffice, "office"},
-    {EnvironmentKind::kCorridor, "corridor"},
-    {EnvironmentKind::kWarehouse, "warehouse"},
-    {EnvironmentKind::kRoom, "room"},
-    {EnvironmentKind::kKitchen, "kitchen"},
-}};
 
 Rigid3 upright(const Vector3d& position, double yaw_deg) {
   return Rigid3::from_roll_pitch_yaw(position, 0.0, 0.0, yaw_deg * kPi / 180.0);
@@ -74,11 +79,11 @@ class Layout {
   }
   Wall wall(Wall drawn) const {
     if (!mirrored_) return drawn;
-    return drawn == Wall::kEast ? Wall::kWest : drawn == Wall::kWest ? Wall::kEast : drawn;
+    return drawn == kEast ? kWest : drawn == kWest ? kEast : drawn;
   }
   // From what is drawn along a wall to metres from its left end.
   double along(const RoomShape& room, Wall drawn, double metres) const {
-    const bool by_x = drawn == Wall::kNorth || drawn == Wall::kSouth;
+    const bool by_x = drawn == kNorth || drawn == kSouth;
     const double stretched = metres * (by_x ? stretch_x_ : stretch_y_);
     return mirrored_ ? wall_length(room, wall(drawn)) - stretched : stretched;
   }
@@ -283,20 +288,19 @@ struct Site {
       const double x = -0.5 * width + (i + 0.5) * step + random.uniform(-0.06, 0.06);
       const double y = 0.5 * depth - 0.14;
       if (random.chance(0.75)) {
-        plan.place(ItemKind::kMonitor, desk, x, y, random.uniform(-8.0, 8.0));
-        plan.place(ItemKind::kKeyboard, desk, x, y - 0.33, random.uniform(-9.0, 9.0), true);
-        plan.place(ItemKind::kMouse, desk, x + 0.3, y - 0.33, random.uniform(-20.0, 20.0), true);
+        plan.place(kMonitor, desk, x, y, random.uniform(-8.0, 8.0));
+        plan.place(kKeyboard, desk, x, y - 0.33, random.uniform(-9.0, 9.0), true);
+        plan.place(kMouse, desk, x + 0.3, y - 0.33, random.uniform(-20.0, 20.0), true);
       } else {
-        plan.place(ItemKind::kLaptop, desk, x, y - 0.2, random.uniform(-15.0, 15.0), true);
+        plan.place(kLaptop, desk, x, y - 0.2, random.uniform(-15.0, 15.0), true);
       }
     }
-    plan.scatter({ItemKind::kBook, ItemKind::kCup, ItemKind::kPaper}, 1, desk);
-    plan.scatter({ItemKind::kBookStack, ItemKind::kSmallBox}, 1, desk);
-    plan.scatter({ItemKind::kLamp}, random.chance(0.5) ? 1 : 0, desk);
+    plan.scatter({kBook, kCup, kPaper}, 1, desk);
+    plan.scatter({kBookStack, kSmallBox}, 1, desk);
+    plan.scatter({kLamp}, random.chance(0.5) ? 1 : 0, desk);
     if (!tidy) {
-      plan.scatter({ItemKind::kUprightBooks, ItemKind::kBottle, ItemKind::kPaper,
-                    ItemKind::kPenHolder, ItemKind::kSmallBox, ItemKind::kBook, ItemKind::kCup,
-                    ItemKind::kPlant, ItemKind::kPaper, ItemKind::kBook},
+      plan.scatter({kUprightBooks, kBottle, kPaper, kPenHolder, kSmallBox, kBook, kCup, kPlant,
+                    kPaper, kBook},
                    1, desk);
     }
   }
@@ -313,9 +317,9 @@ struct Site {
       const double z = bottom + random.uniform(0.0, 0.25);
       if (w > 0.8 && random.chance(0.4)) {
         hang(builder, room, wall, "notice board", x + 0.5 * w, z, w, h, 0.02,
-             paintings::notice_board, {0.5F, 0.4F, 0.3F}, 800.0, random);
+             &Painter::notice_board, {0.5F, 0.4F, 0.3F}, 800.0, random);
       } else {
-        hang(builder, room, wall, "poster", x + 0.5 * w, z, w, h, 0.004, paintings::poster,
+        hang(builder, room, wall, "poster", x + 0.5 * w, z, w, h, 0.004, &Painter::poster,
              {0.9F, 0.9F, 0.9F}, 600.0, random);
       }
       x += w + random.uniform(0.1, 0.5);
@@ -324,24 +328,25 @@ struct Site {
 
   void board(const RoomShape& room, Wall wall, double along, double width) {
     hang(builder, room, layout.wall(wall), "whiteboard", layout.along(room, wall, along), 0.95,
-         width, 1.1, 0.02, paintings::whiteboard, {0.93F, 0.93F, 0.93F}, 500.0, random);
+         width, 1.1, 0.02, &Painter::whiteboard, {0.93F, 0.93F, 0.93F}, 500.0, random);
   }
   void window(const RoomShape& room, Wall wall, double along, double width) {
     hang(builder, room, layout.wall(wall), "window", layout.along(room, wall, along), 0.9, width,
-         1.3, 0.02, paintings::window_view, {0.8F, 0.8F, 0.8F}, 300.0, random);
+         1.3, 0.02, &Painter::window_view, {0.8F, 0.8F, 0.8F}, 300.0, random);
   }
   void door(const RoomShape& room, Wall wall, double along) {
-    const Paint paint = random_paint(random, random.uniform(0.2, 0.6), random.uniform(0.4, 0.75));
+    const Paint paint =
+        detail::random_paint(random, random.uniform(0.2, 0.6), random.uniform(0.4, 0.75));
     hang(builder, room, layout.wall(wall), "door", layout.along(room, wall, along), 0.0, 0.95, 2.05,
-         0.04, paintings::door, paint, 400.0, random);
+         0.04, &Painter::door, paint, 400.0, random);
   }
 };
 
 void build_desk(Site& site) {
   const RoomShape drawn{-2.7, -2.3, 3.1, 3.5, 2.7};
-  const RoomLook look{paintings::plaster,
-                      paintings::carpet_tiles,
-                      paintings::ceiling_panels,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::carpet_tiles,
+                      &Painter::ceiling_panels,
                       {0.82F, 0.8F, 0.75F},
                       {0.3F, 0.33F, 0.38F}};
   const RoomShape room = site.room(drawn, look, 2, 2, 2.7);
@@ -352,7 +357,7 @@ void build_desk(Site& site) {
   site.bookcase(site.at(-0.6, 3.15), 1.2, 1.9, 5);
   const SupportSurface east_cabinet = site.cabinet(site.at(1.4, 3.05), 1.5, 0.45, 1.1);
   site.bookcase(site.at(0.9, -1.95, 180.0), 1.4, 2.0, 5);
-  const Wall walls[4] = {Wall::kNorth, Wall::kEast, Wall::kSouth, Wall::kWest};
+  const Wall walls[4] = {kNorth, kEast, kSouth, kWest};
   site.decorate(room, walls[0], 0.2, 1.4, 1.2);
   site.window(room, walls[0], 4.2, 1.6);
   site.door(room, walls[1], 5.0);
@@ -363,15 +368,14 @@ void build_desk(Site& site) {
   const auto floor_west = site.floor(-1.6, 0.6, 0.8, 2.6);
   const auto floor_north = site.floor(0.1, 2.2, 2.8, 0.9);
   const auto floor_south = site.floor(0.1, -0.85, 2.0, 0.8);
-  site.plan.scatter({ItemKind::kChair}, 1, floor_north);
-  site.plan.scatter({ItemKind::kChair}, 1, floor_south);
-  site.plan.scatter({ItemKind::kCarton, ItemKind::kBin}, 1, floor_north);
-  site.plan.scatter({ItemKind::kCarton, ItemKind::kBookStack}, 2, floor_east);
-  site.plan.scatter({ItemKind::kBigPlant}, 1, floor_east);
-  site.plan.scatter({ItemKind::kCarton, ItemKind::kPaper, ItemKind::kBin}, 1, floor_west);
-  site.plan.scatter(
-      {ItemKind::kUprightBooks, ItemKind::kPlant, ItemKind::kSmallBox, ItemKind::kBookStack}, 1,
-      site.plan.add(east_cabinet), 15.0);
+  site.plan.scatter({kChair}, 1, floor_north);
+  site.plan.scatter({kChair}, 1, floor_south);
+  site.plan.scatter({kCarton, kBin}, 1, floor_north);
+  site.plan.scatter({kCarton, kBookStack}, 2, floor_east);
+  site.plan.scatter({kBigPlant}, 1, floor_east);
+  site.plan.scatter({kCarton, kPaper, kBin}, 1, floor_west);
+  site.plan.scatter({kUprightBooks, kPlant, kSmallBox, kBookStack}, 1, site.plan.add(east_cabinet),
+                    15.0);
 
   site.stage.sweep = {
       {{1.35, 0.15, 1.5}, {0.3, 0.4, 0.75}},   {{1.45, 0.75, 1.45}, {0.2, 0.8, 0.8}},
@@ -388,9 +392,9 @@ void build_desk(Site& site) {
 void build_office(Site& site) {
   const RoomShape drawn{-5.2, -3.8, 4.8, 3.8, 2.8};
   Random& random = site.random;
-  const RoomLook look{paintings::plaster,
-                      paintings::carpet_tiles,
-                      paintings::ceiling_panels,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::carpet_tiles,
+                      &Painter::ceiling_panels,
                       {0.78F, 0.82F, 0.84F},
                       {0.36F, 0.3F, 0.3F}};
   const RoomShape room = site.room(drawn, look, 4, 3, 2.0);
@@ -400,31 +404,30 @@ void build_office(Site& site) {
     add_partition(site.builder, site.at(x, 0.0), 1.7, 1.3, random);
     const auto south = site.floor(x, -1.25, 1.2, 0.7);
     const auto north = site.floor(x, 1.25, 1.2, 0.7);
-    site.plan.scatter({ItemKind::kChair}, 1, south);
-    site.plan.scatter({ItemKind::kChair}, 1, north);
+    site.plan.scatter({kChair}, 1, south);
+    site.plan.scatter({kChair}, 1, north);
   }
   const std::size_t meeting = site.table(site.at(3.2, 0.0, -90.0), 1.6, 0.9, 0.74);
-  site.plan.scatter({ItemKind::kLaptop, ItemKind::kPaper, ItemKind::kCup, ItemKind::kBook}, 2,
-                    meeting);
+  site.plan.scatter({kLaptop, kPaper, kCup, kBook}, 2, meeting);
   site.bookcase(site.at(-4.85, 1.5, 90.0), 1.8, 2.0, 5);
   site.cabinet(site.at(-4.75, -1.4, 90.0), 1.6, 0.45, 1.2);
   for (const double x : {-3.2, 0.2}) site.bookcase(site.at(x, 3.45), 1.6, 2.0, 5);
   for (const double x : {-2.4, 1.6}) site.cabinet(site.at(x, -3.35, 180.0), 1.5, 0.45, 1.1);
-  site.decorate(room, Wall::kNorth, 3.0, 4.3, 1.1);
-  site.window(room, Wall::kNorth, 7.6, 2.4);
-  site.decorate(room, Wall::kEast, 0.3, 2.6, 1.1);
-  site.board(room, Wall::kEast, 3.9, 2.2);
-  site.door(room, Wall::kEast, 6.4);
-  site.window(room, Wall::kSouth, 1.2, 1.6);
-  site.decorate(room, Wall::kSouth, 4.4, 6.3, 1.2);
-  site.decorate(room, Wall::kSouth, 8.4, 9.9, 1.1);
-  site.decorate(room, Wall::kWest, 3.5, 4.2, 1.3);
+  site.decorate(room, kNorth, 3.0, 4.3, 1.1);
+  site.window(room, kNorth, 7.6, 2.4);
+  site.decorate(room, kEast, 0.3, 2.6, 1.1);
+  site.board(room, kEast, 3.9, 2.2);
+  site.door(room, kEast, 6.4);
+  site.window(room, kSouth, 1.2, 1.6);
+  site.decorate(room, kSouth, 4.4, 6.3, 1.2);
+  site.decorate(room, kSouth, 8.4, 9.9, 1.1);
+  site.decorate(room, kWest, 3.5, 4.2, 1.3);
   const auto corner_ne = site.floor(4.2, 3.1, 0.9, 1.0);
   const auto corner_sw = site.floor(-4.5, -3.2, 1.0, 0.9);
   const auto side = site.floor(4.45, -2.2, 0.6, 2.0);
-  site.plan.scatter({ItemKind::kBigPlant}, 1, corner_ne);
-  site.plan.scatter({ItemKind::kBigPlant, ItemKind::kBin}, 1, corner_sw);
-  site.plan.scatter({ItemKind::kCarton, ItemKind::kBin, ItemKind::kCarton}, 1, side);
+  site.plan.scatter({kBigPlant}, 1, corner_ne);
+  site.plan.scatter({kBigPlant, kBin}, 1, corner_sw);
+  site.plan.scatter({kCarton, kBin, kCarton}, 1, side);
 
   site.stage.sweep = {
       {{-3.6, -1.9, 1.5}, {-2.9, -0.3, 0.9}}, {{-1.8, -1.8, 1.45}, {-1.5, 0.0, 0.9}},
@@ -441,13 +444,13 @@ void build_office(Site& site) {
 void build_corridor(Site& site) {
   const RoomShape drawn{-9.0, -1.5, 9.0, 1.5, 2.6};
   Random& random = site.random;
-  const RoomLook look{paintings::plaster,
-                      paintings::vinyl_tiles,
-                      paintings::ceiling_panels,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::vinyl_tiles,
+                      &Painter::ceiling_panels,
                       {0.85F, 0.78F, 0.62F},
                       {0.5F, 0.5F, 0.5F}};
   const RoomShape room = site.room(drawn, look, 6, 1, 2.7);
-  for (const Wall wall : {Wall::kNorth, Wall::kSouth}) {
+  for (const Wall wall : {kNorth, kSouth}) {
     double x = 0.3;
     while (x < 16.3) {
       const double gap = random.uniform(0.9, 2.3);
@@ -458,29 +461,23 @@ void build_corridor(Site& site) {
       x += 0.75;
     }
   }
-  site.window(room, Wall::kEast, 1.5, 1.8);
-  site.board(room, Wall::kWest, 1.5, 1.6);
+  site.window(room, kEast, 1.5, 1.8);
+  site.board(room, kWest, 1.5, 1.6);
   for (const double x : {-6.0, 0.5}) {
     add_bench(site.builder, site.at(x, -1.0, 180.0), 1.5, random);
     const auto bench =
         site.plan.add({site.at(x, -1.0, 180.0) * shifted(0.0, 0.22, 0.46), 1.4, 0.38});
-    site.plan.scatter({ItemKind::kBook, ItemKind::kPaper, ItemKind::kCup, ItemKind::kSmallBox}, 1,
-                      bench);
+    site.plan.scatter({kBook, kPaper, kCup, kSmallBox}, 1, bench);
   }
   const auto cabinet = site.plan.add(site.cabinet(site.at(-2.6, 1.1), 1.0, 0.4, 0.9));
-  site.plan.scatter({ItemKind::kPlant, ItemKind::kUprightBooks, ItemKind::kPaper}, 1, cabinet,
-                    20.0);
+  site.plan.scatter({kPlant, kUprightBooks, kPaper}, 1, cabinet, 20.0);
   const std::size_t plinth = site.table(site.at(5.5, -0.3), 0.8, 0.6, 0.8);
-  site.plan.scatter({ItemKind::kPlant, ItemKind::kBookStack, ItemKind::kSmallBox, ItemKind::kPaper,
-                     ItemKind::kCup, ItemKind::kBook},
-                    1, plinth);
+  site.plan.scatter({kPlant, kBookStack, kSmallBox, kPaper, kCup, kBook}, 1, plinth);
   for (const double x : {-7.8, -4.3, -1.0, 2.6}) {
     const auto spot = site.floor(x, 1.25, 1.4, 0.44);
     const auto other = site.floor(x, -1.25, 0.9, 0.44);
-    site.plan.scatter(
-        {random.chance(0.5) ? ItemKind::kCarton : ItemKind::kBin, ItemKind::kSmallBox}, 1, spot,
-        15.0);
-    site.plan.scatter({ItemKind::kBin}, random.chance(0.5) ? 1 : 0, other);
+    site.plan.scatter({random.chance(0.5) ? kCarton : kBin, kSmallBox}, 1, spot, 15.0);
+    site.plan.scatter({kBin}, random.chance(0.5) ? 1 : 0, other);
   }
 
   site.stage.sweep = {{{-7.0, 0.2, 1.5}, {-6.0, 1.5, 1.3}},  {{-5.6, 0.0, 1.5}, {-5.0, -1.5, 1.2}},
@@ -496,9 +493,9 @@ void build_corridor(Site& site) {
 void build_warehouse(Site& site) {
   const RoomShape drawn{-8.0, -6.0, 8.0, 7.0, 5.5};
   Random& random = site.random;
-  const RoomLook look{paintings::bricks,
-                      paintings::concrete,
-                      paintings::metal,
+  const RoomLook look{&Painter::bricks,
+                      &Painter::concrete,
+                      &Painter::metal,
                       {0.6F, 0.6F, 0.58F},
                       {0.45F, 0.45F, 0.44F}};
   const RoomShape room = site.room(drawn, look, 4, 4, 6.5);
@@ -510,29 +507,29 @@ void build_warehouse(Site& site) {
       for (const SupportSurface& level : add_rack(site.builder, pose, 2.85, 1.1, 4.2, 3, random)) {
         const std::size_t support = site.plan.add(level);
         if (random.chance(0.7)) {
-          site.plan.place(ItemKind::kPallet, support, -0.65, 0.0, random.uniform(-3.0, 3.0));
+          site.plan.place(kPallet, support, -0.65, 0.0, random.uniform(-3.0, 3.0));
         } else {
-          site.plan.scatter({ItemKind::kCarton}, 2, support, 20.0);
+          site.plan.scatter({kCarton}, 2, support, 20.0);
         }
         if (random.chance(0.5)) {
-          site.plan.place(ItemKind::kPallet, support, 0.65, 0.0, random.uniform(-3.0, 3.0));
+          site.plan.place(kPallet, support, 0.65, 0.0, random.uniform(-3.0, 3.0));
         } else {
-          site.plan.scatter({ItemKind::kCarton}, 3, support, 20.0);
+          site.plan.scatter({kCarton}, 3, support, 20.0);
         }
       }
     }
   }
-  for (const Wall wall : {Wall::kEast, Wall::kWest}) {
+  for (const Wall wall : {kEast, kWest}) {
     site.decorate(room, wall, 1.5, 11.5, 1.3);
   }
   const auto middle = site.floor(0.0, 3.6, 1.3, 1.3);
-  site.plan.place(ItemKind::kPallet, middle, 0.0, 0.0, 20.0);
+  site.plan.place(kPallet, middle, 0.0, 0.0, 20.0);
   for (const double x : {-4.0, 0.0, 4.0}) {
     const auto strip = site.floor(x, -4.1, 3.0, 1.1);
-    site.plan.scatter({ItemKind::kPallet, ItemKind::kCarton, ItemKind::kCarton}, 1, strip);
+    site.plan.scatter({kPallet, kCarton, kCarton}, 1, strip);
   }
   const auto yard = site.floor(4.2, 4.6, 2.6, 1.6);
-  site.plan.scatter({ItemKind::kPallet, ItemKind::kCarton, ItemKind::kBin}, 1, yard);
+  site.plan.scatter({kPallet, kCarton, kBin}, 1, yard);
 
   site.stage.sweep = {{{-5.8, 2.6, 1.6}, {-4.5, 0.6, 1.3}}, {{-3.6, 2.3, 1.5}, {-3.0, 0.6, 1.4}},
                       {{-1.8, 2.2, 1.7}, {-0.5, 3.6, 0.9}}, {{0.0, 2.1, 1.6}, {0.6, 0.6, 1.3}},
@@ -547,43 +544,37 @@ void build_warehouse(Site& site) {
 void build_room(Site& site) {
   const RoomShape drawn{-3.0, -2.5, 3.0, 2.5, 2.5};
   Random& random = site.random;
-  const RoomLook look{paintings::plaster,
-                      paintings::planks,
-                      paintings::plaster,
+  const RoomLook look{&Painter::plaster,
+                      &Painter::planks,
+                      &Painter::plaster,
                       {0.74F, 0.66F, 0.58F},
                       {0.6F, 0.42F, 0.27F}};
   const RoomShape room = site.room(drawn, look, 2, 1, 4.6);
   site.builder.begin_object("rug", site.at(0.0, 0.2));
   const auto carpet =
-      site.builder.paint(2.8, 2.0, 500.0, {0.5F, 0.3F, 0.25F}, paintings::rug, random.fork(7));
+      site.builder.paint(2.8, 2.0, 500.0, {0.5F, 0.3F, 0.25F}, &Painter::rug, random.fork(7));
   site.builder.box({-1.4, -1.0, 0.0}, {2.8, 2.0, 0.01}, SceneBuilder::Skin::all(carpet));
   add_sofa(site.builder, site.at(0.0, 1.6), 1.9, random);
   const std::size_t table = site.table(site.at(0.0, -0.1), 1.2, 0.65, 0.43);
-  site.plan.scatter({ItemKind::kBook, ItemKind::kCup, ItemKind::kPaper, ItemKind::kBookStack,
-                     ItemKind::kPlant, ItemKind::kCup, ItemKind::kSmallBox, ItemKind::kBottle},
-                    1, table);
+  site.plan.scatter({kBook, kCup, kPaper, kBookStack, kPlant, kCup, kSmallBox, kBottle}, 1, table);
   const auto board = site.plan.add(site.cabinet(site.at(0.0, -2.05, 180.0), 1.8, 0.45, 0.55));
-  site.plan.place(ItemKind::kMonitor, board, 0.0, 0.05, 0.0);
-  site.plan.scatter({ItemKind::kUprightBooks, ItemKind::kPlant, ItemKind::kSmallBox,
-                     ItemKind::kLamp, ItemKind::kBook},
-                    1, board, 20.0);
+  site.plan.place(kMonitor, board, 0.0, 0.05, 0.0);
+  site.plan.scatter({kUprightBooks, kPlant, kSmallBox, kLamp, kBook}, 1, board, 20.0);
   site.bookcase(site.at(-2.65, 0.9, 90.0), 1.5, 2.05, 6);
   site.bookcase(site.at(-2.65, -0.9, 90.0), 1.2, 1.6, 4);
   const std::size_t dining = site.table(site.at(2.1, -0.5, -90.0), 1.3, 0.8, 0.74);
-  site.plan.scatter({ItemKind::kCup, ItemKind::kBottle, ItemKind::kPlant, ItemKind::kBook,
-                     ItemKind::kPaper, ItemKind::kSmallBox},
-                    1, dining);
-  site.decorate(room, Wall::kNorth, 0.5, 5.5, 1.15);
-  site.window(room, Wall::kEast, 1.3, 1.7);
-  site.door(room, Wall::kEast, 4.3);
-  site.decorate(room, Wall::kSouth, 0.3, 2.0, 1.1);
-  site.decorate(room, Wall::kSouth, 4.1, 5.7, 1.1);
+  site.plan.scatter({kCup, kBottle, kPlant, kBook, kPaper, kSmallBox}, 1, dining);
+  site.decorate(room, kNorth, 0.5, 5.5, 1.15);
+  site.window(room, kEast, 1.3, 1.7);
+  site.door(room, kEast, 4.3);
+  site.decorate(room, kSouth, 0.3, 2.0, 1.1);
+  site.decorate(room, kSouth, 4.1, 5.7, 1.1);
   const auto corner_ne = site.floor(2.5, 2.0, 0.9, 0.9);
   const auto corner_sw = site.floor(-2.5, -2.0, 0.9, 0.9);
-  site.plan.scatter({ItemKind::kBigPlant}, 1, corner_ne);
-  site.plan.scatter({ItemKind::kCarton, ItemKind::kBin}, 1, corner_sw);
+  site.plan.scatter({kBigPlant}, 1, corner_ne);
+  site.plan.scatter({kCarton, kBin}, 1, corner_sw);
   const auto by_table = site.floor(2.1, 0.9, 0.8, 1.0);
-  site.plan.scatter({ItemKind::kChair}, 1, by_table);
+  site.plan.scatter({kChair}, 1, by_table);
 
   site.stage.sweep = {{{-1.5, -0.9, 1.4}, {-0.2, 0.4, 0.5}}, {{-1.6, 0.2, 1.45}, {-2.8, 0.9, 1.0}},
                       {{-1.2, -0.6, 1.5}, {0.0, 1.8, 0.8}},  {{-0.2, -1.1, 1.4}, {0.1, 0.3, 0.45}},
@@ -605,9 +596,9 @@ void build_kitchen(Site& site) {
   const double half = 0.5 * (width + spare);
   const RoomShape room{-half, -1.9, half, 1.3, 2.5};
   const double shade = random.uniform(0.7, 0.85);
-  const RoomLook look{paintings::plaster,
-                      random.chance(0.5) ? paintings::planks : paintings::vinyl_tiles,
-                      paintings::plaster,
+  const RoomLook look{&Painter::plaster,
+                      random.chance(0.5) ? &Painter::planks : &Painter::vinyl_tiles,
+                      &Painter::plaster,
                       {0.82F, 0.8F, 0.74F},
                       {0.55F, 0.42F, 0.3F}};
   add_room(site.builder, room, look, 3, 1, 2.6, random);
@@ -615,19 +606,15 @@ void build_kitchen(Site& site) {
   for (const SupportSurface& support :
        add_kitchen_front(site.builder, upright({middle, 0.7, 0.0}, 0.0), units, shade, random)) {
     const std::size_t top = site.plan.add(support);
-    site.plan.scatter({ItemKind::kBottle, ItemKind::kCup, ItemKind::kSmallBox, ItemKind::kCup,
-                       ItemKind::kPlant, ItemKind::kBook},
-                      2, top);
+    site.plan.scatter({kBottle, kCup, kSmallBox, kCup, kPlant, kBook}, 2, top);
   }
   add_cabinet(site.builder, upright({fridge_left ? -half + 0.4 : half - 0.4, 0.65, 0.0}, 0.0), 0.62,
               0.6, plan.uniform(1.5, 2.0), random);
   const std::size_t table = site.plan.add(add_table(
       site.builder, upright({plan.uniform(-0.6, 0.6), -1.35, 0.0}, 180.0), 1.4, 0.5, 0.74, random));
-  site.plan.scatter(
-      {ItemKind::kCup, ItemKind::kBottle, ItemKind::kPaper, ItemKind::kBook, ItemKind::kSmallBox},
-      1, table);
-  site.decorate(room, Wall::kSouth, 0.3, width, 1.15);
-  site.door(room, fridge_left ? Wall::kEast : Wall::kWest, 1.0);
+  site.plan.scatter({kCup, kBottle, kPaper, kBook, kSmallBox}, 1, table);
+  site.decorate(room, kSouth, 0.3, width, 1.15);
+  site.door(room, fridge_left ? kEast : kWest, 1.0);
 
   // Along the front, which fills the picture.
   const int stops = 2 * units;
@@ -646,38 +633,42 @@ void build_kitchen(Site& site) {
                      {-half + 1.0, 0.2, 1.5}};
 }
 
+struct Place {
+  std::string_view name;
+  void (*build)(Site& site);
+};
+
+// In the order of EnvironmentKind.
+constexpr std::array<Place, 6> kPlaces = {{{"desk", build_desk},
+                                           {"office", build_office},
+                                           {"corridor", build_corridor},
+                                           {"warehouse", build_warehouse},
+                                           {"room", build_room},
+                                           {"kitchen", build_kitchen}}};
+
 }  // namespace
 
 EnvironmentKind environment_kind(std::string_view name) {
-  for (const auto& [kind, known] : kNames) {
-    if (known == name) return kind;
+  for (std::size_t i = 0; i < kPlaces.size(); ++i) {
+    if (kPlaces[i].name == name) return static_cast<EnvironmentKind>(i);
   }
   throw Error(ErrorKind::kMisuse, "environment", printable(name) + " is none",
               fmt::format("{}", fmt::join(environment_names(), ", ")));
 }
 
 std::string_view environment_name(EnvironmentKind kind) {
-  for (const auto& [known, name] : kNames) {
-    if (known == kind) return name;
-  }
-  return "";
+  return kPlaces[static_cast<std::size_t>(kind)].name;
 }
 
 std::vector<std::string_view> environment_names() {
   std::vector<std::string_view> names;
-  names.reserve(kNames.size());
-  for (const auto& [kind, name] : kNames) names.push_back(name);
+  for (const Place& place : kPlaces) names.push_back(place.name);
   return names;
 }
 
 void EnvironmentOptions::validate() const {
-  const auto check = [](double value, double low, double high, const char* field) {
-    if (value >= low && value <= high) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("EnvironmentOptions.{}", field),
-                fmt::format("{}", value), fmt::format("{} to {}", low, high));
-  };
-  check(changed_fraction, 0.0, 1.0, "changed_fraction");
-  check(texture_scale, 0.01, 2.0, "texture_scale");
+  detail::require_within(changed_fraction, 0.0, 1.0, "EnvironmentOptions.changed_fraction");
+  detail::require_within(texture_scale, 0.01, 2.0, "EnvironmentOptions.texture_scale");
 }
 
 Environment make_environment(const EnvironmentOptions& options, const Executor& executor) {
@@ -690,26 +681,7 @@ Environment make_environment(const EnvironmentOptions& options, const Executor& 
             random.fork(2),
             Layout(layout, Random(layout).fork(kind).fork(4)),
             {}};
-  switch (options.kind) {
-    case EnvironmentKind::kDesk:
-      build_desk(site);
-      break;
-    case EnvironmentKind::kOffice:
-      build_office(site);
-      break;
-    case EnvironmentKind::kCorridor:
-      build_corridor(site);
-      break;
-    case EnvironmentKind::kWarehouse:
-      build_warehouse(site);
-      break;
-    case EnvironmentKind::kRoom:
-      build_room(site);
-      break;
-    case EnvironmentKind::kKitchen:
-      build_kitchen(site);
-      break;
-  }
+  kPlaces[kind].build(site);
   if (options.changed_fraction > 0.0) {
     site.plan.change(options.changed_fraction, random.fork(3).fork(options.session));
   }

@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
@@ -18,8 +19,6 @@ namespace cairn {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kPi = std::numbers::pi;
 
 double microseconds(double seconds) {
   return std::round(seconds * 1e6) / 1e6;
@@ -33,7 +32,7 @@ class Wobble {
     for (int axis = 0; axis < 3; ++axis) {
       for (Sine& sine : sines_[static_cast<std::size_t>(axis)]) {
         sine.frequency = random.uniform(lowest, highest);
-        sine.phase = random.uniform(0.0, 2.0 * kPi);
+        sine.phase = random.uniform(0.0, 2.0 * std::numbers::pi);
         // Slow sway is wider than quick tremble.
         sine.amplitude = deviation * std::sqrt(2.0 / kSines) * std::sqrt(lowest / sine.frequency);
       }
@@ -44,7 +43,8 @@ class Wobble {
     Vector3d sum = Vector3d::Zero();
     for (int axis = 0; axis < 3; ++axis) {
       for (const Sine& sine : sines_[static_cast<std::size_t>(axis)]) {
-        sum[axis] += sine.amplitude * std::sin(2.0 * kPi * sine.frequency * time + sine.phase);
+        sum[axis] +=
+            sine.amplitude * std::sin(2.0 * std::numbers::pi * sine.frequency * time + sine.phase);
       }
     }
     return sum;
@@ -119,9 +119,9 @@ Route sweep_route(const CameraStage& stage, Random& random) {
 Route orbit_route(const CameraStage& stage, Random& random) {
   constexpr double kSpeed = 0.35;  // m/s
   const double radius = stage.orbit_radius_m * random.uniform(0.98, 1.04);
-  const double phase = random.uniform(0.0, 2.0 * kPi);
+  const double phase = random.uniform(0.0, 2.0 * std::numbers::pi);
   const double turn = (random.chance(0.5) ? 1.0 : -1.0) * kSpeed / radius;
-  const double rise = random.uniform(0.0, 2.0 * kPi);
+  const double rise = random.uniform(0.0, 2.0 * std::numbers::pi);
   const Vector3d target = stage.orbit_target + jitter(0.08, random);
   return [=, centre = stage.orbit_target, height = stage.orbit_height_m](double time) {
     const double angle = phase + turn * time;
@@ -176,19 +176,19 @@ Route walk_route(const CameraStage& stage, Random& random) {
   const Round round(std::move(corners));
   const double speed = random.uniform(0.75, 0.95);  // m/s
   const double start = random.uniform(0.0, round.length());
-  const double glance = random.uniform(0.0, 2.0 * kPi);
+  const double glance = random.uniform(0.0, 2.0 * std::numbers::pi);
   return [=](double time) {
     const double distance = start + speed * time;
     const Vector3d position = round.at(distance);
     const Vector3d ahead = round.at(distance + 0.8) - round.at(distance - 0.4);
     // Glances to either side every ten seconds or so; the gait's rise and fall and sway.
-    const double yaw =
-        std::atan2(ahead.y(), ahead.x()) + 0.55 * std::sin(2.0 * kPi * 0.11 * time + glance);
-    const double step = 2.0 * kPi * 1.8 * time;
+    const double yaw = std::atan2(ahead.y(), ahead.x()) +
+                       0.55 * std::sin(2.0 * std::numbers::pi * 0.11 * time + glance);
+    const double step = 2.0 * std::numbers::pi * 1.8 * time;
     const Vector3d side(-std::sin(yaw), std::cos(yaw), 0.0);
     const Vector3d moved =
         position + Vector3d(0, 0, 0.015 * std::sin(step)) + 0.012 * std::sin(0.5 * step) * side;
-    const double down = 0.2 + 0.08 * std::sin(2.0 * kPi * 0.17 * time + 2.0 * glance);
+    const double down = 0.2 + 0.08 * std::sin(2.0 * std::numbers::pi * 0.17 * time + 2.0 * glance);
     return Viewpoint{moved, moved + Vector3d(std::cos(yaw), std::sin(yaw), -std::tan(down))};
   };
 }
@@ -213,16 +213,11 @@ PathKind path_kind(std::string_view name) {
 }
 
 void PathOptions::validate() const {
-  const auto check = [](double value, double low, double high, const char* field) {
-    if (value >= low && value <= high) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("PathOptions.{}", field), fmt::format("{}", value),
-                fmt::format("{} to {}", low, high));
-  };
-  check(static_cast<double>(frames), 1.0, 1e6, "frames");
-  check(rate_hz, 0.1, 1000.0, "rate_hz");
-  check(pace, 0.01, 5.0, "pace");
-  check(shake, 0.0, 5.0, "shake");
-  check(clearance_m, 0.0, 1.0, "clearance_m");
+  detail::require_within(frames, std::size_t{1}, std::size_t{1000000}, "PathOptions.frames");
+  detail::require_within(rate_hz, 0.1, 1000.0, "PathOptions.rate_hz");
+  detail::require_within(pace, 0.01, 5.0, "PathOptions.pace");
+  detail::require_within(shake, 0.0, 5.0, "PathOptions.shake");
+  detail::require_within(clearance_m, 0.0, 1.0, "PathOptions.clearance_m");
 }
 
 Rigid3 looking_at(const Vector3d& position, const Vector3d& target) {

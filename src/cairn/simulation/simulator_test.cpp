@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/simulation/detail/renderer.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
 
@@ -66,7 +67,7 @@ TEST(RgbdSimulator, FramesAgreeWithEachOthersDepthAndPose) {
   const RgbdSimulator simulator = desk(options);
   const RgbdFrame a = simulator.frame(0);
   const RgbdFrame b = simulator.frame(5);
-  const RayTable rays = ray_table(options.camera);
+  const detail::RayTable rays = detail::ray_table(options.camera);
   std::size_t compared = 0;
   std::size_t agreed = 0;
   for (std::size_t i = 0; i < a.exact_depth_m.size(); i += 7) {

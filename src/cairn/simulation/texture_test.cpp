@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/simulation/texture.hpp"
-
 #include <cstdint>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/simulation/scene.hpp"
 
 namespace cairn {
 namespace {

@@ -9,8 +9,8 @@
 #include <ceres/sized_cost_function.h>
 
 #include "cairn/adjustment/detail/pose_block.hpp"
+#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/adjustment/detail/seen_point.hpp"
-#include "cairn/adjustment/pose_derivative.hpp"
 #include "cairn/map/camera.hpp"
 
 namespace cairn {

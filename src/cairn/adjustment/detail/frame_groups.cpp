@@ -1,35 +1,27 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/adjustment/detail/frame_groups.hpp"
 
-#include <algorithm>
-#include <numeric>
+#include "cairn/core/detail/disjoint_sets.hpp"
 
 namespace cairn {
 
 std::vector<FrameGroup> frame_groups(const LandmarkMap& map,
                                      std::span<const std::vector<Measurement>> measurements,
                                      std::size_t min_observations) {
-  std::vector<std::uint32_t> root(map.frame_count());
-  std::iota(root.begin(), root.end(), 0U);
-  const auto find = [&](std::uint32_t frame) {
-    while (root[frame] != frame) frame = root[frame] = root[root[frame]];
-    return frame;
-  };
+  detail::DisjointSets connected(map.frame_count());
   std::vector<bool> observes(map.frame_count(), false);
   for (const std::vector<Measurement>& landmark : measurements) {
     for (const Measurement& one : landmark) {
       observes[one.frame.value] = true;
       if (landmark.size() < min_observations) continue;
-      const std::uint32_t a = find(landmark.front().frame.value);
-      const std::uint32_t b = find(one.frame.value);
-      root[std::max(a, b)] = std::min(a, b);
+      connected.join(landmark.front().frame.value, one.frame.value);
     }
   }
   std::vector<FrameGroup> groups;
   std::vector<std::size_t> group_of(map.frame_count());
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     if (!observes[i]) continue;
-    const std::uint32_t first = find(i);
+    const std::size_t first = connected.first_of(i);
     if (first == i) {
       group_of[i] = groups.size();
       groups.emplace_back();
@@ -39,7 +31,7 @@ std::vector<FrameGroup> frame_groups(const LandmarkMap& map,
   std::vector<bool> has_depth(groups.size(), false);
   for (std::uint32_t l = 0; l < measurements.size(); ++l) {
     if (measurements[l].empty()) continue;
-    const std::size_t group = group_of[find(measurements[l].front().frame.value)];
+    const std::size_t group = group_of[connected.first_of(measurements[l].front().frame.value)];
     groups[group].landmarks.push_back(l);
     if (measurements[l].size() < min_observations) continue;
     for (const Measurement& one : measurements[l]) {

@@ -9,7 +9,7 @@
 
 #include "cairn/atlas/store/postgres_store.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn {
 

@@ -7,7 +7,7 @@
 
 #include "cairn/atlas/detail/sql_store.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/storage/postgres/database.hpp"
 
 namespace cairn {

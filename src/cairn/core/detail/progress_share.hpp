@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include "cairn/core/progress.hpp"
+#include "cairn/core/execution.hpp"
 
 namespace cairn {
 

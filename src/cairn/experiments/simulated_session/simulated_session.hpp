@@ -7,7 +7,7 @@
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
-#include "cairn/vision/odometry/map_sequence.hpp"
+#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {
 

@@ -11,8 +11,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/error_statistics.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/experiments/statistics/distributions.hpp"
 #include "cairn/experiments/statistics/moments.hpp"
 #include "cairn/experiments/statistics/validation.hpp"

@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/error_statistics.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/experiments/statistics/correlation.hpp"
 #include "cairn/experiments/statistics/moments.hpp"
 

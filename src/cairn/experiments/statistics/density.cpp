@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/experiments/statistics/interval.hpp"
 #include "cairn/experiments/statistics/moments.hpp"
 #include "cairn/experiments/statistics/validation.hpp"

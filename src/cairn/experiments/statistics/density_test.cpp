@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 
 namespace cairn {
 namespace {

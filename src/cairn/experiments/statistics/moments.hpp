@@ -4,7 +4,7 @@
 #include <optional>
 #include <span>
 
-/// Mean and standard deviation of a sample; quantile() is in core/error_statistics.hpp.
+/// Mean and standard deviation of a sample; quantile() is in core/statistics.hpp.
 namespace cairn {
 
 /// std::nullopt for no values.

@@ -8,7 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/core/outputs.hpp"
+#include "cairn/core/detail/files_read.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
@@ -107,10 +107,10 @@ TEST_F(ColmapDatabaseTest, AnotherDatabaseBesideIsLeftOut) {
 }
 
 TEST_F(ColmapDatabaseTest, ADatabaseBesideThatIsToBeWrittenIsRefused) {
-  refuse_to_read({{"--json", file()}});
+  detail::refuse_to_read({{"--json", file()}});
   EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { read(folder_ / "sparse/0"); }),
               HasSubstr("--json: " + file().string()));
-  refuse_to_read({});
+  detail::refuse_to_read({});
   EXPECT_TRUE(read(folder_ / "sparse/0").landmarks().descriptors);
 }
 

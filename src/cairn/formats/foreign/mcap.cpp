@@ -15,7 +15,7 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/foxglove_messages.hpp"
 #include "cairn/formats/detail/bytes/mcap_file.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"

@@ -14,7 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/json_document.hpp"
 #include "cairn/formats/detail/foreign/is_file.hpp"
 #include "cairn/formats/detail/foreign/pixel_centre.hpp"

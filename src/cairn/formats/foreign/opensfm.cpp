@@ -18,7 +18,6 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/core/plain_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/json_document.hpp"
 #include "cairn/formats/detail/bytes/record_reader.hpp"

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/error_statistics.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/report/detail/frame.hpp"
 

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 std::uint64_t hashed(std::uint64_t x) {
@@ -91,8 +91,9 @@ Paint random_paint(Random& random, double saturation, double value) {
   return {channel(0.0), channel(4.0), channel(2.0)};
 }
 
-Canvas::Canvas(double width_m, double height_m, double texels_per_metre, const Paint& background)
-    : width_m_(width_m), height_m_(height_m) {
+Canvas::Canvas(double width_m, double height_m, double texels_per_metre, const Paint& background,
+               const Random& its_random)
+    : random(its_random), w(width_m), h(height_m) {
   constexpr double kMost = 4096.0;
   scale_ = std::min(texels_per_metre, kMost / std::max(width_m, height_m));
   columns_ = static_cast<std::size_t>(std::max(1.0, std::round(width_m * scale_)));
@@ -182,8 +183,7 @@ void Canvas::gradient(double x, double y, double width, double height, const Pai
   }
 }
 
-double Canvas::word(double x, double y, double size, int letters, const Paint& paint,
-                    Random& random) {
+double Canvas::word(double x, double y, double size, int letters, const Paint& paint) {
   const double advance = 0.68 * size;
   const double thickness = 0.15 * size;
   for (int i = 0; i < letters; ++i) {
@@ -203,8 +203,8 @@ double Canvas::word(double x, double y, double size, int letters, const Paint& p
   return letters * advance;
 }
 
-void Canvas::text(double x, double y, double width, double height, double size, const Paint& paint,
-                  Random& random) {
+void Canvas::text(double x, double y, double width, double height, double size,
+                  const Paint& paint) {
   const double right = x + width;
   for (double line_y = y; line_y + size <= y + height; line_y += 1.6 * size) {
     if (random.chance(0.08)) continue;  // a paragraph ends
@@ -213,12 +213,12 @@ void Canvas::text(double x, double y, double width, double height, double size, 
     for (;;) {
       const int letters = 2 + static_cast<int>(random.index(7));
       if (column + letters * 0.68 * size > end) break;
-      column += word(column, line_y, size, letters, paint, random) + 0.5 * size;
+      column += word(column, line_y, size, letters, paint) + 0.5 * size;
     }
   }
 }
 
-void Canvas::blotches(double size_x, double size_y, double strength, Random& random) {
+void Canvas::blotches(double size_x, double size_y, double strength) {
   const std::uint64_t key = random.draw_seed();
   const auto step_x = static_cast<float>(1.0 / (scale_ * size_x));
   const auto step_y = static_cast<float>(1.0 / (scale_ * size_y));
@@ -251,7 +251,7 @@ void Canvas::blotches(double size_x, double size_y, double strength, Random& ran
   }
 }
 
-void Canvas::grain(double strength, Random& random) {
+void Canvas::grain(double strength) {
   const std::uint64_t key = random.draw_seed();
   for (std::size_t row = 0; row < rows_; ++row) {
     for (std::size_t column = 0; column < columns_; ++column) {
@@ -276,4 +276,4 @@ Texture Canvas::texture() const {
           std::move(texels)};
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "cairn/core/random.hpp"
-#include "cairn/simulation/texture.hpp"
+#include "cairn/simulation/scene.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A colour as displayed on a screen, each channel in [0, 1].
 struct Paint {
@@ -28,10 +28,9 @@ Paint random_paint(Random& random, double saturation, double value);
 class Canvas {
  public:
   /// @param texels_per_metre reduced if a side would exceed 4096 texels
-  Canvas(double width_m, double height_m, double texels_per_metre, const Paint& background);
+  Canvas(double width_m, double height_m, double texels_per_metre, const Paint& background,
+         const Random& its_random);
 
-  double width() const { return width_m_; }
-  double height() const { return height_m_; }
   /// Side of a texel, metres.
   double texel() const { return 1.0 / scale_; }
 
@@ -47,18 +46,22 @@ class Canvas {
                 const Paint& bottom);
   /// Strokes that look like a word of `letters` letters, up to `size` high.
   /// @return its width
-  double word(double x, double y, double size, int letters, const Paint& paint, Random& random);
+  double word(double x, double y, double size, int letters, const Paint& paint);
   /// A block of text: lines of words, ragged on the right, as many as fit.
-  void text(double x, double y, double width, double height, double size, const Paint& paint,
-            Random& random);
+  void text(double x, double y, double width, double height, double size, const Paint& paint);
 
   /// Lightens and darkens the canvas by smooth noise with blotches of the given size.
-  void blotches(double size_x, double size_y, double strength, Random& random);
+  void blotches(double size_x, double size_y, double strength);
   /// Lightens and darkens each texel independently.
-  void grain(double strength, Random& random);
+  void grain(double strength);
 
   /// @return the picture so far
   Texture texture() const;
+
+ protected:
+  Random random;
+  const double w;  // metres
+  const double h;
 
  private:
   struct Bounds {
@@ -69,12 +72,10 @@ class Canvas {
     return pixels_[static_cast<std::size_t>(y) * columns_ + static_cast<std::size_t>(x)];
   }
 
-  double width_m_;
-  double height_m_;
   double scale_;
   std::size_t columns_;
   std::size_t rows_;
   std::vector<Paint> pixels_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -2,12 +2,14 @@
 #include "cairn/simulation/detail/furniture.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <string_view>
 
 #include "cairn/simulation/detail/paintings.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Vector3d;
@@ -27,7 +29,7 @@ Rigid3 turned(const Vector3d& position, double yaw) {
 }
 
 std::uint32_t plain(SceneBuilder& builder, const Paint& paint, Random& random) {
-  return builder.paint(0.3, 0.3, 200.0, paint, paintings::metal, random.fork(1));
+  return builder.paint(0.3, 0.3, 200.0, paint, &Painter::metal, random.fork(1));
 }
 
 Random next(Random& random) {
@@ -116,8 +118,8 @@ SupportSurface add_table(SceneBuilder& builder, const Rigid3& pose, double width
   const Paint paint = wood_paint(random);
   constexpr double kThick = 0.03;
   Skin skin = Skin::all(
-      builder.paint(width, 0.1, kMiddle, paint.scaled(0.85), paintings::wood, next(random)));
-  skin.top = builder.paint(width, depth, kMiddle, paint, paintings::wood, next(random));
+      builder.paint(width, 0.1, kMiddle, paint.scaled(0.85), &Painter::wood, next(random)));
+  skin.top = builder.paint(width, depth, kMiddle, paint, &Painter::wood, next(random));
   builder.box({-0.5 * width, 0, height - kThick}, {width, depth, kThick}, skin);
   const Skin leg = Skin::all(plain(builder, kSteel.scaled(0.6), random));
   for (const double x : {-0.5 * width + 0.03, 0.5 * width - 0.08}) {
@@ -134,7 +136,7 @@ void add_bookcase(SceneBuilder& builder, const Rigid3& pose, double width, doubl
   builder.begin_object("bookcase", pose);
   const Paint paint = wood_paint(random);
   const Skin board =
-      Skin::all(builder.paint(height, 0.3, kFar, paint, paintings::wood, next(random)));
+      Skin::all(builder.paint(height, 0.3, kFar, paint, &Painter::wood, next(random)));
   constexpr double kThick = 0.025;
   const double left = -0.5 * width;
   builder.box({left, 0, 0}, {kThick, depth, height}, board);
@@ -152,13 +154,13 @@ void add_bookcase(SceneBuilder& builder, const Rigid3& pose, double width, doubl
     const double x = from_left ? left + kThick : -left - kThick - books;
     const double high = (step - kThick) * random.uniform(0.8, 0.95);
     Skin row = Skin::all(plain(builder, kPaper.scaled(0.8), random));
-    row.front = builder.paint(books, high, 700.0, kBlack, paintings::book_spines, next(random));
+    row.front = builder.paint(books, high, 700.0, kBlack, &Painter::book_spines, next(random));
     builder.box({x, 0.03 + random.uniform(0.0, 0.04), z + kThick}, {books, depth - 0.1, high}, row);
     const double rest = inner - books;
     if (rest > 0.15) {
       const double size = std::min({rest - 0.04, step - kThick - 0.05, depth - 0.05});
       Skin box =
-          Skin::all(builder.paint(size, size, kMiddle, kPaper, paintings::carton, next(random)));
+          Skin::all(builder.paint(size, size, kMiddle, kPaper, &Painter::carton, next(random)));
       const double box_x = from_left ? x + books + 0.02 : left + kThick + 0.02;
       builder.box({box_x, 0.03, z + kThick}, {size, size, size}, box);
     }
@@ -169,8 +171,8 @@ void add_cabinet(SceneBuilder& builder, const Rigid3& pose, double width, double
                  double height, Random& random) {
   builder.begin_object("cabinet", pose);
   const Paint paint = random_paint(random, 0.15, random.uniform(0.55, 0.85));
-  Skin skin = Skin::all(builder.paint(depth, height, kFar, paint, paintings::metal, next(random)));
-  skin.front = builder.paint(width, height, kMiddle, paint, paintings::drawers, next(random));
+  Skin skin = Skin::all(builder.paint(depth, height, kFar, paint, &Painter::metal, next(random)));
+  skin.front = builder.paint(width, height, kMiddle, paint, &Painter::drawers, next(random));
   builder.box({-0.5 * width, 0, 0}, {width, depth, height}, skin);
 }
 
@@ -179,15 +181,15 @@ void add_partition(SceneBuilder& builder, const Rigid3& pose, double width, doub
   builder.begin_object("partition", pose);
   const Paint paint = random_paint(random, 0.35, 0.55);
   Skin skin = Skin::all(plain(builder, kSteel, random));
-  skin.front = builder.paint(width, height, kFar, paint, paintings::fabric, next(random));
-  skin.back = builder.paint(width, height, kFar, paint, paintings::fabric, next(random));
+  skin.front = builder.paint(width, height, kFar, paint, &Painter::fabric, next(random));
+  skin.back = builder.paint(width, height, kFar, paint, &Painter::fabric, next(random));
   builder.box({-0.5 * width, -0.02, 0.05}, {width, 0.04, height - 0.05}, skin);
   for (const double side : {-1.0, 1.0}) {  // what people pin to it
     for (double x = -0.5 * width + 0.1; x < 0.5 * width - 0.35; x += random.uniform(0.3, 0.55)) {
       const double w = random.uniform(0.15, 0.3);
       const double h = w * random.uniform(0.8, 1.42);
       const double z = height - 0.06 - random.uniform(0.0, 0.12);
-      const auto painting = random.chance(0.5) ? paintings::paper : paintings::poster;
+      const auto painting = random.chance(0.5) ? &Painter::paper : &Painter::poster;
       const auto sheet = builder.paint(w, h, kNear, kPaper, painting, next(random));
       builder.panel({side * -x, side * 0.022, z}, {-side * w, 0, 0}, {0, 0, -h}, sheet);
     }
@@ -198,7 +200,7 @@ void add_sofa(SceneBuilder& builder, const Rigid3& pose, double width, Random& r
   builder.begin_object("sofa", pose);
   const Paint paint = random_paint(random, 0.5, 0.5);
   const auto cloth = [&](double w, double h, const Paint& color) {
-    return Skin::all(builder.paint(w, h, 400.0, color, paintings::fabric, next(random)));
+    return Skin::all(builder.paint(w, h, 400.0, color, &Painter::fabric, next(random)));
   };
   builder.box({-0.5 * width, 0, 0.05}, {width, 0.85, 0.25}, cloth(width, 0.4, paint));
   builder.box({-0.5 * width, 0.62, 0.3}, {width, 0.23, 0.5}, cloth(width, 0.5, paint.scaled(0.9)));
@@ -211,7 +213,7 @@ void add_sofa(SceneBuilder& builder, const Rigid3& pose, double width, Random& r
     builder.box({-0.5 * width + i * w + 0.01, 0.01, 0.3}, {w - 0.02, 0.6, 0.13},
                 cloth(w, 0.6, paint.scaled(random.uniform(0.9, 1.2))));
     // A cushion with a pattern, leaning at the back.
-    const auto pattern = builder.paint(0.42, 0.42, kMiddle, paint, paintings::rug, next(random));
+    const auto pattern = builder.paint(0.42, 0.42, kMiddle, paint, &Painter::rug, next(random));
     builder.box({-0.5 * width + (i + 0.5) * w - 0.21, 0.5, 0.43}, {0.42, 0.12, 0.42},
                 Skin::all(pattern));
   }
@@ -220,7 +222,7 @@ void add_sofa(SceneBuilder& builder, const Rigid3& pose, double width, Random& r
 void add_bench(SceneBuilder& builder, const Rigid3& pose, double width, Random& random) {
   builder.begin_object("bench", pose);
   const Skin slat = Skin::all(
-      builder.paint(width, 0.12, kMiddle, wood_paint(random), paintings::wood, next(random)));
+      builder.paint(width, 0.12, kMiddle, wood_paint(random), &Painter::wood, next(random)));
   for (int i = 0; i < 3; ++i) {
     builder.box({-0.5 * width, 0.02 + 0.14 * i, 0.43}, {width, 0.12, 0.03}, slat);
   }
@@ -234,9 +236,9 @@ std::vector<SupportSurface> add_rack(SceneBuilder& builder, const Rigid3& pose, 
                                      double depth, double height, int levels, Random& random) {
   builder.begin_object("rack", pose);
   const Skin post = Skin::all(
-      builder.paint(height, 0.1, kFar, {0.15F, 0.25F, 0.55F}, paintings::metal, next(random)));
+      builder.paint(height, 0.1, kFar, {0.15F, 0.25F, 0.55F}, &Painter::metal, next(random)));
   const Skin beam = Skin::all(
-      builder.paint(width, 0.1, kFar, {0.85F, 0.4F, 0.1F}, paintings::metal, next(random)));
+      builder.paint(width, 0.1, kFar, {0.85F, 0.4F, 0.1F}, &Painter::metal, next(random)));
   for (const double x : {-0.5 * width, 0.5 * width - 0.08}) {
     for (const double y : {0.0, depth - 0.08}) {
       builder.box({x, y, 0}, {0.08, 0.08, height}, post);
@@ -253,11 +255,10 @@ std::vector<SupportSurface> add_rack(SceneBuilder& builder, const Rigid3& pose, 
       builder.box({-0.5 * width + 0.08, 0, z}, {width - 0.16, 0.05, 0.1}, beam);
       builder.box({-0.5 * width + 0.08, depth - 0.05, z}, {width - 0.16, 0.05, 0.1}, beam);
       const Skin deck = Skin::all(
-          builder.paint(width, depth, 200.0, wood_paint(random), paintings::wood, next(random)));
+          builder.paint(width, depth, 200.0, wood_paint(random), &Painter::wood, next(random)));
       builder.box({-0.5 * width + 0.08, 0.05, z + 0.07}, {width - 0.16, depth - 0.1, 0.025}, deck);
       // The label of the place.
-      const auto label =
-          builder.paint(0.25, 0.09, kMiddle, kPaper, paintings::carton, next(random));
+      const auto label = builder.paint(0.25, 0.09, kMiddle, kPaper, &Painter::carton, next(random));
       builder.panel({random.uniform(-0.4, 0.2) * width, -0.002, z + 0.095}, {0.25, 0, 0},
                     {0, 0, -0.09}, label);
     }
@@ -282,14 +283,14 @@ std::vector<SupportSurface> add_kitchen_front(SceneBuilder& builder, const Rigid
   const Paint paint = random_paint(random, random.uniform(0.05, 0.4), shade);
   // One texture for all doors: they are equal.
   Skin base = Skin::all(plain(builder, paint.scaled(0.8), random));
-  base.front = builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, paint, paintings::cupboard,
+  base.front = builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, paint, &Painter::cupboard,
                              next(random));
   Skin hanging = Skin::all(plain(builder, paint.scaled(0.8), random));
   hanging.front =
-      builder.paint(kKitchenUnit, kHeight, kMiddle, paint, paintings::cupboard, next(random));
+      builder.paint(kKitchenUnit, kHeight, kMiddle, paint, &Painter::cupboard, next(random));
   Skin stove = base;
   stove.front =
-      builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, kSteel, paintings::oven, next(random));
+      builder.paint(kKitchenUnit, kWorktop - 0.14, kMiddle, kSteel, &Painter::oven, next(random));
   const auto oven = static_cast<int>(random.index(static_cast<std::size_t>(units)));
   const auto open = static_cast<int>(random.index(static_cast<std::size_t>(units)));
   for (int i = 0; i < units; ++i) {
@@ -300,14 +301,14 @@ std::vector<SupportSurface> add_kitchen_front(SceneBuilder& builder, const Rigid
                 hanging);
   }
   Skin worktop = Skin::all(
-      builder.paint(width, 0.04, kMiddle, wood_paint(random), paintings::wood, next(random)));
-  worktop.top = builder.paint(width, kDepth + 0.02, kFar, kSteel.scaled(0.65), paintings::concrete,
+      builder.paint(width, 0.04, kMiddle, wood_paint(random), &Painter::wood, next(random)));
+  worktop.top = builder.paint(width, kDepth + 0.02, kFar, kSteel.scaled(0.65), &Painter::concrete,
                               next(random));
   builder.box({left, 0.0, kWorktop - 0.04}, {width, kDepth + 0.02, 0.04}, worktop);
   builder.panel({left, kDepth + 0.015, kWallUnits + kHeight}, {width, 0, 0},
                 {0, 0, kWorktop - kWallUnits - kHeight},
                 builder.paint(width, kWallUnits + kHeight - kWorktop, kMiddle, kPaper,
-                              paintings::wall_tiles, next(random)));
+                              &Painter::wall_tiles, next(random)));
   const double shelf = left + kKitchenUnit * (open + 0.5);
   builder.box({shelf - 0.3, kDepth + 0.02 - kShallow, kWallUnits + 0.2}, {0.6, kShallow, 0.02},
               base);
@@ -318,127 +319,13 @@ std::vector<SupportSurface> add_kitchen_front(SceneBuilder& builder, const Rigid
           {above(shelf, kDepth + 0.02 - 0.5 * kShallow, kWallUnits + 0.22), 0.58, kShallow - 0.02}};
 }
 
-std::string item_name(ItemKind kind) {
-  switch (kind) {
-    case ItemKind::kMonitor:
-      return "monitor";
-    case ItemKind::kLaptop:
-      return "laptop";
-    case ItemKind::kKeyboard:
-      return "keyboard";
-    case ItemKind::kMouse:
-      return "mouse";
-    case ItemKind::kCup:
-      return "cup";
-    case ItemKind::kBottle:
-      return "bottle";
-    case ItemKind::kBook:
-      return "book";
-    case ItemKind::kBookStack:
-      return "book stack";
-    case ItemKind::kUprightBooks:
-      return "upright books";
-    case ItemKind::kPaper:
-      return "paper";
-    case ItemKind::kCarton:
-      return "carton";
-    case ItemKind::kSmallBox:
-      return "small box";
-    case ItemKind::kPenHolder:
-      return "pen holder";
-    case ItemKind::kLamp:
-      return "lamp";
-    case ItemKind::kPlant:
-      return "plant";
-    case ItemKind::kBigPlant:
-      return "big plant";
-    case ItemKind::kChair:
-      return "chair";
-    case ItemKind::kBin:
-      return "bin";
-    case ItemKind::kPallet:
-      return "pallet";
-  }
-  return "thing";
-}
-
-ItemShape item_shape(ItemKind kind, std::uint64_t seed) {
-  ItemShape shape{0.1, 0.1, 0.1, Random(seed)};
-  const auto set = [&](double width, double depth, double height) {
-    shape.width = width;
-    shape.depth = depth;
-    shape.height = height;
-  };
-  Random& random = shape.random;
-  switch (kind) {
-    case ItemKind::kMonitor:
-      set(random.uniform(0.46, 0.58), 0.2, 0.39);
-      break;
-    case ItemKind::kLaptop:
-      set(0.34, 0.3, 0.23);
-      break;
-    case ItemKind::kKeyboard:
-      set(0.44, 0.14, 0.025);
-      break;
-    case ItemKind::kMouse:
-      set(0.06, 0.1, 0.035);
-      break;
-    case ItemKind::kCup:
-      set(0.085, 0.085, random.uniform(0.085, 0.11));
-      break;
-    case ItemKind::kBottle:
-      set(0.075, 0.075, random.uniform(0.2, 0.28));
-      break;
-    case ItemKind::kBook:
-      set(random.uniform(0.14, 0.2), random.uniform(0.2, 0.27), random.uniform(0.015, 0.05));
-      break;
-    case ItemKind::kBookStack:
-      set(0.26, 0.28, random.uniform(0.08, 0.2));
-      break;
-    case ItemKind::kUprightBooks:
-      set(random.uniform(0.2, 0.4), 0.18, 0.24);
-      break;
-    case ItemKind::kPaper:
-      set(0.21, 0.297, 0.001 + 0.012 * random.uniform() * random.uniform());
-      break;
-    case ItemKind::kCarton:
-      set(random.uniform(0.3, 0.6), random.uniform(0.3, 0.5), random.uniform(0.2, 0.5));
-      break;
-    case ItemKind::kSmallBox:
-      set(random.uniform(0.07, 0.22), random.uniform(0.06, 0.18), random.uniform(0.05, 0.2));
-      break;
-    case ItemKind::kPenHolder:
-      set(0.085, 0.085, 0.1);
-      break;
-    case ItemKind::kLamp:
-      set(0.24, 0.24, 0.38);
-      break;
-    case ItemKind::kPlant:
-      set(0.2, 0.2, 0.3);
-      break;
-    case ItemKind::kBigPlant:
-      set(0.6, 0.6, 1.4);
-      break;
-    case ItemKind::kChair:
-      set(0.5, 0.5, 0.95);
-      break;
-    case ItemKind::kBin:
-      set(0.3, 0.3, 0.36);
-      break;
-    case ItemKind::kPallet:
-      set(1.2, 0.8, 1.1);
-      break;
-  }
-  return shape;
-}
-
 namespace {
 
 void add_book(SceneBuilder& builder, const Vector3d& low, const Vector3d& size, Random& random) {
   Skin skin = Skin::all(builder.paint(0.2, 0.03, 400.0, kPaper, nullptr, random));
-  skin.top = builder.paint(size.x(), size.y(), kNear, kPaper, paintings::book_cover, next(random));
+  skin.top = builder.paint(size.x(), size.y(), kNear, kPaper, &Painter::book_cover, next(random));
   skin.left = builder.paint(size.y(), size.z(), kNear, random_paint(random, 0.6, 0.5),
-                            paintings::cup, next(random));
+                            &Painter::cup, next(random));
   skin.bottom = skin.left;
   builder.box(low, size, skin);
 }
@@ -454,34 +341,183 @@ void add_leaves(SceneBuilder& builder, double base, double reach, double leaf_si
     const Vector3d across(-std::sin(yaw), std::cos(yaw), 0.0);
     const double length = leaf_size * random.uniform(0.7, 1.2);
     const double wide = 0.4 * length;
-    const auto texture =
-        builder.paint(length, wide, kMiddle, kPaper, paintings::leaf, next(random));
+    const auto texture = builder.paint(length, wide, kMiddle, kPaper, &Painter::leaf, next(random));
     const Vector3d origin = Vector3d(0, 0, base) + along * out - 0.5 * wide * across;
     builder.panel(origin, length * out, wide * across, texture, false,
                   {{0.0, 0.5}, {0.25, 0.08}, {0.6, 0.0}, {1.0, 0.5}, {0.6, 1.0}, {0.25, 0.92}});
   }
 }
 
-void add_monitor(SceneBuilder& builder, const ItemShape& shape, Random& random) {
-  const double w = shape.width;
+void add_carton(SceneBuilder& builder, const Vector3d& low, const Vector3d& size, double fineness,
+                Random& random) {
+  Skin skin;
+  const Paint paint = kPaper;
+  skin.front = skin.back =
+      builder.paint(size.x(), size.z(), fineness, paint, &Painter::carton, next(random));
+  skin.left = skin.right =
+      builder.paint(size.y(), size.z(), fineness, paint, &Painter::carton, next(random));
+  skin.top = skin.bottom =
+      builder.paint(size.x(), size.y(), fineness, paint, &Painter::carton, next(random));
+  builder.box(low, size, skin);
+}
+
+// Adds the surfaces of an item of this size.
+struct ItemMaker {
+  SceneBuilder& builder;
+  double w, d, h;
+  Random random;
+  Vector3d low = {-0.5 * w, -0.5 * d, 0.0};
+  Vector3d size = {w, d, h};
+
+  void monitor();
+  void laptop();
+  void keyboard();
+  void mouse();
+  void cup();
+  void bottle();
+  void book();
+  void book_stack();
+  void upright_books();
+  void paper();
+  void carton();
+  void small_box();
+  void pen_holder();
+  void lamp();
+  void plant();
+  void big_plant();
+  void chair();
+  void bin();
+  void pallet();
+};
+
+void ItemMaker::monitor() {
   const double high = 0.3;
-  const double low = shape.height - high;
+  const double foot = h - high;
   const auto black = plain(builder, kBlack.scaled(1.6), random);
   Skin skin = Skin::all(black);
-  skin.back = builder.paint(w, high, 400.0, kBlack.scaled(2.2), paintings::drawers, next(random));
-  builder.box({-0.5 * w, -0.02, low}, {w, 0.04, high}, skin);
+  skin.back = builder.paint(w, high, 400.0, kBlack.scaled(2.2), &Painter::drawers, next(random));
+  builder.box({-0.5 * w, -0.02, foot}, {w, 0.04, high}, skin);
   const auto picture =
-      builder.paint(w - 0.03, high - 0.03, kNear, kBlack, paintings::screen, next(random));
-  builder.panel({-0.5 * w + 0.015, -0.0215, shape.height - 0.015}, {w - 0.03, 0, 0},
-                {0, 0, -high + 0.03}, picture, true);
-  builder.box({-0.03, 0.02, 0.012}, {0.06, 0.03, low + 0.1}, Skin::all(black));
+      builder.paint(w - 0.03, high - 0.03, kNear, kBlack, &Painter::screen, next(random));
+  builder.panel({-0.5 * w + 0.015, -0.0215, h - 0.015}, {w - 0.03, 0, 0}, {0, 0, -high + 0.03},
+                picture, true);
+  builder.box({-0.03, 0.02, 0.012}, {0.06, 0.03, foot + 0.1}, Skin::all(black));
   builder.box({-0.12, -0.09, 0}, {0.24, 0.18, 0.012}, Skin::all(black));
 }
 
-void add_chair(SceneBuilder& builder, Random& random) {
+void ItemMaker::laptop() {
+  Skin skin = Skin::all(plain(builder, kSteel, random));
+  skin.top = builder.paint(w, 0.23, kNear, kSteel, &Painter::keyboard, next(random));
+  builder.box({-0.5 * w, -0.15, 0.0}, {w, 0.23, 0.018}, skin);
+  const auto picture = builder.paint(w, 0.22, kNear, kBlack, &Painter::screen, next(random));
+  const Vector3d lean = Vector3d(0, 0.06, 0.21);
+  builder.panel(Vector3d(-0.5 * w, 0.08, 0.018) + lean, {w, 0, 0}, -lean, picture, true);
+  builder.panel(Vector3d(0.5 * w, 0.084, 0.018) + lean, {-w, 0, 0}, -lean, skin.front);
+}
+
+void ItemMaker::keyboard() {
+  Skin skin = Skin::all(plain(builder, kBlack.scaled(2.0), random));
+  skin.top = builder.paint(w, d, kNear, kBlack, &Painter::keyboard, next(random));
+  builder.box(low, size, skin);
+}
+
+void ItemMaker::mouse() {
+  Skin skin = Skin::all(plain(builder, random_paint(random, 0.3, 0.3), random));
+  builder.box(low, {w, d, 0.6 * h}, skin);
+  builder.box({-0.35 * w, -0.35 * d, 0.6 * h}, {0.7 * w, 0.7 * d, 0.4 * h}, skin);
+}
+
+void ItemMaker::cup() {
+  const auto side =
+      builder.paint(std::numbers::pi * w, h, kNear, kPaper, &Painter::cup, next(random));
+  const auto top = plain(builder, {0.25F, 0.15F, 0.1F}, random);
+  builder.cylinder({0, 0, 0}, 0.42 * w, 0.5 * w, h, side, top);
+  builder.box({0.45 * w, -0.006, 0.25 * h}, {0.03, 0.012, 0.5 * h}, Skin::all(side));
+}
+
+void ItemMaker::bottle() {
+  const auto side =
+      builder.paint(std::numbers::pi * w, 0.7 * h, kNear, kPaper, &Painter::cup, next(random));
+  const auto cap = plain(builder, random_paint(random, 0.8, 0.6), random);
+  builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, 0.7 * h, side, cap);
+  builder.cylinder({0, 0, 0.7 * h}, 0.5 * w, 0.18 * w, 0.2 * h, side, cap);
+  builder.cylinder({0, 0, 0.9 * h}, 0.2 * w, 0.2 * w, 0.1 * h, cap, cap);
+}
+
+void ItemMaker::book() {
+  add_book(builder, low, size, random);
+}
+
+void ItemMaker::book_stack() {
+  for (double z = 0.0; z < h;) {
+    const double bw = random.uniform(0.15, 0.2);
+    const double bd = random.uniform(0.2, 0.26);
+    const double bh = random.uniform(0.015, 0.045);
+    add_book(builder,
+             {-0.5 * bw + random.uniform(-0.02, 0.02), -0.5 * bd + random.uniform(-0.01, 0.01), z},
+             {bw, bd, bh}, random);
+    z += bh + 0.0005;
+  }
+}
+
+void ItemMaker::upright_books() {
+  Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
+  skin.front = builder.paint(w, h, kNear, kBlack, &Painter::book_spines, next(random));
+  skin.left = skin.right = builder.paint(d, h, kNear, kPaper, &Painter::book_cover, next(random));
+  builder.box(low, size, skin);
+}
+
+void ItemMaker::paper() {
+  Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
+  skin.top = builder.paint(w, d, kNear, kPaper, &Painter::paper, next(random));
+  builder.box(low, size, skin);
+}
+
+void ItemMaker::carton() {
+  add_carton(builder, low, size, 400.0, random);
+}
+
+void ItemMaker::small_box() {
+  add_carton(builder, low, size, kNear, random);
+}
+
+void ItemMaker::pen_holder() {
+  const auto side =
+      builder.paint(std::numbers::pi * w, h, kNear, kPaper, &Painter::cup, next(random));
+  builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, h, side, plain(builder, kBlack, random));
+  for (int i = 0; i < 6; ++i) {
+    const auto pen = plain(builder, random_paint(random, 0.9, 0.7), random);
+    builder.box({random.uniform(-0.3, 0.2) * w, random.uniform(-0.3, 0.2) * w, h},
+                {0.008, 0.008, random.uniform(0.03, 0.07)}, Skin::all(pen));
+  }
+}
+
+void ItemMaker::lamp() {
+  const auto metal = plain(builder, random_paint(random, 0.7, 0.5), random);
+  const auto shade = builder.paint(0.6, 0.15, kMiddle, kPaper, &Painter::cup, next(random));
+  builder.cylinder({0, 0, 0}, 0.08, 0.08, 0.02, metal, metal);
+  builder.box({-0.01, -0.01, 0.02}, {0.02, 0.02, h - 0.16}, Skin::all(metal));
+  builder.cylinder({0, 0, h - 0.15}, 0.5 * w, 0.3 * w, 0.15, shade, metal);
+}
+
+void ItemMaker::plant() {
+  const auto pot = builder.paint(0.4, 0.11, kMiddle, kPaper, &Painter::cup, next(random));
+  builder.cylinder({0, 0, 0}, 0.05, 0.065, 0.11, pot, plain(builder, {0.2F, 0.13F, 0.08F}, random));
+  add_leaves(builder, 0.11, 0.1, 0.11, 26, random);
+}
+
+void ItemMaker::big_plant() {
+  const auto pot = builder.paint(1.0, 0.4, kFar, kPaper, &Painter::cup, next(random));
+  builder.cylinder({0, 0, 0}, 0.14, 0.19, 0.38, pot, plain(builder, {0.2F, 0.13F, 0.08F}, random));
+  builder.box({-0.015, -0.015, 0.38}, {0.03, 0.03, 0.6},
+              Skin::all(plain(builder, {0.3F, 0.2F, 0.1F}, random)));
+  for (const double base : {0.5, 0.75, 1.0}) add_leaves(builder, base, 0.2, 0.24, 16, random);
+}
+
+void ItemMaker::chair() {
   const Paint paint = random_paint(random, 0.6, 0.4);
-  const auto cloth = [&](double w, double h) {
-    return Skin::all(builder.paint(w, h, 400.0, paint, paintings::fabric, next(random)));
+  const auto cloth = [&](double wide, double high) {
+    return Skin::all(builder.paint(wide, high, 400.0, paint, &Painter::fabric, next(random)));
   };
   builder.box({-0.23, -0.22, 0.44}, {0.46, 0.44, 0.07}, cloth(0.46, 0.44));
   builder.box({-0.21, 0.2, 0.58}, {0.42, 0.05, 0.36}, cloth(0.42, 0.36));
@@ -493,30 +529,23 @@ void add_chair(SceneBuilder& builder, Random& random) {
   builder.box({-0.025, 0.025, 0.03}, {0.05, 0.235, 0.05}, metal);
 }
 
-void add_carton(SceneBuilder& builder, const Vector3d& low, const Vector3d& size, double fineness,
-                Random& random) {
-  Skin skin;
-  const Paint paint = kPaper;
-  skin.front = skin.back =
-      builder.paint(size.x(), size.z(), fineness, paint, paintings::carton, next(random));
-  skin.left = skin.right =
-      builder.paint(size.y(), size.z(), fineness, paint, paintings::carton, next(random));
-  skin.top = skin.bottom =
-      builder.paint(size.x(), size.y(), fineness, paint, paintings::carton, next(random));
-  builder.box(low, size, skin);
+void ItemMaker::bin() {
+  const auto side = builder.paint(0.9, h, kMiddle, kSteel, &Painter::metal, next(random));
+  builder.cylinder({0, 0, 0}, 0.12, 0.5 * w, h, side,
+                   builder.paint(w, w, kMiddle, kPaper, &Painter::paper, next(random)));
 }
 
-void add_pallet(SceneBuilder& builder, const ItemShape& shape, Random& random) {
+void ItemMaker::pallet() {
   const Skin timber =
-      Skin::all(builder.paint(1.2, 0.1, kFar, wood_paint(random), paintings::wood, next(random)));
+      Skin::all(builder.paint(1.2, 0.1, kFar, wood_paint(random), &Painter::wood, next(random)));
   for (int i = 0; i < 5; ++i) builder.box({-0.6, -0.4 + 0.17 * i, 0.1}, {1.2, 0.12, 0.022}, timber);
   for (const double x : {-0.6, -0.05, 0.5}) builder.box({x, -0.4, 0}, {0.1, 0.8, 0.1}, timber);
   // Layers of cartons, each layer of its own size, the top one not full.
   double z = 0.122;
-  while (z < shape.height - 0.2) {
+  while (z < h - 0.2) {
     const double high = random.uniform(0.22, 0.36);
     const int nx = random.chance(0.5) ? 2 : 3;
-    const bool last = z + 2 * high > shape.height;
+    const bool last = z + 2 * high > h;
     for (int i = 0; i < nx; ++i) {
       for (int j = 0; j < 2; ++j) {
         if (last && random.chance(0.4)) continue;
@@ -529,141 +558,69 @@ void add_pallet(SceneBuilder& builder, const ItemShape& shape, Random& random) {
   }
 }
 
-}  // namespace
+struct Range {
+  double low;
+  double high;
+};
 
-void add_item(SceneBuilder& builder, ItemKind kind, ItemShape shape) {
-  Random random = shape.random;
-  const double w = shape.width;
-  const double d = shape.depth;
-  const double h = shape.height;
-  const Vector3d low(-0.5 * w, -0.5 * d, 0.0);
-  const Vector3d size(w, d, h);
-  switch (kind) {
-    case ItemKind::kMonitor:
-      add_monitor(builder, shape, random);
-      break;
-    case ItemKind::kLaptop: {
-      Skin skin = Skin::all(plain(builder, kSteel, random));
-      skin.top = builder.paint(w, 0.23, kNear, kSteel, paintings::keyboard, next(random));
-      builder.box({-0.5 * w, -0.15, 0.0}, {w, 0.23, 0.018}, skin);
-      const auto picture = builder.paint(w, 0.22, kNear, kBlack, paintings::screen, next(random));
-      const Vector3d lean = Vector3d(0, 0.06, 0.21);
-      builder.panel(Vector3d(-0.5 * w, 0.08, 0.018) + lean, {w, 0, 0}, -lean, picture, true);
-      builder.panel(Vector3d(0.5 * w, 0.084, 0.018) + lean, {-w, 0, 0}, -lean, skin.front);
-      break;
-    }
-    case ItemKind::kKeyboard: {
-      Skin skin = Skin::all(plain(builder, kBlack.scaled(2.0), random));
-      skin.top = builder.paint(w, d, kNear, kBlack, paintings::keyboard, next(random));
-      builder.box(low, size, skin);
-      break;
-    }
-    case ItemKind::kMouse: {
-      Skin skin = Skin::all(plain(builder, random_paint(random, 0.3, 0.3), random));
-      builder.box(low, {w, d, 0.6 * h}, skin);
-      builder.box({-0.35 * w, -0.35 * d, 0.6 * h}, {0.7 * w, 0.7 * d, 0.4 * h}, skin);
-      break;
-    }
-    case ItemKind::kCup: {
-      const auto side =
-          builder.paint(std::numbers::pi * w, h, kNear, kPaper, paintings::cup, next(random));
-      const auto top = plain(builder, {0.25F, 0.15F, 0.1F}, random);
-      builder.cylinder({0, 0, 0}, 0.42 * w, 0.5 * w, h, side, top);
-      builder.box({0.45 * w, -0.006, 0.25 * h}, {0.03, 0.012, 0.5 * h}, Skin::all(side));
-      break;
-    }
-    case ItemKind::kBottle: {
-      const auto side =
-          builder.paint(std::numbers::pi * w, 0.7 * h, kNear, kPaper, paintings::cup, next(random));
-      const auto cap = plain(builder, random_paint(random, 0.8, 0.6), random);
-      builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, 0.7 * h, side, cap);
-      builder.cylinder({0, 0, 0.7 * h}, 0.5 * w, 0.18 * w, 0.2 * h, side, cap);
-      builder.cylinder({0, 0, 0.9 * h}, 0.2 * w, 0.2 * w, 0.1 * h, cap, cap);
-      break;
-    }
-    case ItemKind::kBook:
-      add_book(builder, low, size, random);
-      break;
-    case ItemKind::kBookStack:
-      for (double z = 0.0; z < h;) {
-        const double bw = random.uniform(0.15, 0.2);
-        const double bd = random.uniform(0.2, 0.26);
-        const double bh = random.uniform(0.015, 0.045);
-        add_book(
-            builder,
-            {-0.5 * bw + random.uniform(-0.02, 0.02), -0.5 * bd + random.uniform(-0.01, 0.01), z},
-            {bw, bd, bh}, random);
-        z += bh + 0.0005;
-      }
-      break;
-    case ItemKind::kUprightBooks: {
-      Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
-      skin.front = builder.paint(w, h, kNear, kBlack, paintings::book_spines, next(random));
-      skin.left = skin.right =
-          builder.paint(d, h, kNear, kPaper, paintings::book_cover, next(random));
-      builder.box(low, size, skin);
-      break;
-    }
-    case ItemKind::kPaper: {
-      Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
-      skin.top = builder.paint(w, d, kNear, kPaper, paintings::paper, next(random));
-      builder.box(low, size, skin);
-      break;
-    }
-    case ItemKind::kCarton:
-      add_carton(builder, low, size, 400.0, random);
-      break;
-    case ItemKind::kSmallBox:
-      add_carton(builder, low, size, kNear, random);
-      break;
-    case ItemKind::kPenHolder: {
-      const auto side =
-          builder.paint(std::numbers::pi * w, h, kNear, kPaper, paintings::cup, next(random));
-      builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, h, side, plain(builder, kBlack, random));
-      for (int i = 0; i < 6; ++i) {
-        const auto pen = plain(builder, random_paint(random, 0.9, 0.7), random);
-        builder.box({random.uniform(-0.3, 0.2) * w, random.uniform(-0.3, 0.2) * w, h},
-                    {0.008, 0.008, random.uniform(0.03, 0.07)}, Skin::all(pen));
-      }
-      break;
-    }
-    case ItemKind::kLamp: {
-      const auto metal = plain(builder, random_paint(random, 0.7, 0.5), random);
-      const auto shade = builder.paint(0.6, 0.15, kMiddle, kPaper, paintings::cup, next(random));
-      builder.cylinder({0, 0, 0}, 0.08, 0.08, 0.02, metal, metal);
-      builder.box({-0.01, -0.01, 0.02}, {0.02, 0.02, h - 0.16}, Skin::all(metal));
-      builder.cylinder({0, 0, h - 0.15}, 0.5 * w, 0.3 * w, 0.15, shade, metal);
-      break;
-    }
-    case ItemKind::kPlant: {
-      const auto pot = builder.paint(0.4, 0.11, kMiddle, kPaper, paintings::cup, next(random));
-      builder.cylinder({0, 0, 0}, 0.05, 0.065, 0.11, pot,
-                       plain(builder, {0.2F, 0.13F, 0.08F}, random));
-      add_leaves(builder, 0.11, 0.1, 0.11, 26, random);
-      break;
-    }
-    case ItemKind::kBigPlant: {
-      const auto pot = builder.paint(1.0, 0.4, kFar, kPaper, paintings::cup, next(random));
-      builder.cylinder({0, 0, 0}, 0.14, 0.19, 0.38, pot,
-                       plain(builder, {0.2F, 0.13F, 0.08F}, random));
-      builder.box({-0.015, -0.015, 0.38}, {0.03, 0.03, 0.6},
-                  Skin::all(plain(builder, {0.3F, 0.2F, 0.1F}, random)));
-      for (const double base : {0.5, 0.75, 1.0}) add_leaves(builder, base, 0.2, 0.24, 16, random);
-      break;
-    }
-    case ItemKind::kChair:
-      add_chair(builder, random);
-      break;
-    case ItemKind::kBin: {
-      const auto side = builder.paint(0.9, h, kMiddle, kSteel, paintings::metal, next(random));
-      builder.cylinder({0, 0, 0}, 0.12, 0.5 * w, h, side,
-                       builder.paint(w, w, kMiddle, kPaper, paintings::paper, next(random)));
-      break;
-    }
-    case ItemKind::kPallet:
-      add_pallet(builder, shape, random);
-      break;
-  }
+constexpr Range exactly(double value) {
+  return {value, value};
 }
 
-}  // namespace cairn
+struct ItemSpecies {
+  std::string_view name;
+  Range width, depth, height;  // metres
+  void (ItemMaker::*make)();
+};
+
+// In the order of ItemKind.
+constexpr std::array<ItemSpecies, 19> kSpecies = {{
+    {"monitor", {0.46, 0.58}, exactly(0.2), exactly(0.39), &ItemMaker::monitor},
+    {"laptop", exactly(0.34), exactly(0.3), exactly(0.23), &ItemMaker::laptop},
+    {"keyboard", exactly(0.44), exactly(0.14), exactly(0.025), &ItemMaker::keyboard},
+    {"mouse", exactly(0.06), exactly(0.1), exactly(0.035), &ItemMaker::mouse},
+    {"cup", exactly(0.085), exactly(0.085), {0.085, 0.11}, &ItemMaker::cup},
+    {"bottle", exactly(0.075), exactly(0.075), {0.2, 0.28}, &ItemMaker::bottle},
+    {"book", {0.14, 0.2}, {0.2, 0.27}, {0.015, 0.05}, &ItemMaker::book},
+    {"book stack", exactly(0.26), exactly(0.28), {0.08, 0.2}, &ItemMaker::book_stack},
+    {"upright books", {0.2, 0.4}, exactly(0.18), exactly(0.24), &ItemMaker::upright_books},
+    {"paper", exactly(0.21), exactly(0.297), exactly(0.001), &ItemMaker::paper},
+    {"carton", {0.3, 0.6}, {0.3, 0.5}, {0.2, 0.5}, &ItemMaker::carton},
+    {"small box", {0.07, 0.22}, {0.06, 0.18}, {0.05, 0.2}, &ItemMaker::small_box},
+    {"pen holder", exactly(0.085), exactly(0.085), exactly(0.1), &ItemMaker::pen_holder},
+    {"lamp", exactly(0.24), exactly(0.24), exactly(0.38), &ItemMaker::lamp},
+    {"plant", exactly(0.2), exactly(0.2), exactly(0.3), &ItemMaker::plant},
+    {"big plant", exactly(0.6), exactly(0.6), exactly(1.4), &ItemMaker::big_plant},
+    {"chair", exactly(0.5), exactly(0.5), exactly(0.95), &ItemMaker::chair},
+    {"bin", exactly(0.3), exactly(0.3), exactly(0.36), &ItemMaker::bin},
+    {"pallet", exactly(1.2), exactly(0.8), exactly(1.1), &ItemMaker::pallet},
+}};
+
+}  // namespace
+
+std::string item_name(ItemKind kind) {
+  return std::string(kSpecies[static_cast<std::size_t>(kind)].name);
+}
+
+ItemShape item_shape(ItemKind kind, std::uint64_t seed) {
+  ItemShape shape{0.1, 0.1, 0.1, Random(seed)};
+  const auto draw = [&](const Range& range) {
+    return range.low < range.high ? shape.random.uniform(range.low, range.high) : range.low;
+  };
+  const ItemSpecies& species = kSpecies[static_cast<std::size_t>(kind)];
+  // What a seed gives depends on the order of the draws.
+  shape.height = draw(species.height);
+  shape.depth = draw(species.depth);
+  shape.width = draw(species.width);
+  if (kind == ItemKind::kPaper) {  // mostly thin
+    shape.height += 0.012 * shape.random.uniform() * shape.random.uniform();
+  }
+  return shape;
+}
+
+void add_item(SceneBuilder& builder, ItemKind kind, ItemShape shape) {
+  ItemMaker maker{builder, shape.width, shape.depth, shape.height, shape.random};
+  (maker.*kSpecies[static_cast<std::size_t>(kind)].make)();
+}
+
+}  // namespace cairn::detail

@@ -8,7 +8,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/simulation/detail/scene_builder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A rectangular room with its floor at z = 0.
 struct RoomShape {
@@ -116,4 +116,4 @@ ItemShape item_shape(ItemKind kind, std::uint64_t seed);
 /// Adds the item's surfaces to the last object begun, about its origin.
 void add_item(SceneBuilder& builder, ItemKind kind, ItemShape shape);
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-namespace cairn {
+namespace cairn::detail {
 
 std::uint32_t SceneBuilder::paint(double width_m, double height_m, double texels_per_metre,
                                   const Paint& background, Painting painting, Random random) {
@@ -90,9 +90,9 @@ Scene SceneBuilder::build(const Executor& executor) {
   executor.for_blocks(jobs_.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       TextureJob& job = jobs_[i];
-      Canvas canvas(job.width_m, job.height_m, job.texels_per_metre, job.background);
-      if (job.painting != nullptr) job.painting(canvas, job.random);
-      painted[i] = canvas.texture();
+      Painter painter(job.width_m, job.height_m, job.texels_per_metre, job.background, job.random);
+      if (job.painting != nullptr) (painter.*job.painting)();
+      painted[i] = painter.texture();
     }
   });
   for (auto& texture : painted) scene_.textures.push_back(std::move(*texture));
@@ -100,4 +100,4 @@ Scene SceneBuilder::build(const Executor& executor) {
   return std::move(scene_);
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

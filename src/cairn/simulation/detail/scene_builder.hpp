@@ -8,16 +8,16 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
-#include "cairn/simulation/detail/canvas.hpp"
+#include "cairn/simulation/detail/paintings.hpp"
 #include "cairn/simulation/scene.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Builds a scene object by object. In an object's frame x points right, y to the back and z up; its front
 /// faces -y.
 class SceneBuilder {
  public:
-  using Painting = void (*)(Canvas& canvas, Random& random);
+  using Painting = void (Painter::*)();
 
   /// @param texture_scale factor on the resolution of all textures
   explicit SceneBuilder(double texture_scale) : texture_scale_(texture_scale) {}
@@ -63,4 +63,4 @@ class SceneBuilder {
   Scene scene_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -3,29 +3,50 @@
 
 #include <algorithm>
 #include <map>
+#include <memory>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 #include <pqxx/pqxx>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/core/plain_text.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/storage/detail/connection.hpp"
 
 namespace cairn::postgres {
 
-struct detail::Connection {
-  std::string name;
-  OpenOptions options;
-  std::unique_ptr<pqxx::connection> handle;
-  std::unique_ptr<pqxx::transaction_base> open;  ///< null outside of transactions
-  std::int64_t changes = 0;
+namespace {
 
+using storage::ColumnType;
+
+class PostgresConnection : public storage::detail::Connection {
+ public:
+  PostgresConnection(const std::string& url, std::string its_name, const OpenOptions& options);
+
+  const OpenOptions& options() const { return options_; }
+  // Runs `how` in the open transaction, or else in one of its own.
   template <class Run>
   pqxx::result run(const Run& how);
-};
 
-namespace {
+  std::unique_ptr<storage::detail::Cursor> prepare(std::string_view sql) override;
+  void execute(const std::string& sql) override;
+  std::int64_t changes() const noexcept override { return changes_; }
+  bool in_transaction() const noexcept override { return open_ != nullptr; }
+  void begin(Transaction::Kind kind) override;
+  void commit() override;
+  void roll_back() noexcept override { open_.reset(); }
+
+ private:
+  void wait_to_write();
+
+  OpenOptions options_;
+  std::unique_ptr<pqxx::connection> handle_;
+  std::unique_ptr<pqxx::transaction_base> open_;  // null outside of transactions
+  std::int64_t changes_ = 0;
+};
 
 // PostgreSQL's numbers of its types.
 constexpr unsigned kBytea = 17;
@@ -48,7 +69,7 @@ std::string first_line(std::string_view text) {
   return plain_text(line);
 }
 
-[[noreturn]] void fail(const detail::Connection& connection, const pqxx::sql_error& error) {
+[[noreturn]] void fail(const PostgresConnection& connection, const pqxx::sql_error& error) {
   const std::string& name = connection.name;
   const std::string& code = error.sqlstate();
   const auto is = [&](std::string_view one) { return code == one; };
@@ -61,7 +82,7 @@ std::string first_line(std::string_view text) {
                 "permission to write");
   }
   // The server also ends a statement for its own limit of time, or for its administrator.
-  if (is("57014") && connection.options.stop.stop_requested()) {
+  if (is("57014") && connection.options().stop.stop_requested()) {
     throw Error(ErrorKind::kCancelled, name, "stopped as asked", "");
   }
   throw Error(ErrorKind::kStorage, name, first_line(error.what()), "");
@@ -69,7 +90,7 @@ std::string first_line(std::string_view text) {
 
 // Calls libpqxx, whose errors become ours.
 template <class Action>
-auto guarded(const detail::Connection& connection, const Action& action) {
+auto guarded(const PostgresConnection& connection, const Action& action) {
   const std::string& name = connection.name;
   try {
     return action();
@@ -107,180 +128,142 @@ bool can_be_told(std::string_view message, std::string_view url) {
          message.starts_with("could not translate host name") || message.starts_with("FATAL");
 }
 
-}  // namespace
-
 template <class Run>
-pqxx::result detail::Connection::run(const Run& how) {
+pqxx::result PostgresConnection::run(const Run& how) {
   return guarded(*this, [&] {
     pqxx::result result;
-    if (open != nullptr) {
-      result = how(*open);
+    if (open_ != nullptr) {
+      result = how(*open_);
     } else {
-      pqxx::nontransaction alone(*handle);
+      pqxx::nontransaction alone(*handle_);
       result = how(alone);
     }
-    changes = static_cast<std::int64_t>(result.affected_rows());
+    changes_ = static_cast<std::int64_t>(result.affected_rows());
     return result;
   });
 }
 
-struct detail::Rows {
-  pqxx::result result;
-  pqxx::result::size_type at = 0;
-  mutable std::map<int, pqxx::binarystring>
-      blobs;  ///< of the current row, as far as they were read
+class PostgresCursor : public storage::detail::Cursor {
+ public:
+  PostgresCursor(PostgresConnection& connection, std::string_view sql)
+      : connection_(connection), sql_(sql) {
+    std::replace(sql_.begin(), sql_.end(), '?', '$');
+  }
+
+  void bind(int parameter, std::int64_t value) override {
+    put(parameter, fmt::format("{}", value));
+  }
+  void bind(int parameter, double value) override {
+    put(parameter, fmt::format("{}", value));  // the shortest text that gives it back
+  }
+  void bind(int parameter, std::string_view text) override {
+    if (text.find('\0') != std::string_view::npos) {
+      throw Error(ErrorKind::kMisuse, connection_.name,
+                  fmt::format("text with a NUL in it: {}", printable(text)), "text without");
+    }
+    put(parameter, std::string(text));
+  }
+  void bind(int parameter, std::span<const std::byte> blob) override {
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    std::string text = "\\x";
+    text.reserve(2 + 2 * blob.size());
+    for (const std::byte byte : blob) {
+      text += kDigits[std::to_integer<std::size_t>(byte >> 4)];
+      text += kDigits[std::to_integer<std::size_t>(byte & std::byte{15})];
+    }
+    put(parameter, std::move(text));
+  }
+  void bind(int parameter, std::nullptr_t) override { put(parameter, std::nullopt); }
+
+  bool step() override;
+  void reset() override {
+    rows_.reset();
+    parameters_.clear();
+  }
+
+  const std::string& database() const override { return connection_.name; }
+  std::string column_name(int column) const override { return field(column).name(); }
+  ColumnType type(int column) const override;
+  std::int64_t integer(int column) const override { return field(column).as<std::int64_t>(); }
+  double real(int column) const override;
+  std::string_view text(int column) const override {
+    const pqxx::field one = field(column);
+    return {one.c_str(), one.size()};
+  }
+  std::span<const std::byte> blob(int column) const override;
+
+ private:
+  void put(int parameter, std::optional<std::string> value);
+  pqxx::field field(int column) const { return (*rows_)[row_][column]; }
+
+  PostgresConnection& connection_;
+  std::string sql_;
+  std::vector<std::optional<std::string>> parameters_;
+  std::optional<pqxx::result> rows_;  // none before the first step()
+  pqxx::result::size_type row_ = 0;
+  mutable std::map<int, pqxx::binarystring> blobs_;  // of the current row, as far as they were read
 };
 
-Statement::Statement(detail::Connection& connection, std::string_view sql)
-    : connection_(&connection), sql_(sql) {
-  std::replace(sql_.begin(), sql_.end(), '?', '$');
-}
-
-Statement::Statement(Statement&&) noexcept = default;
-Statement& Statement::operator=(Statement&&) noexcept = default;
-Statement::~Statement() = default;
-
-namespace {
-
-void put(std::vector<std::optional<std::string>>& parameters, int parameter,
-         std::optional<std::string> value) {
+void PostgresCursor::put(int parameter, std::optional<std::string> value) {
   const auto index = static_cast<std::size_t>(parameter - 1);
-  if (parameters.size() <= index) parameters.resize(index + 1);
-  parameters[index] = std::move(value);
+  if (parameters_.size() <= index) parameters_.resize(index + 1);
+  parameters_[index] = std::move(value);
 }
 
-}  // namespace
-
-Statement& Statement::bind(int parameter, std::int64_t value) {
-  put(parameters_, parameter, fmt::format("{}", value));
-  return *this;
-}
-
-Statement& Statement::bind(int parameter, double value) {
-  put(parameters_, parameter, fmt::format("{}", value));  // the shortest text that gives it back
-  return *this;
-}
-
-Statement& Statement::bind(int parameter, std::string_view text) {
-  if (text.find('\0') != std::string_view::npos) {
-    throw Error(ErrorKind::kMisuse, connection_->name,
-                fmt::format("text with a NUL in it: {}", printable(text)), "text without");
-  }
-  put(parameters_, parameter, std::string(text));
-  return *this;
-}
-
-Statement& Statement::bind(int parameter, std::span<const std::byte> blob) {
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  std::string text = "\\x";
-  text.reserve(2 + 2 * blob.size());
-  for (const std::byte byte : blob) {
-    text += kDigits[std::to_integer<std::size_t>(byte >> 4)];
-    text += kDigits[std::to_integer<std::size_t>(byte & std::byte{15})];
-  }
-  put(parameters_, parameter, std::move(text));
-  return *this;
-}
-
-Statement& Statement::bind(int parameter, std::nullptr_t) {
-  put(parameters_, parameter, std::nullopt);
-  return *this;
-}
-
-bool Statement::step() {
-  if (rows_ == nullptr) {
+bool PostgresCursor::step() {
+  blobs_.clear();
+  if (rows_) {
+    ++row_;
+  } else {
     std::vector<const char*> parameters;
     for (const auto& value : parameters_) {
       parameters.push_back(value ? value->c_str() : nullptr);
     }
-    rows_ = std::make_unique<detail::Rows>();
-    try {
-      rows_->result = connection_->run([&](pqxx::transaction_base& transaction) {
-        return transaction.exec_params(sql_, pqxx::prepare::make_dynamic_params(parameters));
-      });
-    } catch (...) {
-      rows_.reset();
-      throw;
-    }
-  } else {
-    ++rows_->at;
-    rows_->blobs.clear();
+    rows_ = connection_.run([&](pqxx::transaction_base& transaction) {
+      return transaction.exec_params(sql_, pqxx::prepare::make_dynamic_params(parameters));
+    });
+    row_ = 0;
   }
-  if (rows_->at < rows_->result.size()) return true;
+  if (row_ < rows_->size()) return true;
   rows_.reset();
   return false;
 }
 
-void Statement::reset() {
-  rows_.reset();
-  parameters_.clear();
-}
-
-bool Statement::is_null(int column) const {
-  return rows_->result[rows_->at][column].is_null();
-}
-
-std::string_view Statement::value(int column, unsigned type, std::string_view expected) const {
-  const pqxx::field field = rows_->result[rows_->at][column];
-  const unsigned is = field.type();
-  const bool fits = is == type || (type == kInt8 && is == kInt4);
-  if (field.is_null() || !fits) {
-    throw Error(ErrorKind::kInput, connection_->name,
-                fmt::format("column {}: {}", printable(field.name()),
-                            field.is_null() ? "NULL" : fmt::format("a value of type {}", is)),
-                std::string(expected));
+ColumnType PostgresCursor::type(int column) const {
+  const pqxx::field one = field(column);
+  if (one.is_null()) return ColumnType::kNull;
+  switch (one.type()) {
+    case kInt8:
+    case kInt4:
+      return ColumnType::kInteger;
+    case kFloat8:
+      return ColumnType::kReal;
+    case kText:
+      return ColumnType::kText;
+    case kBytea:
+      return ColumnType::kBlob;
+    default:
+      return ColumnType::kOther;
   }
-  return {field.c_str(), field.size()};
 }
 
-std::int64_t Statement::integer(int column) const {
-  const std::string_view digits = value(column, kInt8, "an integer");
-  std::int64_t number = 0;
-  std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  return number;
-}
-
-std::uint64_t Statement::unsigned_integer(int column) const {
-  const std::int64_t number = integer(column);
-  if (number < 0) {
-    throw Error(ErrorKind::kInput, connection_->name, fmt::format("column {}: {}", column, number),
-                "an integer of at least 0");
-  }
-  return static_cast<std::uint64_t>(number);
-}
-
-double Statement::real(int column) const {
-  const auto number = parse_number(value(column, kFloat8, "a number"));
+double PostgresCursor::real(int column) const {
+  const auto number = parse_number(text(column));
   if (!number) {
-    throw Error(ErrorKind::kInput, connection_->name, fmt::format("column {}", column),
+    throw Error(ErrorKind::kInput, connection_.name, fmt::format("column {}", column),
                 "a finite number");
   }
   return *number;
 }
 
-std::string_view Statement::text(int column) const {
-  return value(column, kText, "text");
-}
-
-std::span<const std::byte> Statement::blob(int column) const {
-  value(column, kBytea, "bytes");
-  const auto [found, added] =
-      rows_->blobs.try_emplace(column, pqxx::binarystring(rows_->result[rows_->at][column]));
+std::span<const std::byte> PostgresCursor::blob(int column) const {
+  const auto [found, added] = blobs_.try_emplace(column, pqxx::binarystring(field(column)));
   return std::as_bytes(std::span(found->second.data(), found->second.size()));
 }
 
-std::optional<double> Statement::optional_real(int column) const {
-  return is_null(column) ? std::nullopt : std::optional(real(column));
-}
-
-std::optional<std::span<const std::byte>> Statement::optional_blob(int column) const {
-  return is_null(column) ? std::nullopt : std::optional(blob(column));
-}
-
-Database::Database(const std::string& url, std::string name, const OpenOptions& options)
-    : connection_(std::make_unique<detail::Connection>()) {
-  connection_->name = std::move(name);
-  connection_->options = options;
+PostgresConnection::PostgresConnection(const std::string& url, std::string its_name,
+                                       const OpenOptions& options)
+    : Connection(std::move(its_name)), options_(options) {
   // What the URL says itself comes later, and counts.
   const std::size_t query = std::min(url.find('?', end_of_user(url)), url.size());
   const std::string own =
@@ -288,10 +271,10 @@ Database::Database(const std::string& url, std::string name, const OpenOptions& 
   const std::string full = fmt::format("{}?connect_timeout=10&fallback_application_name=cairn{}",
                                        url.substr(0, query), own);
   try {
-    connection_->handle = std::make_unique<pqxx::connection>(full);
+    handle_ = std::make_unique<pqxx::connection>(full);
   } catch (const pqxx::failure& error) {
     const bool told = can_be_told(error.what(), url);
-    throw Error(ErrorKind::kStorage, connection_->name,
+    throw Error(ErrorKind::kStorage, name,
                 told ? "no connection: " + first_line(error.what()) : "no connection",
                 told ? "a PostgreSQL server that can be reached"
                      : "a server at postgresql://USER:PASSWORD@HOST:PORT/DATABASE, with / ? @ % in "
@@ -305,105 +288,75 @@ Database::Database(const std::string& url, std::string name, const OpenOptions& 
   execute("SET client_min_messages TO warning");
   if (options.read_only) execute("SET default_transaction_read_only TO on");
   if (!options.schema.empty()) {
-    execute(fmt::format("SET search_path TO {}", guarded(*connection_, [&] {
-                          return connection_->handle->quote_name(options.schema);
-                        })));
+    execute(fmt::format("SET search_path TO {}",
+                        guarded(*this, [&] { return handle_->quote_name(options.schema); })));
   }
 }
 
-Database::Database(Database&&) noexcept = default;
-Database& Database::operator=(Database&&) noexcept = default;
-Database::~Database() = default;
-
-const std::string& Database::name() const noexcept {
-  return connection_->name;
+std::unique_ptr<storage::detail::Cursor> PostgresConnection::prepare(std::string_view sql) {
+  return std::make_unique<PostgresCursor>(*this, sql);
 }
 
-Statement Database::prepare(std::string_view sql) {
-  return {*connection_, sql};
+void PostgresConnection::execute(const std::string& sql) {
+  run([&](pqxx::transaction_base& transaction) { return transaction.exec(sql); });
 }
 
-void Database::execute(const std::string& sql) {
-  connection_->run([&](pqxx::transaction_base& transaction) { return transaction.exec(sql); });
-}
-
-std::int64_t Database::integer(std::string_view sql) {
-  Statement statement = prepare(sql);
-  if (!statement.step()) throw Error(ErrorKind::kInput, name(), "no rows", "an integer");
-  return statement.integer(0);
-}
-
-std::string Database::text(std::string_view sql) {
-  Statement statement = prepare(sql);
-  if (!statement.step()) throw Error(ErrorKind::kInput, name(), "no rows", "text");
-  return std::string(statement.text(0));
-}
-
-std::int64_t Database::changes() const noexcept {
-  return connection_->changes;
-}
-
-bool Database::in_transaction() const noexcept {
-  return connection_->open != nullptr;
-}
-
-Transaction::Transaction(Database& database, Kind kind) : connection_(database.connection_.get()) {
-  detail::Connection& connection = *connection_;
-  if (connection.open != nullptr) {
-    throw Error(ErrorKind::kMisuse, connection.name, "a transaction within another",
-                "one at a time");
+void PostgresConnection::begin(Transaction::Kind kind) {
+  if (open_ != nullptr) {
+    throw Error(ErrorKind::kMisuse, name, "a transaction within another", "one at a time");
   }
-  pqxx::connection& handle = *connection.handle;
-  if (kind != Kind::kWrite) {
-    guarded(connection, [&] {
-      if (kind == Kind::kRead) {
-        connection.open = std::make_unique<
-            pqxx::transaction<pqxx::repeatable_read, pqxx::readwrite_policy::read_only>>(handle);
-      } else {
-        connection.open = std::make_unique<pqxx::work>(handle);
-      }
-    });
-    return;
-  }
-  const auto deadline = std::chrono::steady_clock::now() + connection.options.lock_timeout;
+  if (kind == Transaction::Kind::kWrite) return wait_to_write();
+  guarded(*this, [&] {
+    if (kind == Transaction::Kind::kRead) {
+      open_ = std::make_unique<
+          pqxx::transaction<pqxx::repeatable_read, pqxx::readwrite_policy::read_only>>(*handle_);
+    } else {
+      open_ = std::make_unique<pqxx::work>(*handle_);
+    }
+  });
+}
+
+void PostgresConnection::wait_to_write() {
+  const auto deadline = std::chrono::steady_clock::now() + options_.lock_timeout;
   for (;;) {
-    const bool locked = guarded(connection, [&] {
-      connection.open = std::make_unique<pqxx::work>(handle);
+    const bool locked = guarded(*this, [&] {
+      open_ = std::make_unique<pqxx::work>(*handle_);
       try {
-        connection.open->exec(fmt::format("SET LOCAL lock_timeout TO {}", kWaitAtATime.count()));
-        connection.open->exec(fmt::format("SELECT pg_advisory_xact_lock({})", kWriters));
+        open_->exec(fmt::format("SET LOCAL lock_timeout TO {}", kWaitAtATime.count()));
+        open_->exec(fmt::format("SELECT pg_advisory_xact_lock({})", kWriters));
         return true;
       } catch (const pqxx::sql_error& error) {
-        connection.open.reset();
+        open_.reset();
         if (error.sqlstate() != "55P03") throw;  // any other than that the lock was not available
         return false;
       } catch (...) {
-        connection.open.reset();
+        open_.reset();
         throw;
       }
     });
     if (locked) return;
-    if (connection.options.stop.stop_requested()) {
-      throw Error(ErrorKind::kCancelled, connection.name, "stopped as asked", "");
+    if (options_.stop.stop_requested()) {
+      throw Error(ErrorKind::kCancelled, name, "stopped as asked", "");
     }
     if (std::chrono::steady_clock::now() >= deadline) {
-      throw Error(ErrorKind::kStorage, connection.name,
+      throw Error(ErrorKind::kStorage, name,
                   "in use by another process, which did not finish in time",
                   "to be tried again later");
     }
   }
 }
 
-Transaction::~Transaction() {
-  connection_->open.reset();
-}
-
-void Transaction::commit() {
-  guarded(*connection_, [&] {
+void PostgresConnection::commit() {
+  guarded(*this, [&] {
     // Whatever comes of it, it is over.
-    const std::unique_ptr<pqxx::transaction_base> open = std::move(connection_->open);
+    const std::unique_ptr<pqxx::transaction_base> open = std::move(open_);
     open->commit();
   });
 }
+
+}  // namespace
+
+Database::Database(const std::string& url, std::string name, const OpenOptions& options)
+    : storage::Database(std::make_unique<PostgresConnection>(url, std::move(name), options)) {}
 
 }  // namespace cairn::postgres

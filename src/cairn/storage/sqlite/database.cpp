@@ -7,9 +7,10 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <sqlite3.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/storage/detail/sqlite_connection.hpp"
+#include "cairn/storage/detail/connection.hpp"
 
 namespace cairn::sqlite {
 namespace {
@@ -22,8 +23,8 @@ constexpr std::uint64_t kLongestValue = 1'000'000'000;
 // Virtual machine steps between two checks for a requested stop.
 constexpr int kStepsBetweenLooks = 10'000;
 
-int wants_to_stop(void* connection) {
-  return static_cast<detail::Connection*>(connection)->stop.stop_requested() ? 1 : 0;
+int wants_to_stop(void* stop) {
+  return static_cast<std::stop_token*>(stop)->stop_requested() ? 1 : 0;
 }
 
 // A path as a URI's, in which '?', '#' and '%' have a meaning.
@@ -80,14 +81,129 @@ bool is_room_for_longest_value(sqlite3* handle) {
   return room != nullptr;
 }
 
-}  // namespace
+ColumnType type_of(int code) {
+  switch (code) {
+    case SQLITE_INTEGER:
+      return ColumnType::kInteger;
+    case SQLITE_FLOAT:
+      return ColumnType::kReal;
+    case SQLITE_TEXT:
+      return ColumnType::kText;
+    case SQLITE_BLOB:
+      return ColumnType::kBlob;
+    default:
+      return ColumnType::kNull;
+  }
+}
 
-void detail::Connection::fail(int code, std::string_view doing) const {
+class SqliteConnection : public storage::detail::Connection {
+ public:
+  SqliteConnection(const fs::path& path, const OpenOptions& options);
+  ~SqliteConnection() override { sqlite3_close_v2(handle_); }
+
+  std::unique_ptr<storage::detail::Cursor> prepare(std::string_view sql) override;
+  void execute(const std::string& sql) override {
+    const int code = sqlite3_exec(handle_, sql.c_str(), nullptr, nullptr, nullptr);
+    if (code != SQLITE_OK) fail(code, sql);
+  }
+  std::int64_t changes() const noexcept override { return sqlite3_changes64(handle_); }
+  bool in_transaction() const noexcept override { return sqlite3_get_autocommit(handle_) == 0; }
+  void begin(Transaction::Kind kind) override {
+    execute(kind == Transaction::Kind::kRead ? "BEGIN" : "BEGIN IMMEDIATE");
+  }
+  void commit() override { execute("COMMIT"); }
+  void roll_back() noexcept override {
+    // SQLite ends some transactions itself, e.g. if the disk is full. Closing the connection rolls others back.
+    if (in_transaction()) sqlite3_exec(handle_, "ROLLBACK", nullptr, nullptr, nullptr);
+  }
+
+  /// @throws cairn::Error for SQLite's error `code`, always
+  /// @param doing the failed action, e.g. the statement
+  [[noreturn]] void fail(int code, std::string_view doing) const;
+  sqlite3* handle() const { return handle_; }
+
+ private:
+  void configure_all(const fs::path& path, const OpenOptions& options);
+
+  sqlite3* handle_ = nullptr;
+  std::stop_token stop_;
+  bool untrusted_;
+};
+
+class SqliteCursor : public storage::detail::Cursor {
+ public:
+  SqliteCursor(const SqliteConnection& connection, std::string_view sql)
+      : connection_(connection), sql_(sql) {
+    const char* rest = nullptr;
+    check(sqlite3_prepare_v3(connection.handle(), sql_.c_str(), static_cast<int>(sql_.size()) + 1,
+                             0, &statement_, &rest));
+    const std::string_view left = rest == nullptr ? std::string_view() : std::string_view(rest);
+    if (statement_ == nullptr || left.find_first_not_of(" \t\r\n;") != left.npos) {
+      sqlite3_finalize(statement_);
+      throw Error(ErrorKind::kMisuse, connection.name, "SQL " + printable(sql), "one statement");
+    }
+  }
+  ~SqliteCursor() override { sqlite3_finalize(statement_); }
+  SqliteCursor(const SqliteCursor&) = delete;
+  SqliteCursor& operator=(const SqliteCursor&) = delete;
+
+  void bind(int parameter, std::int64_t value) override {
+    check(sqlite3_bind_int64(statement_, parameter, value));
+  }
+  void bind(int parameter, double value) override {
+    check(sqlite3_bind_double(statement_, parameter, value));
+  }
+  // A null pointer would bind NULL, which an empty text or blob is not.
+  void bind(int parameter, std::string_view text) override {
+    check(sqlite3_bind_text64(statement_, parameter, text.data() == nullptr ? "" : text.data(),
+                              text.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
+  }
+  void bind(int parameter, std::span<const std::byte> blob) override {
+    const void* const data = blob.data() == nullptr ? static_cast<const void*>("") : blob.data();
+    check(sqlite3_bind_blob64(statement_, parameter, data, blob.size(), SQLITE_TRANSIENT));
+  }
+  void bind(int parameter, std::nullptr_t) override {
+    check(sqlite3_bind_null(statement_, parameter));
+  }
+
+  bool step() override;
+  void reset() override {
+    sqlite3_reset(statement_);
+    sqlite3_clear_bindings(statement_);
+  }
+
+  const std::string& database() const override { return connection_.name; }
+  std::string column_name(int column) const override {
+    const char* const name = sqlite3_column_name(statement_, column);
+    return name == nullptr ? fmt::format("column {}", column) : name;
+  }
+  ColumnType type(int column) const override {
+    return type_of(sqlite3_column_type(statement_, column));
+  }
+  std::int64_t integer(int column) const override {
+    return sqlite3_column_int64(statement_, column);
+  }
+  double real(int column) const override { return sqlite3_column_double(statement_, column); }
+  // SQLite returns a null pointer for an empty value, but also if memory is exhausted.
+  std::string_view text(int column) const override;
+  std::span<const std::byte> blob(int column) const override;
+
+ private:
+  void check(int code) const {
+    if (code != SQLITE_OK) connection_.fail(code, sql_);
+  }
+
+  const SqliteConnection& connection_;
+  std::string sql_;
+  sqlite3_stmt* statement_ = nullptr;
+};
+
+void SqliteConnection::fail(int code, std::string_view doing) const {
   // Prefers the extended code, which is more specific.
-  const int extended = handle == nullptr ? code : sqlite3_extended_errcode(handle);
+  const int extended = handle_ == nullptr ? code : sqlite3_extended_errcode(handle_);
   const int primary = code & 0xff;
-  std::string why = handle == nullptr || (extended & 0xff) != primary ? sqlite3_errstr(code)
-                                                                      : sqlite3_errmsg(handle);
+  std::string why = handle_ == nullptr || (extended & 0xff) != primary ? sqlite3_errstr(code)
+                                                                       : sqlite3_errmsg(handle_);
   switch (primary) {
     case SQLITE_INTERRUPT:
       throw Error(ErrorKind::kCancelled, name, "stopped as asked", "");
@@ -111,12 +227,12 @@ void detail::Connection::fail(int code, std::string_view doing) const {
     case SQLITE_AUTH:
     case SQLITE_PROTOCOL:
     case SQLITE_NOLFS: {
-      const int number = handle == nullptr ? 0 : sqlite3_system_errno(handle);
+      const int number = handle_ == nullptr ? 0 : sqlite3_system_errno(handle_);
       if (number != 0) why += fmt::format(" ({})", std::strerror(number));
       throw Error(ErrorKind::kStorage, name, why, "");
     }
     case SQLITE_NOMEM:
-      if (is_room_for_longest_value(handle)) {
+      if (is_room_for_longest_value(handle_)) {
         throw Error(ErrorKind::kInput, name,
                     "damaged, or memory was short for a moment: SQLite is out of memory",
                     "a sound SQLite database");
@@ -126,21 +242,18 @@ void detail::Connection::fail(int code, std::string_view doing) const {
     case SQLITE_RANGE:
       throw Error(ErrorKind::kMisuse, name, fmt::format("{} at {}", why, printable(doing)), "");
     default:
-      throw Error(untrusted ? ErrorKind::kInput : ErrorKind::kStorage, name,
+      throw Error(untrusted_ ? ErrorKind::kInput : ErrorKind::kStorage, name,
                   fmt::format("{} at {}", printable(why), printable(doing)), "");
   }
 }
 
-Database::Database(const fs::path& path, const OpenOptions& options)
-    : connection_(std::make_unique<detail::Connection>()) {
-  connection_->name = path.string();
-  connection_->stop = options.stop;
-  connection_->untrusted = options.untrusted;
+SqliteConnection::SqliteConnection(const fs::path& path, const OpenOptions& options)
+    : Connection(path.string()), stop_(options.stop), untrusted_(options.untrusted) {
   if (options.immutable && options.access != Access::kRead) {
     throw Error(ErrorKind::kMisuse, "OpenOptions.immutable", "true with write access",
                 "read access: nobody may write what is immutable");
   }
-  require_regular_file(path, connection_->name, options.access);
+  require_regular_file(path, name, options.access);
 
   int flags = SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
   if (options.access == Access::kRead) flags |= SQLITE_OPEN_READONLY;
@@ -148,100 +261,95 @@ Database::Database(const fs::path& path, const OpenOptions& options)
   if (options.access == Access::kCreate) flags |= SQLITE_OPEN_CREATE;
   std::string uri = uri_of(path.string());
   if (options.immutable) uri += "?immutable=1";
-  const int opened = sqlite3_open_v2(uri.c_str(), &connection_->handle, flags, nullptr);
-  if (opened != SQLITE_OK) {
-    // Closes the handle here, because no destructor runs after a failed constructor.
-    try {
-      connection_->fail(opened, "opening");
-    } catch (...) {
-      sqlite3_close_v2(connection_->handle);
-      throw;
-    }
-  }
-  sqlite3* const handle = connection_->handle;
   try {
-    sqlite3_busy_timeout(
-        handle, static_cast<int>(std::clamp<std::int64_t>(options.busy_timeout.count(), 0,
-                                                          std::numeric_limits<int>::max())));
-    configure(handle, SQLITE_DBCONFIG_ENABLE_LOAD_EXTENSION, 0);
-    configure(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0);
-    configure(handle, SQLITE_DBCONFIG_DEFENSIVE, 1);
-    configure(handle, SQLITE_DBCONFIG_DQS_DDL, 0);
-    configure(handle, SQLITE_DBCONFIG_DQS_DML, 0);
-    sqlite3_limit(handle, SQLITE_LIMIT_ATTACHED, 0);
-    sqlite3_limit(handle, SQLITE_LIMIT_WORKER_THREADS, 0);
-    std::uint64_t longest = kLongestValue;
-    if (options.untrusted) {
-      configure(handle, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0);
-      configure(handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0);
-      sqlite3_limit(handle, SQLITE_LIMIT_SQL_LENGTH, 100'000);
-      sqlite3_limit(handle, SQLITE_LIMIT_COLUMN, 200);
-      sqlite3_limit(handle, SQLITE_LIMIT_EXPR_DEPTH, 50);
-      sqlite3_limit(handle, SQLITE_LIMIT_COMPOUND_SELECT, 10);
-      sqlite3_limit(handle, SQLITE_LIMIT_VDBE_OP, 25'000);
-      sqlite3_limit(handle, SQLITE_LIMIT_FUNCTION_ARG, 16);
-      sqlite3_limit(handle, SQLITE_LIMIT_LIKE_PATTERN_LENGTH, 1'000);
-      sqlite3_limit(handle, SQLITE_LIMIT_TRIGGER_DEPTH, 1);
-      // A value of the file cannot be longer than the file and its journal.
-      const std::uint64_t added =
-          options.longest_written.value_or(options.access == Access::kRead ? 0 : kLongestValue);
-      fs::path journal = path;
-      journal += "-wal";
-      longest = std::min(longest, size_of(path) + size_of(journal) + added + 100'000);
-    }
-    sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(longest));
-    sqlite3_progress_handler(handle, kStepsBetweenLooks, wants_to_stop, connection_.get());
-    // Not memory-mapped, because accessing a file that another program truncated would kill the process.
-    execute("PRAGMA mmap_size = 0");
-    if (options.untrusted) execute("PRAGMA cell_size_check = ON");
-    // Reads the header and the schema, which fails for other files.
-    prepare("SELECT count(*) FROM sqlite_schema").step();
+    const int opened = sqlite3_open_v2(uri.c_str(), &handle_, flags, nullptr);
+    if (opened != SQLITE_OK) fail(opened, "opening");
+    configure_all(path, options);
   } catch (...) {
-    sqlite3_close_v2(handle);
+    sqlite3_close_v2(handle_);  // no destructor runs after a failed constructor
     throw;
   }
 }
 
-Database::~Database() {
-  if (connection_) sqlite3_close_v2(connection_->handle);
-}
-
-Database::Database(Database&&) noexcept = default;
-
-Database& Database::operator=(Database&& other) noexcept {
-  // The destructor of `other` closes the former connection.
-  std::swap(connection_, other.connection_);
-  return *this;
-}
-
-const std::string& Database::name() const noexcept {
-  return connection_->name;
-}
-
-Statement Database::prepare(std::string_view sql) {
-  return {*connection_, sql};
-}
-
-void Database::execute(const std::string& sql) {
-  const int code = sqlite3_exec(connection_->handle, sql.c_str(), nullptr, nullptr, nullptr);
-  if (code != SQLITE_OK) connection_->fail(code, sql);
-}
-
-std::int64_t Database::integer(std::string_view sql) {
-  Statement statement = prepare(sql);
-  if (!statement.step()) {
-    throw Error(ErrorKind::kInput, name(), "no row for " + printable(sql), "one");
+void SqliteConnection::configure_all(const fs::path& path, const OpenOptions& options) {
+  sqlite3_busy_timeout(handle_,
+                       static_cast<int>(std::clamp<std::int64_t>(options.busy_timeout.count(), 0,
+                                                                 std::numeric_limits<int>::max())));
+  configure(handle_, SQLITE_DBCONFIG_ENABLE_LOAD_EXTENSION, 0);
+  configure(handle_, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0);
+  configure(handle_, SQLITE_DBCONFIG_DEFENSIVE, 1);
+  configure(handle_, SQLITE_DBCONFIG_DQS_DDL, 0);
+  configure(handle_, SQLITE_DBCONFIG_DQS_DML, 0);
+  sqlite3_limit(handle_, SQLITE_LIMIT_ATTACHED, 0);
+  sqlite3_limit(handle_, SQLITE_LIMIT_WORKER_THREADS, 0);
+  std::uint64_t longest = kLongestValue;
+  if (options.untrusted) {
+    configure(handle_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0);
+    configure(handle_, SQLITE_DBCONFIG_ENABLE_VIEW, 0);
+    sqlite3_limit(handle_, SQLITE_LIMIT_SQL_LENGTH, 100'000);
+    sqlite3_limit(handle_, SQLITE_LIMIT_COLUMN, 200);
+    sqlite3_limit(handle_, SQLITE_LIMIT_EXPR_DEPTH, 50);
+    sqlite3_limit(handle_, SQLITE_LIMIT_COMPOUND_SELECT, 10);
+    sqlite3_limit(handle_, SQLITE_LIMIT_VDBE_OP, 25'000);
+    sqlite3_limit(handle_, SQLITE_LIMIT_FUNCTION_ARG, 16);
+    sqlite3_limit(handle_, SQLITE_LIMIT_LIKE_PATTERN_LENGTH, 1'000);
+    sqlite3_limit(handle_, SQLITE_LIMIT_TRIGGER_DEPTH, 1);
+    // A value of the file cannot be longer than the file and its journal.
+    const std::uint64_t added =
+        options.longest_written.value_or(options.access == Access::kRead ? 0 : kLongestValue);
+    fs::path journal = path;
+    journal += "-wal";
+    longest = std::min(longest, size_of(path) + size_of(journal) + added + 100'000);
   }
-  return statement.integer(0);
+  sqlite3_limit(handle_, SQLITE_LIMIT_LENGTH, static_cast<int>(longest));
+  sqlite3_progress_handler(handle_, kStepsBetweenLooks, wants_to_stop, &stop_);
+  // Not memory-mapped, because accessing a file that another program truncated would kill the process.
+  execute("PRAGMA mmap_size = 0");
+  if (options.untrusted) execute("PRAGMA cell_size_check = ON");
+  // Reads the header and the schema, which fails for other files.
+  prepare("SELECT count(*) FROM sqlite_schema")->step();
 }
 
-std::string Database::text(std::string_view sql) {
-  Statement statement = prepare(sql);
-  if (!statement.step()) {
-    throw Error(ErrorKind::kInput, name(), "no row for " + printable(sql), "one");
+bool SqliteCursor::step() {
+  const int code = sqlite3_step(statement_);
+  if (code == SQLITE_ROW) return true;
+  if (code != SQLITE_DONE) {
+    try {
+      connection_.fail(code, sql_);
+    } catch (...) {
+      // Resets after the message is made, which resetting would lose; without it, the statement would keep
+      // its locks.
+      sqlite3_reset(statement_);
+      throw;
+    }
   }
-  return std::string(statement.text(0));
+  sqlite3_reset(statement_);
+  return false;
 }
+
+std::string_view SqliteCursor::text(int column) const {
+  const auto* const data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+  if (data == nullptr) connection_.fail(SQLITE_NOMEM, sql_);
+  return {data, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column))};
+}
+
+std::span<const std::byte> SqliteCursor::blob(int column) const {
+  const auto* const data = static_cast<const std::byte*>(sqlite3_column_blob(statement_, column));
+  const int size = sqlite3_column_bytes(statement_, column);
+  const bool is_short =
+      data == nullptr && (size > 0 || sqlite3_errcode(connection_.handle()) == SQLITE_NOMEM);
+  if (is_short) connection_.fail(SQLITE_NOMEM, sql_);
+  return {data, static_cast<std::size_t>(size)};
+}
+
+std::unique_ptr<storage::detail::Cursor> SqliteConnection::prepare(std::string_view sql) {
+  return std::make_unique<SqliteCursor>(*this, sql);
+}
+
+}  // namespace
+
+Database::Database(const fs::path& path, const OpenOptions& options)
+    : storage::Database(std::make_unique<SqliteConnection>(path, options)) {}
 
 bool Database::has_table(std::string_view name) {
   Statement statement =
@@ -256,37 +364,6 @@ std::vector<std::string> Database::columns(std::string_view table) {
   statement.bind_all(table);
   while (statement.step()) names.emplace_back(statement.text(0));
   return names;
-}
-
-std::int64_t Database::last_row_id() const noexcept {
-  return sqlite3_last_insert_rowid(connection_->handle);
-}
-
-std::int64_t Database::changes() const noexcept {
-  return sqlite3_changes64(connection_->handle);
-}
-
-bool Database::in_transaction() const noexcept {
-  return sqlite3_get_autocommit(connection_->handle) == 0;
-}
-
-Transaction::Transaction(Database& database, Kind kind) : database_(&database) {
-  database.execute(kind == Kind::kWrite ? "BEGIN IMMEDIATE" : "BEGIN");
-}
-
-Transaction::~Transaction() {
-  if (!open_) return;
-  try {
-    // SQLite ends some transactions itself, e.g. if the disk is full.
-    if (database_->in_transaction()) database_->execute("ROLLBACK");
-  } catch (...) {
-    // Closing the connection rolls it back.
-  }
-}
-
-void Transaction::commit() {
-  database_->execute("COMMIT");
-  open_ = false;
 }
 
 }  // namespace cairn::sqlite

@@ -4,16 +4,13 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "cairn/storage/sqlite/statement.hpp"
-
-struct sqlite3;
+#include "cairn/storage/database.hpp"
 
 namespace cairn::sqlite {
 
@@ -41,71 +38,22 @@ struct OpenOptions {
   std::stop_token stop = {};
 };
 
-/// A connection to an SQLite database file; for one thread at a time. Never loads extensions or attaches
-/// other files. Errors name the file: kind input for invalid content, kind storage for failures of the
-/// operating system or conflicts with another process.
-class Database {
+using storage::ColumnType;
+using storage::Statement;
+using storage::Transaction;
+
+/// A connection to an SQLite database file. Never loads extensions or attaches other files. Its name in messages is the
+/// path as given.
+class Database : public storage::Database {
  public:
   /// @throws Error (input) if the file is missing, not a regular file or not a database, (storage) if it
   ///        cannot be opened, (misuse) for immutable with write access
   explicit Database(const std::filesystem::path& path, const OpenOptions& options = {});
-  ~Database();
-  Database(Database&&) noexcept;
-  Database& operator=(Database&&) noexcept;
-  Database(const Database&) = delete;
-  Database& operator=(const Database&) = delete;
-
-  /// Name in messages: the path as given.
-  const std::string& name() const noexcept;
-
-  /// One statement, compiled. It must not outlive the database.
-  Statement prepare(std::string_view sql);
-  /// Runs any number of statements without parameters; ignores rows.
-  void execute(const std::string& sql);
-  /// Runs one statement to its end with these parameters.
-  template <class... Values>
-  void run(std::string_view sql, const Values&... values) {
-    prepare(sql).run(values...);
-  }
-  /// First column of the first row, e.g. of "PRAGMA user_version".
-  /// @throws Error (input) if there is no row or its value is not an integer
-  std::int64_t integer(std::string_view sql);
-  std::string text(std::string_view sql);
 
   /// Whether there is a table (not a view) of this name.
   bool has_table(std::string_view name);
   /// Names of a table's columns, in order; empty if there is no such table.
   std::vector<std::string> columns(std::string_view table);
-
-  std::int64_t last_row_id() const noexcept;
-  /// Rows that the last INSERT, UPDATE or DELETE changed.
-  std::int64_t changes() const noexcept;
-  bool in_transaction() const noexcept;
-
- private:
-  std::unique_ptr<detail::Connection> connection_;
-};
-
-/// Everything between its construction and commit() happens atomically. One at a time.
-class Transaction {
- public:
-  enum class Kind {
-    kRead,   ///< sees one state of the database throughout
-    kWrite,  ///< waits for other writers at once, so it cannot fail because of them later
-  };
-
-  explicit Transaction(Database& database, Kind kind = Kind::kWrite);
-  /// Undoes everything that was not committed.
-  ~Transaction();
-  Transaction(const Transaction&) = delete;
-  Transaction& operator=(const Transaction&) = delete;
-
-  /// @throws Error (storage); the database is then unchanged
-  void commit();
-
- private:
-  Database* database_;
-  bool open_ = true;
 };
 
 }  // namespace cairn::sqlite

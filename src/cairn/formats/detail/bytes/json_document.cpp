@@ -8,14 +8,14 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/json_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/json_text.hpp"
 
 namespace cairn::detail {
 
 nlohmann::json read_json(ByteSource& source) {
   const std::string text = read_all(source);
-  check_json(text, source.name(), std::numeric_limits<std::size_t>::max());
+  detail::check_json(text, source.name(), std::numeric_limits<std::size_t>::max());
   try {
     return nlohmann::json::parse(text);
   } catch (const nlohmann::json::parse_error& error) {

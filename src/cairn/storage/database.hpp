@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+/// Statements and transactions, the same for SQLite and PostgreSQL; see sqlite/database.hpp and
+/// postgres/database.hpp for what opens a database.
+namespace cairn::storage {
+
+namespace detail {
+class Connection;
+class Cursor;
+}  // namespace detail
+
+enum class ColumnType { kInteger, kReal, kText, kBlob, kNull, kOther };
+
+/// "integer" etc.
+std::string_view to_string(ColumnType type);
+
+/// A statement: bind parameters, step through rows, read columns. Parameters count from 1 and are written "?1";
+/// columns count from 0.
+class Statement {
+ public:
+  Statement(Statement&&) noexcept;
+  Statement& operator=(Statement&&) noexcept;
+  ~Statement();
+
+  Statement& bind(int parameter, std::int64_t value);
+  template <std::integral Integer>
+  Statement& bind(int parameter, Integer value) {
+    return bind(parameter, static_cast<std::int64_t>(value));
+  }
+  Statement& bind(int parameter, double value);
+  /// @throws Error (misuse) for text with a NUL, which PostgreSQL cannot store
+  Statement& bind(int parameter, std::string_view text);
+  Statement& bind(int parameter, const char* text) {
+    return bind(parameter, std::string_view(text));
+  }
+  Statement& bind(int parameter, const std::string& text) {
+    return bind(parameter, std::string_view(text));
+  }
+  Statement& bind(int parameter, std::span<const std::byte> blob);
+  Statement& bind(int parameter, std::nullptr_t);
+  template <class Value>
+  Statement& bind(int parameter, const std::optional<Value>& value) {
+    return value ? bind(parameter, *value) : bind(parameter, nullptr);
+  }
+  /// Restarts with these as parameters 1, 2, ...; others are NULL.
+  template <class... Values>
+  Statement& bind_all(const Values&... values) {
+    reset();
+    int parameter = 0;
+    (bind(++parameter, values), ...);
+    return *this;
+  }
+
+  /// Moves to the next row. @return false at the end; the statement can then run again.
+  bool step();
+  /// Returns to before the first row and clears the parameters.
+  void reset();
+  /// bind_all(), then runs to the end.
+  template <class... Values>
+  void run(const Values&... values) {
+    bind_all(values...);
+    while (step()) {
+    }
+  }
+
+  ColumnType type(int column) const;
+  bool is_null(int column) const { return type(column) == ColumnType::kNull; }
+
+  // Columns of the current row. A value of another type throws Error (input) naming database, column, value and
+  // constraint. Text and blobs are valid until the next step(), reset() or the end.
+  std::int64_t integer(int column) const;
+  /// @throws Error (input) also for an integer below 0
+  std::uint64_t unsigned_integer(int column) const;
+  /// Accepts an integer as a real number.
+  double real(int column) const;
+  std::string_view text(int column) const;
+  std::span<const std::byte> blob(int column) const;
+
+  // std::nullopt for NULL.
+  std::optional<std::int64_t> optional_integer(int column) const;
+  std::optional<double> optional_real(int column) const;
+  std::optional<std::string_view> optional_text(int column) const;
+  std::optional<std::span<const std::byte>> optional_blob(int column) const;
+
+ private:
+  friend class Database;
+  explicit Statement(std::unique_ptr<detail::Cursor> cursor);
+  void require(int column, ColumnType type) const;
+
+  std::unique_ptr<detail::Cursor> cursor_;
+};
+
+/// A connection to a database; for one thread at a time. Errors name the database: kind input for invalid
+/// content, kind storage for failures of the operating system, the server or the network, or conflicts with
+/// another process.
+class Database {
+ public:
+  Database(Database&&) noexcept;
+  Database& operator=(Database&&) noexcept;
+  ~Database();
+
+  /// Name in messages.
+  const std::string& name() const noexcept;
+
+  /// One statement. It must not outlive the database.
+  Statement prepare(std::string_view sql);
+  /// Runs any number of statements without parameters; ignores rows.
+  void execute(const std::string& sql);
+  /// Runs one statement to its end with these parameters.
+  template <class... Values>
+  void run(std::string_view sql, const Values&... values) {
+    prepare(sql).run(values...);
+  }
+  /// First column of the first row.
+  /// @throws Error (input) if there is no row or its value is not an integer
+  std::int64_t integer(std::string_view sql);
+  std::string text(std::string_view sql);
+
+  /// Rows that the last INSERT, UPDATE or DELETE changed.
+  std::int64_t changes() const noexcept;
+  bool in_transaction() const noexcept;
+
+ protected:
+  explicit Database(std::unique_ptr<detail::Connection> connection);
+
+ private:
+  friend class Transaction;
+  std::unique_ptr<detail::Connection> connection_;
+};
+
+/// Everything between its construction and commit() happens atomically. One at a time.
+class Transaction {
+ public:
+  enum class Kind {
+    kRead,   ///< sees one state of the database throughout
+    kWrite,  ///< waits for other writers at once, so it cannot fail because of them later
+    kRows,   ///< in PostgreSQL locks only the rows that its statements lock; in SQLite as kWrite
+  };
+
+  /// @throws Error (storage) if another process held its lock for too long
+  explicit Transaction(Database& database, Kind kind = Kind::kWrite);
+  /// Undoes everything that was not committed.
+  ~Transaction();
+  Transaction(const Transaction&) = delete;
+  Transaction& operator=(const Transaction&) = delete;
+
+  /// @throws Error (storage); the database is then unchanged, or the message says that this is unknown
+  void commit();
+
+ private:
+  detail::Connection* connection_;
+  bool open_ = true;
+};
+
+}  // namespace cairn::storage

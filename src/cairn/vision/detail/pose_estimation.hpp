@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/vision/detail/row_motion.hpp"
+#include "cairn/vision/detail/sensor_model.hpp"
+
+namespace cairn::detail {
+
+/// A landmark and the measurement matched with it.
+struct PointMatch {
+  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();
+  PointMeasurement measured;
+};
+
+struct PoseEstimate {
+  Rigid3 world_from_camera;
+  Matrix6d covariance = Matrix6d::Zero();  ///< as Cairn's pose covariances: δt, δφ in the world
+  std::vector<bool> inliers;               ///< one per match
+  std::size_t inlier_count = 0;
+};
+
+/// Minimises the robust (Huber) sum of squared residuals from an initial pose. Matches whose pixel residual
+/// exceeds the noise (99 %) are excluded, and included again if the pose changes; a contradictory depth is
+/// ignored without excluding its match.
+PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> matches,
+                         const Rigid3& world_from_camera);
+
+/// What is known of the camera's motion during a readout before its rows are compared.
+struct RowMotionPrior {
+  RowMotion motion;
+  double sigma_m_s = 0.0;    ///< per axis of the velocity; positive
+  double sigma_rad_s = 0.0;  ///< per axis of the turn; positive
+};
+
+/// The motion during the readout that explains best, together with the pose, where the rows see the landmarks.
+/// @param matches measured pixels and depths, corrected for the prior motion
+/// @param rows    of the original image, one per match
+RowMotion refined_row_motion(const Pinhole& pinhole, std::span<const PointMatch> matches,
+                             std::span<const double> rows, const RowMotionPrior& prior,
+                             const Rigid3& world_from_camera);
+
+/// Finds the pose that most matches agree with, without an initial pose: random triples with depth
+/// (seeded), then refinement. std::nullopt if fewer than `least_inliers` agree.
+std::optional<PoseEstimate> find_pose(const Pinhole& pinhole, std::span<const PointMatch> matches,
+                                      std::size_t least_inliers, std::uint64_t seed);
+
+}  // namespace cairn::detail

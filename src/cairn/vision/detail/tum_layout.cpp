@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/vision/detail/tum_layout.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <string_view>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/core/time_association.hpp"
+
+namespace cairn::detail {
+namespace {
+
+// Whether a path stays within the folder it is relative to.
+bool stays_inside(const std::string& file) {
+  const std::filesystem::path path(file);
+  return path.is_relative() &&
+         std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
+}
+
+struct NumberedEntry {
+  ImageEntry entry;
+  std::uint64_t line;
+};
+
+NumberedEntry parse_entry(std::string_view line, const std::string& source, std::uint64_t number) {
+  const std::string place = fmt::format("{}:{}", source, number);
+  const std::string_view time = line.substr(0, line.find_first_of(kBlanks));
+  const auto timestamp = parse_number(time);
+  if (!timestamp) {
+    throw Error(ErrorKind::kInput, place + ": field 1 (timestamp)",
+                printable(time) + " is not a number", "seconds");
+  }
+  const std::string file(trimmed(line.substr(time.size())));
+  if (file.empty()) {
+    throw Error(ErrorKind::kInput, place + ": field 2 (file)", "missing", "timestamp file");
+  }
+  if (!stays_inside(file)) {
+    throw Error(ErrorKind::kInput, place + ": field 2 (file)",
+                printable(file) + " leaves the sequence's folder", "a path inside it");
+  }
+  return {{*timestamp, file}, number};
+}
+
+}  // namespace
+
+std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) {
+  std::vector<NumberedEntry> entries;
+  LineReader lines(source, log);
+  while (const auto line = lines.next()) {
+    const std::string_view text = trimmed(*line);
+    if (text.empty() || text.front() == '#') continue;
+    entries.push_back(parse_entry(text, source.name(), lines.line_number()));
+  }
+  if (entries.empty()) {
+    throw Error(ErrorKind::kInput, source.name(), "no images", "lines of timestamp and file");
+  }
+  const auto earlier = [](const NumberedEntry& a, const NumberedEntry& b) {
+    return a.entry.timestamp_s < b.entry.timestamp_s;
+  };
+  if (!std::is_sorted(entries.begin(), entries.end(), earlier)) {
+    if (log) log(source.name() + ": the images are not in the order of time; sorted");
+    std::stable_sort(entries.begin(), entries.end(), earlier);
+  }
+  std::vector<ImageEntry> result;
+  for (NumberedEntry& entry : entries) {
+    if (!result.empty() && result.back().timestamp_s == entry.entry.timestamp_s) {
+      throw Error(ErrorKind::kInput,
+                  fmt::format("{}:{}: field 1 (timestamp)", source.name(), entry.line),
+                  fmt::format("{:.6f} stands above already", entry.entry.timestamp_s),
+                  "each timestamp once");
+    }
+    result.push_back(std::move(entry.entry));
+  }
+  return result;
+}
+
+std::vector<ImagePair> associate_images(const std::vector<ImageEntry>& color,
+                                        const std::vector<ImageEntry>& depth,
+                                        double max_difference_s) {
+  const auto times = [](const std::vector<ImageEntry>& entries) {
+    std::vector<double> result;
+    result.reserve(entries.size());
+    for (const ImageEntry& entry : entries) result.push_back(entry.timestamp_s);
+    return result;
+  };
+  std::vector<ImagePair> pairs(color.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i].color = i;
+  for (const auto& [i, j] : associate_times(times(color), times(depth), max_difference_s)) {
+    pairs[i].depth = j;
+  }
+  return pairs;
+}
+
+}  // namespace cairn::detail

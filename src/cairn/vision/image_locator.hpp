@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/camera.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/vision/image.hpp"
+#include "cairn/vision/odometry.hpp"
+
+namespace cairn {
+
+struct LocateOptions {
+  FeatureOptions features = {};
+  double min_probability = 0.99;  ///< least probability of a located pose; at least 0.5 and below 1
+  std::uint64_t seed = 0;
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// A corner of the image and its landmark.
+struct ImageMatch {
+  Pixel pixel;  ///< in the original image
+  LandmarkIndex landmark;
+};
+
+/// Result of locating an image.
+struct ImageLocation {
+  bool located = false;      ///< the probability suffices
+  double probability = 0.0;  ///< that the pose is right
+  std::string reason;  ///< one sentence for people: the decision and its number, then the evidence
+  /// Camera pose, in the map's unit of length; std::nullopt unless located.
+  std::optional<Rigid3> world_from_camera;
+  /// The best pose found, whatever its probability.
+  std::optional<Rigid3> estimate;
+  /// Of the estimate: translation and rotation vector, in the world. Includes the errors of corners and
+  /// landmarks, but not those of the map as a whole.
+  std::optional<Matrix6d> covariance;
+  std::size_t corners = 0;  ///< detected in the image
+  std::size_t proposals =
+      0;  ///< corner-landmark pairs that are mutual nearest neighbours by descriptor
+  std::size_t visible = 0;          ///< landmarks that the estimate projects near a corner
+  double expected = 0.0;            ///< matches among these expected by chance
+  std::size_t spread = 0;           ///< matches outside the largest cluster in the image
+  std::vector<ImageMatch> matches;  ///< at the estimate
+};
+
+/// Finds the pose of an image in a map (Sattler et al. 2011 describe the task). Compares the descriptors of
+/// the image's corners with those of all landmarks; P3P in a progressive sample consensus proposes a pose;
+/// landmarks are searched again where that pose projects them; the pose is refined. The verdict compares
+/// the number of matches with that expected by chance.
+class ImageLocator {
+ public:
+  /// @param map with ORB descriptors of 32 bytes
+  /// @param camera of the images; without defect
+  /// @throws Error (input) for a map without such descriptors; (misuse) for a defective camera or invalid
+  ///        options
+  ImageLocator(const LandmarkMap& map, const Camera& camera, const LocateOptions& options = {});
+  ~ImageLocator();
+  ImageLocator(ImageLocator&&) noexcept;
+  ImageLocator& operator=(ImageLocator&&) noexcept;
+
+  /// Thread-safe. The same input gives the same result.
+  /// @param image   of the camera's size
+  /// @param depth   of the same size; empty if unknown. Ignored if the map's unit of length is free.
+  /// @throws Error (input) for an image of another size
+  ImageLocation locate(const GrayImage& image, const DepthImage& depth = {}) const;
+
+ private:
+  class Parts;
+  std::unique_ptr<const Parts> parts_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/vision/image_locator.hpp"
+
+#include <cstring>
+
+#include <Eigen/LU>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/vision/detail/features.hpp"
+
+#include "support/textured_wall.hpp"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::TexturedWall;
+
+GrayImage image_of(const cv::Mat& gray) {
+  GrayImage image(static_cast<std::uint32_t>(gray.cols), static_cast<std::uint32_t>(gray.rows));
+  std::memcpy(image.values.data(), gray.data, image.values.size());
+  return image;
+}
+
+DepthImage flat_depth() {
+  return DepthImage(640, 480, static_cast<float>(TexturedWall::kDepthM));
+}
+
+// Where the camera is after so many pixels of way.
+Rigid3 pose_at(int right, int down, double unit = 1.0) {
+  return {Eigen::Quaterniond::Identity(),
+          unit * TexturedWall::kMetresPerPixel * Eigen::Vector3d(right, down, 0.0)};
+}
+
+// The corners of the wall's middle as landmarks, once or again so many units to the right.
+MapTables wall_tables(double unit = 1.0, const std::vector<double>& copies = {0.0}) {
+  const detail::FeatureExtractor extractor(TexturedWall::camera(), {});
+  const detail::Features features =
+      extractor.extract(TexturedWall().gray(60, 40), TexturedWall::depth_m());
+  MapTables tables;
+  tables.cameras = {TexturedWall::camera()};
+  DescriptorColumn descriptors{.kind = "ORB", .bytes_each = 32, .known = {}, .bytes = {}};
+  for (const double copy : copies) {
+    for (std::size_t i = 0; i < features.size(); ++i) {
+      const Eigen::Vector3d here = extractor.pinhole().back_project(
+          features.keypoints()[i].pixel.cast<double>(), TexturedWall::kDepthM);
+      tables.landmarks.ids.push_back(LandmarkId{tables.landmarks.ids.size()});
+      tables.landmarks.positions.emplace_back(unit * (pose_at(60, 40) * here) +
+                                              Eigen::Vector3d(copy, 0.0, 0.0));
+      descriptors.known.push_back(1);
+      const auto* const bytes =
+          reinterpret_cast<const std::uint8_t*>(features.descriptors()[i].data());
+      descriptors.bytes.insert(descriptors.bytes.end(), bytes, bytes + 32);
+    }
+  }
+  tables.landmarks.descriptors = std::move(descriptors);
+  return tables;
+}
+
+LandmarkMap wall_map() {
+  return LandmarkMap(wall_tables());
+}
+
+GrayImage image_at(int right, int down) {
+  return image_of(TexturedWall().gray(right, down));
+}
+
+TEST(ImageLocator, FindsWhereAnImageWasTaken) {
+  const LandmarkMap map = wall_map();
+  const ImageLocator locator(map, TexturedWall::camera());
+  for (const auto& [right, down] : {std::pair{60, 40}, {0, 0}, {120, 30}, {90, 70}}) {
+    const ImageLocation found = locator.locate(image_at(right, down));
+    ASSERT_TRUE(found.located) << found.reason;
+    EXPECT_GE(found.probability, 0.99);
+    ASSERT_TRUE(found.world_from_camera);
+    const Vector6d off = found.world_from_camera->difference_to(pose_at(right, down));
+    EXPECT_LT(off.head<3>().norm(), 0.004) << right;
+    EXPECT_LT(off.tail<3>().norm(), 0.002) << right;
+    ASSERT_TRUE(found.covariance);
+    EXPECT_LT(off.dot(found.covariance->inverse() * off), 40.0) << right;
+    EXPECT_GT(found.matches.size(), 100U);
+    for (const ImageMatch& match : found.matches) {
+      EXPECT_LT(match.landmark.value, map.landmark_count());
+      EXPECT_LT(match.pixel.u, 640.0);
+    }
+  }
+}
+
+TEST(ImageLocator, FindsLandmarksByAnyOfTheirDescriptors) {
+  // What represents each landmark looks like something else.
+  MapTables tables = wall_tables();
+  DescriptorColumn& column = *tables.landmarks.descriptors;
+  column.further = column.bytes;
+  for (std::uint64_t i = 0; i <= column.known.size(); ++i) column.further_offsets.push_back(i);
+  cv::RNG random(3);
+  for (std::uint8_t& byte : column.bytes) byte = static_cast<std::uint8_t>(random.uniform(0, 256));
+  const LandmarkMap map(std::move(tables));
+  const ImageLocation found = ImageLocator(map, TexturedWall::camera()).locate(image_at(90, 70));
+  ASSERT_TRUE(found.located) << found.reason;
+  const Vector6d off = found.world_from_camera->difference_to(pose_at(90, 70));
+  EXPECT_LT(off.head<3>().norm(), 0.004);
+  EXPECT_FALSE(ImageLocator(with_one_descriptor_each(map), TexturedWall::camera())
+                   .locate(image_at(90, 70))
+                   .located);
+}
+
+TEST(ImageLocator, IsTheSameIfFurtherDescriptorsRepeatTheFirst) {
+  MapTables tables = wall_tables();
+  DescriptorColumn& column = *tables.landmarks.descriptors;
+  column.further = column.bytes;
+  for (std::uint64_t i = 0; i <= column.known.size(); ++i) column.further_offsets.push_back(i);
+  const ImageLocation one =
+      ImageLocator(wall_map(), TexturedWall::camera()).locate(image_at(120, 30));
+  const ImageLocation twice = ImageLocator(LandmarkMap(std::move(tables)), TexturedWall::camera())
+                                  .locate(image_at(120, 30));
+  EXPECT_EQ(one.reason, twice.reason);
+  EXPECT_EQ(one.world_from_camera->matrix(), twice.world_from_camera->matrix());
+}
+
+TEST(ImageLocator, RefusesAnImageOfAnotherPlace) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  cv::RNG random(8);
+  cv::Mat coarse(60, 80, CV_8UC1);
+  random.fill(coarse, cv::RNG::UNIFORM, 0, 256);
+  cv::Mat other;
+  cv::resize(coarse, other, {}, 8.0, 8.0, cv::INTER_CUBIC);
+  const ImageLocation found = locator.locate(image_of(other));
+  EXPECT_FALSE(found.located) << found.reason;
+  EXPECT_FALSE(found.world_from_camera);
+  EXPECT_LT(found.probability, 0.5);
+}
+
+TEST(ImageLocator, SaysThatNothingIsSeen) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const ImageLocation found = locator.locate(GrayImage(640, 480, 90));
+  EXPECT_FALSE(found.located);
+  EXPECT_FALSE(found.estimate);
+  EXPECT_EQ(found.probability, 0.0);
+  EXPECT_THAT(found.reason, HasSubstr("0 of 0 corners"));
+}
+
+// A thing may stand elsewhere today: what one part of the image shows does not locate all of it.
+TEST(ImageLocator, RefusesWhatOneSmallPartShows) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const cv::Mat whole = TexturedWall().gray(60, 40);
+  const auto with_part = [&](const cv::Rect& part) {
+    cv::Mat image(480, 640, CV_8UC1, cv::Scalar(90));
+    whole(part).copyTo(image(part));
+    return locator.locate(image_of(image));
+  };
+  const ImageLocation small = with_part({250, 170, 130, 130});
+  EXPECT_GT(small.matches.size(), 20U) << small.reason;
+  EXPECT_FALSE(small.located) << small.reason;
+  EXPECT_TRUE(with_part({100, 60, 420, 360}).located);
+}
+
+// Of two places that look the same none is the right one.
+TEST(ImageLocator, RefusesToChooseBetweenPlacesThatLookTheSame) {
+  const LandmarkMap twice(wall_tables(1.0, {0.0, 10.0}));
+  const ImageLocation found = ImageLocator(twice, TexturedWall::camera()).locate(image_at(60, 40));
+  EXPECT_FALSE(found.located) << found.reason;
+  EXPECT_TRUE(found.estimate);
+  EXPECT_THAT(found.reason, HasSubstr("at another pose"));
+}
+
+TEST(ImageLocator, UsesDepth) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const ImageLocation flat = locator.locate(image_at(90, 50));
+  const ImageLocation deep = locator.locate(image_at(90, 50), flat_depth());
+  ASSERT_TRUE(deep.located);
+  EXPECT_LT((*deep.covariance)(2, 2), 0.9 * (*flat.covariance)(2, 2));
+  EXPECT_LT(deep.world_from_camera->difference_to(pose_at(90, 50)).head<3>().norm(), 0.004);
+}
+
+TEST(ImageLocator, KeepsTheUnitOfAMapWithoutScale) {
+  for (const double unit : {0.01, 250.0}) {
+    MapTables tables = wall_tables(unit);
+    tables.info.length_unit = LengthUnit::kFree;
+    const ImageLocator locator(LandmarkMap(std::move(tables)), TexturedWall::camera());
+    // The depth would contradict it.
+    const ImageLocation found = locator.locate(image_at(90, 50), flat_depth());
+    ASSERT_TRUE(found.located) << found.reason;
+    const Vector6d off = found.world_from_camera->difference_to(pose_at(90, 50, unit));
+    EXPECT_LT(off.head<3>().norm(), 0.004 * unit);
+    EXPECT_LT(std::sqrt((*found.covariance)(2, 2)), 0.01 * unit);
+    EXPECT_GT(std::sqrt((*found.covariance)(2, 2)), 0.00001 * unit);
+  }
+}
+
+TEST(ImageLocator, IsMoreUncertainWhereLandmarksAre) {
+  MapTables tables = wall_tables();
+  tables.landmarks.covariances.assign(tables.landmarks.positions.size(),
+                                      1e-4 * Eigen::Matrix3d::Identity());
+  const LandmarkMap vague(std::move(tables));
+  const GrayImage image = image_at(90, 50);
+  const ImageLocation sure = ImageLocator(wall_map(), TexturedWall::camera()).locate(image);
+  const ImageLocation unsure = ImageLocator(vague, TexturedWall::camera()).locate(image);
+  EXPECT_GT((*unsure.covariance)(0, 0), 2.0 * (*sure.covariance)(0, 0));
+}
+
+TEST(ImageLocator, GivesTheSameResultAgain) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const ImageLocation once = locator.locate(image_at(90, 50));
+  const ImageLocation again = locator.locate(image_at(90, 50));
+  EXPECT_EQ(once.world_from_camera->matrix(), again.world_from_camera->matrix());
+  EXPECT_EQ(once.probability, again.probability);
+  EXPECT_EQ(once.matches.size(), again.matches.size());
+}
+
+TEST(ImageLocator, NeedsOrbDescriptorsAndImagesOfTheCamerasSize) {
+  const auto message = [](const auto& call) {
+    try {
+      call();
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  MapTables tables = wall_tables();
+  tables.landmarks.descriptors.reset();
+  const LandmarkMap bare(std::move(tables));
+  EXPECT_THAT(message([&] { ImageLocator(bare, TexturedWall::camera()); }),
+              HasSubstr("descriptors: none"));
+  tables = wall_tables();
+  tables.landmarks.descriptors->kind = "SIFT";
+  const LandmarkMap sift(std::move(tables));
+  EXPECT_THAT(message([&] { ImageLocator(sift, TexturedWall::camera()); }),
+              HasSubstr("SIFT of 32 bytes"));
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  EXPECT_THAT(message([&] { locator.locate(GrayImage(320, 240, 90)); }),
+              HasSubstr("320 x 240 pixels"));
+  EXPECT_THAT(message([&] { locator.locate(image_at(0, 0), DepthImage(320, 240)); }),
+              HasSubstr("depth image"));
+  EXPECT_THAT(message([&] {
+                ImageLocator(wall_map(), TexturedWall::camera(),
+                             {.features = {}, .min_probability = 1.5});
+              }),
+              HasSubstr("LocateOptions.min_probability"));
+}
+
+}  // namespace
+}  // namespace cairn

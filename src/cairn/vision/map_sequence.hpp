@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "cairn/core/executor.hpp"
+#include "cairn/core/log.hpp"
+#include "cairn/geometry/trajectory.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
+#include "cairn/vision/odometry.hpp"
+#include "cairn/vision/sequence.hpp"
+
+namespace cairn {
+
+/// Limits of a mini-map's length; the first one reached ends it.
+struct MiniMapLength {
+  std::optional<double> metres;       ///< of the camera's path; positive
+  std::optional<std::size_t> frames;  ///< tracked frames; at least 2
+  std::optional<double> turn_rad;     ///< sum of the angles between tracked frames; positive
+};
+
+/// Progress of mapping, reported after each frame.
+struct MappingProgress {
+  std::size_t frame = 0;  ///< frames done so far
+  std::size_t frames = 0;
+  std::size_t landmarks = 0;  ///< found in the last frame
+  std::size_t lost = 0;       ///< lost frames so far
+};
+
+struct MapSequenceOptions {
+  OdometryOptions odometry;
+  MapOptions map;
+  std::optional<MiniMapLength> mini_maps;  ///< std::nullopt: one map of the whole sequence
+  /// For map_sequence: treat an image that cannot be read as if it did not exist; if false, that is an
+  /// error.
+  bool skip_unreadable = false;
+  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
+  std::stop_token stop = {};
+  std::function<void(const MappingProgress&)> progress = {};
+  LogSink log = {};
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// Consecutive frames that were not tracked after tracking had begun.
+struct LostStretch {
+  double first_timestamp_s = 0.0;
+  double last_timestamp_s = 0.0;
+  std::size_t frames = 0;
+};
+
+struct MappedSequence {
+  /// One map, or the mini-maps in the order of time. The first has the start pose; each other is in the
+  /// frame of its first camera.
+  std::vector<LandmarkMap> maps;
+  /// Of odometry: the pose of each mini-map in the previous one, whose last keyframe is its first, with a covariance wider
+  /// than the marginal one. One fewer than maps, whose positions are the nodes' ids.
+  std::vector<Link> links;
+  /// All tracked frames, in the frame of the first map.
+  Trajectory trajectory;
+
+  std::size_t frames = 0;
+  std::size_t frames_without_depth = 0;
+  std::size_t unreadable = 0;
+  std::size_t waiting = 0;  ///< frames before tracking began
+  std::size_t tracked = 0;
+  std::size_t keyframes = 0;
+  std::vector<LostStretch> lost;
+  double mean_tracked_landmarks = 0.0;  ///< per tracked frame
+  /// Over tracked frames that are not keyframes, and were therefore not fitted; pixels.
+  std::optional<double> median_reprojection_error;
+
+  std::size_t lost_frames() const;
+};
+
+/// Builds the map of a whole sequence. Images are read and searched for features on all threads, ahead of
+/// the tracking. The result is the same for any number of threads. If tracking never began, there are no
+/// maps.
+/// @param read_frame returns frame 0 to frames - 1, in the order of time; called from several threads
+/// @throws Error (misuse) naming the field of the options or an image that does not have the camera's size;
+///        (cancelled); what read_frame throws
+MappedSequence map_frames(std::size_t frames,
+                          const std::function<FrameImages(std::size_t frame)>& read_frame,
+                          const Camera& camera, const MapSequenceOptions& options = {});
+
+/// The same for a sequence on disk; its landmarks get the colours of the images.
+/// @throws Error (input) naming an image that cannot be read or does not have the camera's size; (misuse);
+///        (cancelled)
+MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
+                            const MapSequenceOptions& options = {});
+
+/// The mini-maps of a sequence as a graph: a node for each, with its position in time as id, and odometry
+/// links between neighbours. Poses are in the frame of the first mini-map, from the links alone. The
+/// session is a UUID of the maps' content.
+/// @param names one per mini-map
+PoseGraph pose_graph(const MappedSequence& mapped, std::span<const std::string> names);
+
+/// Covariance that a map states of a keyframe's pose, and a link of the next mini-map's.
+///
+/// The marginal covariance assumes independent errors, but the common errors of depth camera, calibration
+/// and shutter remain after any number of observations. Therefore it is multiplied, and a constant is added. The
+/// constants are from 50 links of TUM fr1/desk, xyz and rpy (0.5 and 1 m long), compared with motion capture
+/// after a hand-eye fit. Errors did not grow with the camera's rotation there. See docs/method.md.
+/// @param marginal of the pose relative to the map's first keyframe, (δt, δφ)
+Matrix6d stated_covariance(const Matrix6d& marginal);
+
+struct MapAtPosesOptions {
+  FeatureOptions features;
+  /// Of the sensor. The error of the poses is added; both are estimated from the residuals.
+  SensorNoise noise;
+  MapOptions map;                       ///< its covariance must be recursive
+  double max_time_difference_s = 0.02;  ///< between a frame and the nearest pose; positive
+  /// Skip keyframes whose image cannot be read; if false, that is an error.
+  bool skip_unreadable = false;
+  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
+  std::stop_token stop = {};
+  std::function<void(const MappingProgress&)> progress = {};  ///< of keyframes
+  LogSink log = {};
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+struct MapAtPoses {
+  LandmarkMap map;        ///< in the world of the poses
+  Trajectory trajectory;  ///< of all frames with a pose
+  std::size_t frames = 0;
+  std::size_t without_pose = 0;   ///< frames without a pose near in time
+  std::size_t without_depth = 0;  ///< frames with a pose but no depth image
+  std::size_t unreadable = 0;     ///< keyframes left out because an image could not be read
+};
+
+/// Builds a landmark map with known camera poses, e.g. from motion capture or another SLAM system; only the
+/// landmarks are estimated. A frame's pose is interpolated between neighbours at most 0.1 s apart, or is
+/// that of the same time, to a millisecond. Keyframes are frames with depth after each rotation of 10
+/// degrees or 15 cm of motion; only their images are read. The result is the same for any number of
+/// threads.
+/// @param timestamps_s of the frames, ascending
+/// @param read_frame   returns a frame; called from several threads
+/// @throws Error (input) if no frame has a pose, or no keyframe has corners with depth; (misuse) naming the
+///        field of the options or an image that does not have the camera's size; (cancelled); what read_frame
+///        throws
+MapAtPoses map_at_poses(std::span<const double> timestamps_s,
+                        const std::function<FrameImages(std::size_t frame)>& read_frame,
+                        const Trajectory& poses, const Camera& camera,
+                        const MapAtPosesOptions& options = {});
+
+/// The same for a sequence on disk; frames without depth are not keyframes.
+/// @throws Error (input) naming an image that cannot be read or does not have the camera's size
+MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, const Camera& camera,
+                        const MapAtPosesOptions& options = {});
+
+}  // namespace cairn

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/core/file.hpp"
+#include "cairn/core/log.hpp"
+#include "cairn/vision/image.hpp"
+
+namespace cairn {
+
+namespace detail {
+class FileLock;
+}
+
+/// The files of one frame of an RGB-D sequence.
+struct SequenceFrame {
+  double timestamp_s = 0.0;  ///< of the colour image
+  std::filesystem::path color;
+  std::optional<std::filesystem::path> depth;  ///< std::nullopt if no depth image is near in time
+};
+
+struct SequenceOptions {
+  double depth_units_per_metre = 5000.0;  ///< of the stored depth; positive
+  double max_time_difference_s = 0.02;    ///< between a colour image and its depth image; positive
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// An RGB-D sequence on disk in the layout of the TUM benchmark: rgb.txt, depth.txt and the images that
+/// they list. Holds the lists; reads images one by one.
+class RgbdSequence {
+ public:
+  /// @throws Error (input) naming file, line and field if the lists cannot be read
+  explicit RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
+                        const LogSink& log = {});
+
+  /// In the order of time.
+  std::span<const SequenceFrame> frames() const { return frames_; }
+  std::size_t frames_without_depth() const { return frames_without_depth_; }
+  std::size_t unused_depth_images() const { return unused_depth_images_; }
+
+  /// Images of one frame.
+  struct Images {
+    GrayImage gray;
+    DepthImage depth;  ///< empty if the frame has none
+  };
+  /// Thread-safe.
+  /// @throws Error (input) naming the file: missing, truncated, damaged, or colour and depth of different
+  ///        sizes
+  Images read(std::size_t frame) const;
+
+ private:
+  double depth_units_per_metre_;
+  std::vector<SequenceFrame> frames_;
+  std::size_t frames_without_depth_ = 0;
+  std::size_t unused_depth_images_ = 0;
+};
+
+/// Format of colour images.
+enum class ColorFormat {
+  kPng,   ///< lossless
+  kJpeg,  ///< quality 95: several times faster to write and smaller
+};
+
+struct SequenceWriterOptions {
+  double depth_units_per_metre = 5000.0;  ///< of the stored depth; positive
+  ColorFormat color_format = ColorFormat::kPng;
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+/// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written by add(), the lists by
+/// finish(), so that an unfinished folder is not mistaken for a sequence. Destroying an unfinished writer
+/// removes what it wrote. A folder has one writer at a time. A killed process leaves a hidden file in it that lists
+/// what it wrote; the next writer deletes that and takes the folder over.
+class SequenceWriter {
+ public:
+  /// Creates the folder.
+  /// @throws Error (storage) if it cannot be created or another writer is at work in it, (misuse) if it holds a
+  ///        sequence
+  explicit SequenceWriter(const std::filesystem::path& folder,
+                          const SequenceWriterOptions& options = {});
+  ~SequenceWriter();
+  SequenceWriter(const SequenceWriter&) = delete;
+  SequenceWriter& operator=(const SequenceWriter&) = delete;
+
+  /// Thread-safe: frames may come in any order, and several at once.
+  /// @param depth_m of the colour image's size; values that are not finite count as no reading
+  /// @throws Error (storage) naming the file; (misuse) for images of different sizes, or a timestamp that
+  ///        was added before, to the microsecond
+  void add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m);
+  /// Writes another file of the sequence into its folder, over one of that name. Not thread-safe.
+  /// @throws Error (storage) naming the file
+  void add_file(const std::string& name, const std::function<void(const ByteSink&)>& write);
+  /// Writes the lists, in the order of time.
+  void finish();
+
+  /// Whether the sequence in this folder is not finished: its writer is at work or was killed.
+  static bool is_unfinished(const std::filesystem::path& folder);
+
+ private:
+  struct Entry {
+    double timestamp_s;
+    std::string time;
+    std::string color;
+    std::string depth;
+  };
+
+  void take_folder();
+  void delete_leftovers() const;
+  void make_folder(const std::filesystem::path& folder);
+  void list(std::string names) const;
+  void discard();
+
+  std::filesystem::path folder_;
+  SequenceWriterOptions options_;
+  // The hidden file, locked until the sequence is finished.
+  std::unique_ptr<detail::FileLock> unfinished_;
+  std::vector<std::filesystem::path> made_;  // created folders, outermost first
+  std::mutex mutex_;
+  std::vector<Entry> entries_;
+  std::vector<std::filesystem::path> files_;  // other than images
+  bool finished_ = false;
+};
+
+}  // namespace cairn

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <limits>
+#include <ranges>
+#include <string_view>
+#include <system_error>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include "cairn/core/detail/file_lock.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
+#include "cairn/vision/image.hpp"
+#include "cairn/vision/sequence.hpp"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kJpegQuality = 95;
+
+// In the folder of a sequence from its first file to its last, locked by its writer. Lists the files, one a line,
+// before they are made.
+constexpr std::string_view kUnfinished = ".sequence.cairn-unfinished";
+
+[[noreturn]] void fail(const fs::path& path, std::string_view what, const std::error_code& why) {
+  throw Error(ErrorKind::kStorage, path.string(), fmt::format("{}: {}", what, why.message()), "");
+}
+
+StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre) {
+  constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
+  StoredDepthImage stored(depth_m.width, depth_m.height);
+  for (std::size_t i = 0; i < stored.values.size(); ++i) {
+    const double units = depth_m.values[i] * units_per_metre + 0.5;
+    // Depths beyond the format's range become 0 (no reading), as for a real camera.
+    if (units > 0.0 && units < kMost + 1.0) stored.values[i] = static_cast<std::uint16_t>(units);
+  }
+  return stored;
+}
+
+}  // namespace
+
+void SequenceWriterOptions::validate() const {
+  const bool possible = depth_units_per_metre > 0.0 && std::isfinite(depth_units_per_metre);
+  if (!possible) {
+    throw Error(ErrorKind::kMisuse, "SequenceWriterOptions.depth_units_per_metre",
+                fmt::format("{}", depth_units_per_metre), "a positive number");
+  }
+}
+
+SequenceWriter::SequenceWriter(const fs::path& folder, const SequenceWriterOptions& options)
+    : folder_(folder), options_(options) {
+  options_.validate();
+  try {
+    take_folder();
+    for (const char* const part : {"rgb", "depth"}) make_folder(folder / part);
+  } catch (...) {
+    discard();
+    throw;
+  }
+}
+
+void SequenceWriter::take_folder() {
+  const auto refuse_sequence = [&] {
+    std::error_code ignored;
+    if (!fs::exists(folder_ / "rgb.txt", ignored)) return;
+    throw Error(ErrorKind::kMisuse, folder_.string(), "holds a sequence already", "a new folder");
+  };
+  if (!is_unfinished(folder_)) refuse_sequence();
+  make_folder(folder_);
+  unfinished_ = std::make_unique<detail::FileLock>(folder_ / kUnfinished, true);
+  unfinished_->require();
+  if (unfinished_->is_new()) {
+    refuse_sequence();  // another writer may just have finished it
+  } else {
+    delete_leftovers();
+  }
+}
+
+void SequenceWriter::delete_leftovers() const {
+  FileReader list(unfinished_->path());
+  LineReader lines(list);
+  while (const auto line = lines.next()) {
+    const fs::path name(*line);
+    const fs::path part = name.parent_path();
+    const bool is_in_folder = !name.has_root_directory() && name.has_filename() &&
+                              name.filename() != ".." &&
+                              (part.empty() || part == "rgb" || part == "depth");
+    if (!is_in_folder) continue;
+    const std::string hidden = fmt::format(".{}.cairn-unfinished", name.filename().string());
+    std::error_code error;
+    for (const fs::path& file : {folder_ / name, folder_ / part / hidden}) {
+      if (fs::is_directory(fs::symlink_status(file, error)))
+        continue;  // of a list that was cut short
+      fs::remove(file, error);
+      if (error) fail(file, "cannot be deleted", error);
+    }
+  }
+  if (::ftruncate(unfinished_->descriptor(), 0) != 0) {
+    fail(unfinished_->path(), "cannot be written", {errno, std::generic_category()});
+  }
+}
+
+void SequenceWriter::make_folder(const fs::path& folder) {
+  std::error_code error;
+  const bool was_left = unfinished_ && !unfinished_->is_new();
+  if (was_left || !fs::exists(folder, error)) made_.push_back(folder);
+  fs::create_directories(folder, error);
+  if (error) fail(folder, "cannot be made", error);
+}
+
+// Notes files in the hidden one, before they are made.
+void SequenceWriter::list(std::string names) const {
+  while (!names.empty()) {
+    const ssize_t written = ::write(unfinished_->descriptor(), names.data(), names.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) {
+      fail(unfinished_->path(), "cannot be written", {errno, std::generic_category()});
+    }
+    names.erase(0, static_cast<std::size_t>(written));
+  }
+}
+
+// Deletes the files while the folder is locked, so that no other writer takes over what is being deleted.
+void SequenceWriter::discard() {
+  std::error_code ignored;
+  for (const Entry& entry : entries_) {
+    fs::remove(folder_ / entry.color, ignored);
+    fs::remove(folder_ / entry.depth, ignored);
+  }
+  for (const auto& file : files_) fs::remove(file, ignored);
+  // Removes only empty folders; keeps other files.
+  const auto remove_made = [&](bool outermost) {
+    for (const fs::path& made : std::views::reverse(made_)) {
+      if ((made == folder_) == outermost) fs::remove(made, ignored);
+    }
+  };
+  remove_made(false);
+  if (unfinished_ && unfinished_->holds()) fs::remove(unfinished_->path(), ignored);
+  remove_made(true);
+}
+
+SequenceWriter::~SequenceWriter() {
+  if (!finished_) discard();
+}
+
+void SequenceWriter::add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m) {
+  if (color.empty() || !same_size(color, depth_m) || !color.consistent() || !depth_m.consistent()) {
+    throw Error(ErrorKind::kMisuse, "image", "colour and depth do not go together", "one size");
+  }
+  const std::string time = fmt::format("{:.6f}", timestamp_s);
+  const bool png = options_.color_format == ColorFormat::kPng;
+  const Entry entry{timestamp_s, time, "rgb/" + time + (png ? ".png" : ".jpg"),
+                    "depth/" + time + ".png"};
+  {
+    const std::lock_guard lock(mutex_);
+    const auto same = [&](const Entry& other) { return other.time == time; };
+    if (std::any_of(entries_.begin(), entries_.end(), same)) {
+      throw Error(ErrorKind::kMisuse, "timestamp", time + " was added before", "another time");
+    }
+    entries_.push_back(entry);
+    list(entry.color + "\n" + entry.depth + "\n");
+  }
+  if (png) {
+    write_png(folder_ / entry.color, color, Durability::kLater);
+  } else {
+    write_jpeg(folder_ / entry.color, color, kJpegQuality, Durability::kLater);
+  }
+  write_png(folder_ / entry.depth, stored_depth(depth_m, options_.depth_units_per_metre),
+            Durability::kLater);
+}
+
+void SequenceWriter::add_file(const std::string& name,
+                              const std::function<void(const ByteSink&)>& write) {
+  files_.push_back(folder_ / name);
+  list(name + "\n");
+  write_file(files_.back(), write);
+}
+
+void SequenceWriter::finish() {
+  const std::lock_guard lock(mutex_);
+  std::sort(entries_.begin(), entries_.end(),
+            [](const Entry& a, const Entry& b) { return a.timestamp_s < b.timestamp_s; });
+  std::string color_list = "# timestamp filename\n";
+  std::string depth_list = "# timestamp filename\n";
+  for (const Entry& entry : entries_) {
+    color_list += fmt::format("{} {}\n", entry.time, entry.color);
+    depth_list += fmt::format("{} {}\n", entry.time, entry.depth);
+  }
+  // Writes the images to the disk before the lists that name them.
+  sync_files(folder_);
+  add_file("depth.txt", [&](const ByteSink& sink) { sink(depth_list); });
+  add_file("rgb.txt", [&](const ByteSink& sink) { sink(color_list); });
+  std::error_code error;
+  fs::remove(unfinished_->path(), error);
+  if (error) fail(unfinished_->path(), "cannot be deleted", error);
+  finished_ = true;
+  unfinished_.reset();
+}
+
+bool SequenceWriter::is_unfinished(const fs::path& folder) {
+  std::error_code ignored;
+  return fs::exists(folder / kUnfinished, ignored);
+}
+
+}  // namespace cairn
