@@ -61,11 +61,11 @@ struct AlignArguments {
   bool no_parts = false;
   bool no_deformation = false;
   AlignOptions alignment;  // but for what `options` hold
-  std::vector<const CLI::Option*> of_icp_alone;
-  std::vector<const CLI::Option*> of_guesses;  // a search has none of these
-  std::vector<const CLI::Option*> initials;
+  std::vector<Option> of_icp_alone;
+  std::vector<Option> of_guesses;  // a search has none of these
+  std::vector<Option> initials;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -84,39 +84,37 @@ struct AlignArguments {
              const std::vector<StrategyResult>& results, LengthUnit unit) const;
 };
 
-void AlignArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source,
-           "Map to move: " + all_formats().titles_text() + "; - for stdin");
-  add_text(command, "target", target, "Map to align it to");
-  auto* const list = add_text(
-      command, "--pairs", pairs,
+void AlignArguments::add_to(const Command& command) {
+  command.add_text("source", source,
+                   "Map to move: " + all_formats().titles_text() + "; - for stdin");
+  command.add_text("target", target, "Map to align it to");
+  const Option list = command.add_text(
+      "--pairs", pairs,
       "Align each pair in a CSV file (columns source and target) instead of two maps; - for stdin",
       "FILE|-");
-  add_text(command, "--confidence", confidence,
-           "Confidence metric of the landmarks: " + confidence_help() +
-               ". Several, separated by commas, are compared",
-           "METRIC,...")
-      ->capture_default_str();
+  command.add_text("--confidence", confidence,
+                   "Confidence metric of the landmarks: " + confidence_help() +
+                       ". Several, separated by commas, are compared",
+                   "METRIC,...");
   add_number(command, "-k,--neighbors", options.k,
              "With icp: match a source landmark to the most confident of this many nearest target "
              "landmarks");
   initial.add_to(command, "initial", "Initial pose, target_from_source");
-  add_text(
-      command, "--truth", truth,
+  command.add_text(
+      "--truth", truth,
       "True target_from_source, 16 numbers or the JSON of an alignment; prints the pose errors",
       "FILE");
-  add_text(command, "-o,--output", output,
-           "Write the aligned source map, in the target's frame; - for stdout, with --format",
-           "FILE|-");
-  add_text(command, "--format", format, "Format of a map on stdout: " + stdout_formats_text(),
-           "NAME");
-  add_text(
-      command, "--pose", pose,
+  command.add_text(
+      "-o,--output", output,
+      "Write the aligned source map, in the target's frame; - for stdout, with --format", "FILE|-");
+  command.add_text("--format", format, "Format of a map on stdout: " + stdout_formats_text(),
+                   "NAME");
+  command.add_text(
+      "--pose", pose,
       "Write target_from_source as 16 numbers, row-major, if the pose is aligned; - for stdout",
       "FILE|-");
-  add_text(command, "--pose-format", pose_format,
-           "Format of --pose: matrix, or tum (one line: 0 tx ty tz qx qy qz qw)", "NAME")
-      ->capture_default_str();
+  command.add_text("--pose-format", pose_format,
+                   "Format of --pose: matrix, or tum (one line: 0 tx ty tz qx qy qz qw)", "NAME");
   add_number(command, "--max-iterations", options.max_iterations, "Largest number of iterations");
   command.add_flag("--stop-as-pcl", stop_as_pcl,
                    "With icp: stop as PCL does, when the mean squared distance converges or at the "
@@ -134,10 +132,11 @@ void AlignArguments::add_to(CLI::App& command) {
              "With icp: share of the matches to leave out, those with the largest distances");
   command.add_flag("--weight-by-confidence", options.weight_by_source_confidence,
                    "With icp: weight each match by the confidence of its source landmark");
-  add_text(command, "--method", method,
-           "robust (graduated kernel, landmark covariances; confidences are weights) or icp (the "
-           "paper's) (default: robust; icp if an option is given that only icp has)",
-           "METHOD");
+  command.add_text(
+      "--method", method,
+      "robust (graduated kernel, landmark covariances; confidences are weights) or icp (the "
+      "paper's) (default: robust; icp if an option is given that only icp has)",
+      "METHOD");
   command.add_flag("--one-to-one", alignment.one_to_one,
                    "With robust and --initial: match each target landmark at most once");
   add_number(
@@ -145,8 +144,9 @@ void AlignArguments::add_to(CLI::App& command) {
       fmt::format("A landmark overlaps if the other map has one within this distance, in the maps' "
                   "unit (default: {:g} for maps in metres; else no overlap is computed)",
                   kDefaultOverlapRadius));
-  add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
+  command.add_text("--camera", camera,
+                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                   "CAMERA");
   command.add_flag("--trace", options.trace,
                    "Write pose, score and matches of each iteration to the JSON");
   common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
@@ -155,27 +155,27 @@ void AlignArguments::add_to(CLI::App& command) {
   common.add_to(command);
   common.add_threads_to(command);
   common.add_seed_to(command);
-  auto* const everywhere = command.add_flag(
+  const Option everywhere = command.add_flag(
       "--anywhere", anywhere,
       "Search without an initial pose; the default unless --initial or --method icp is given");
   for (const char* const other :
        {"--initial", "--initial-matrix", "--method", "--max-iterations", "--one-to-one"}) {
-    everywhere->excludes(command.get_option(other));
+    everywhere.excludes(command.option(other));
   }
   for (const char* const name : {"--neighbors", "--stop-as-pcl", "--fast", "--max-distance",
                                  "--reciprocal", "--trim", "--weight-by-confidence"}) {
-    of_icp_alone.push_back(command.get_option(name));
-    everywhere->excludes(command.get_option(name));
+    of_icp_alone.push_back(command.option(name));
+    everywhere.excludes(command.option(name));
   }
   command.add_flag("--gravity", gravity,
                    "Allow only rotations about the vertical and tilts of up to 10 degrees; z is up "
                    "in a map without a stored vertical");
-  auto* const scale =
+  const Option scale =
       command.add_flag("--scale", estimate_scale,
                        "Also estimate the scale of the source, from 1/20 to 20 times the target's; "
                        "the default if the unit of a map is free");
   command.add_flag("--no-scale", no_scale, "Estimate no scale, although the unit of a map is free")
-      ->excludes(scale);
+      .excludes(scale);
   add_number(command, "--prior-odds", alignment.prior_odds,
              "Odds that the maps show the same place, before any evidence; 0.01 if one pair in a "
              "hundred does");
@@ -186,14 +186,14 @@ void AlignArguments::add_to(CLI::App& command) {
              "(default: no limit)");
   add_number(command, "--min-probability", alignment.min_probability,
              "Least probability of an aligned pose, at least 0.5 and below 1");
-  auto* const parts = command.add_flag("--by-parts", by_parts,
-                                       "Always align the parts of the maps separately too; prints "
-                                       "each part's pose and how far a map bends");
+  const Option parts = command.add_flag("--by-parts", by_parts,
+                                        "Always align the parts of the maps separately too; prints "
+                                        "each part's pose and how far a map bends");
   command
       .add_flag("--no-parts", no_parts,
                 "Never align parts (default: if large maps with descriptors are not aligned as a "
                 "whole, their parts are tried)")
-      ->excludes(parts);
+      .excludes(parts);
   command.add_flag(
       "--no-deformation", no_deformation,
       "With --scale: never align up to a smooth deformation (default: with descriptors, "
@@ -201,17 +201,17 @@ void AlignArguments::add_to(CLI::App& command) {
   command.add_flag("--no-verdict", no_verdict,
                    "Skip the verdict and print the method's pose, which may be wrong");
   for (const char* const name : {"--initial", "--initial-matrix"}) {
-    initials.push_back(command.get_option(name));
+    initials.push_back(command.option(name));
   }
-  of_guesses = {command.get_option("--max-iterations"), command.get_option("--one-to-one")};
-  list->excludes(command.get_option("source"))->excludes(command.get_option("target"));
+  of_guesses = {command.option("--max-iterations"), command.option("--one-to-one")};
+  list.excludes(command.option("source")).excludes(command.option("target"));
   for (const char* const of_one :
        {"--confidence", "--initial", "--initial-matrix", "--truth", "--output", "--format",
         "--pose", "--pose-format", "--camera", "--method", "--trace", "--report", "--no-verdict"}) {
-    list->excludes(command.get_option(of_one));
+    list.excludes(command.option(of_one));
   }
-  for (const CLI::Option* const option : of_icp_alone) {
-    list->excludes(command.get_option(option->get_name()));
+  for (const Option& option : of_icp_alone) {
+    list.excludes(command.option(option.name()));
   }
   command.footer(
       "Example: align two maps of one place without an initial pose\n"
@@ -226,9 +226,8 @@ void AlignArguments::add_to(CLI::App& command) {
       "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
 }
 
-bool any_given(const std::vector<const CLI::Option*>& options) {
-  return std::any_of(options.begin(), options.end(),
-                     [](const CLI::Option* option) { return option->count() > 0; });
+bool any_given(const std::vector<Option>& options) {
+  return std::any_of(options.begin(), options.end(), [](Option option) { return option.given(); });
 }
 
 bool AlignArguments::is_robust() const {
@@ -258,20 +257,19 @@ void AlignArguments::check_options() const {
     throw Error(ErrorKind::kMisuse, "--method", printable(method) + " is no method",
                 "icp or robust");
   }
-  for (const CLI::Option* const option : of_icp_alone) {
-    if (method == "robust" && option->count() > 0) {
-      throw Error(ErrorKind::kMisuse, option->get_name(), "given with --method robust",
-                  "--method icp");
+  for (const Option& option : of_icp_alone) {
+    if (method == "robust" && option.given()) {
+      throw Error(ErrorKind::kMisuse, option.name(), "given with --method robust", "--method icp");
     }
   }
   if (!is_robust() && alignment.one_to_one) {
     throw Error(ErrorKind::kMisuse, "--one-to-one", "given with an option that only icp has",
                 "--method robust");
   }
-  for (const CLI::Option* const option : of_guesses) {
-    if (is_robust() && !has_initial() && option->count() > 0) {
-      throw Error(ErrorKind::kMisuse, option->get_name(),
-                  "given, but the search has no such option", "--initial, or --method icp");
+  for (const Option& option : of_guesses) {
+    if (is_robust() && !has_initial() && option.given()) {
+      throw Error(ErrorKind::kMisuse, option.name(), "given, but the search has no such option",
+                  "--initial, or --method icp");
     }
   }
   if (!is_robust() && estimate_scale) {
@@ -660,11 +658,9 @@ int AlignArguments::run() {
 
 }  // namespace
 
-Run add_align(CLI::App& program) {
-  auto arguments = std::make_shared<AlignArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "align", "Find the pose of a source map in a target map, and judge it"));
-  return [arguments] { return arguments->run(); };
+void add_align(const Command& program) {
+  add_verb<AlignArguments>(program, "align",
+                           "Find the pose of a source map in a target map, and judge it");
 }
 
 }  // namespace cairn::cli

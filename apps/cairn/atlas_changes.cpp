@@ -15,7 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
-#include "atlas_verbs.hpp"
+#include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/change_documents.hpp"
@@ -28,11 +28,8 @@ namespace {
 struct RemoveArguments : AtlasArguments {
   std::vector<std::string> maps;
 
-  void add_to(CLI::App& command) {
-    command.add_option("maps", maps, "Maps to remove: names, or # and an id")
-        ->required()
-        ->take_all()
-        ->type_name("NAME...");
+  void add_to(const Command& command) {
+    command.add_words("maps", maps, "Maps to remove: names, or # and an id", "NAME...").required();
     AtlasArguments::add_to(command);
     command.footer(
         "Also removes their links and poses. Until compact drops the maps, undo restores them.\n"
@@ -61,10 +58,8 @@ struct SplitArguments : AtlasArguments {
   std::string map;
   std::uint64_t frames = 20;
 
-  void add_to(CLI::App& command) {
-    command.add_option("map", map, "A map: its name, or # and its id")
-        ->required()
-        ->type_name("NAME");
+  void add_to(const Command& command) {
+    command.add_text("map", map, "A map: its name, or # and its id", "NAME").required();
     add_number(command, "--keyframes", frames, "Keyframes of each part");
     AtlasArguments::add_to(command);
     command.footer(
@@ -98,10 +93,10 @@ struct UnlinkArguments : AtlasArguments {
   std::string b;
   std::string reason;
 
-  void add_to(CLI::App& command) {
-    command.add_option("a", a, "A map: its name, or # and its id")->required()->type_name("A");
-    command.add_option("b", b, "Another map")->required()->type_name("B");
-    add_text(command, "--reason", reason, "Reason, for the log", "TEXT");
+  void add_to(const Command& command) {
+    command.add_text("a", a, "A map: its name, or # and its id", "A").required();
+    command.add_text("b", b, "Another map", "B").required();
+    command.add_text("--reason", reason, "Reason, for the log", "TEXT");
     AtlasArguments::add_to(command);
     command.footer(
         "'cairn atlas link' does not try the pair again. The next 'cairn atlas optimize' updates "
@@ -128,7 +123,7 @@ struct UnlinkArguments : AtlasArguments {
 struct LogArguments : AtlasArguments {
   bool all = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command.add_flag("--all", all, "List every commit of a command, not only one line per command");
     AtlasArguments::add_to(command);
     command.footer(
@@ -177,7 +172,7 @@ struct LogArguments : AtlasArguments {
 struct UndoArguments : AtlasArguments {
   std::optional<std::uint64_t> which;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     add_number(command, "--commit", which,
                "Undo the command of this commit (default: the last command that is not undone)");
     AtlasArguments::add_to(command);
@@ -207,14 +202,12 @@ struct DiffArguments : AtlasArguments {
   bool world = false;
   ChangeOptions changes;
 
-  void add_to(CLI::App& command) {
-    command.add_option("before", first, "First commit; with --world: first session or map")
-        ->required()
-        ->type_name("COMMIT");
-    command
-        .add_option("after", second,
-                    "Second commit (default: the last); with --world: second session or map")
-        ->type_name("COMMIT");
+  void add_to(const Command& command) {
+    command.add_text("before", first, "First commit; with --world: first session or map", "COMMIT")
+        .required();
+    command.add_text("after", second,
+                     "Second commit (default: the last); with --world: second session or map",
+                     "COMMIT");
     command.add_flag("--world", world,
                      "List things that appeared, vanished or moved between two sessions or maps");
     add_number(command, "--min-size", changes.min_size,
@@ -368,7 +361,7 @@ struct CompactArguments : AtlasArguments {
   std::uint64_t keep = kKeptCommits;
   bool yes = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     add_number(command, "--keep", keep, "Number of commits to keep, the latest ones");
     command.add_flag("--yes", yes, "Drop the data; without --yes, only list it");
     AtlasArguments::add_to(command);
@@ -404,8 +397,8 @@ struct CompactArguments : AtlasArguments {
 struct SalvageArguments : AtlasArguments {
   std::string output;
 
-  void add_to(CLI::App& command) {
-    add_text(command, "-o,--output", output, "Atlas to write. Required", "FILE");
+  void add_to(const Command& command) {
+    command.add_text("-o,--output", output, "Atlas to write. Required", "FILE");
     AtlasArguments::add_to(command);
     command.footer(
         "Copies undamaged maps, links and poses of the last commit to a new atlas, without the "
@@ -436,43 +429,20 @@ struct SalvageArguments : AtlasArguments {
 
 }  // namespace
 
-Run add_atlas_remove(CLI::App& atlas) {
-  return add_atlas_verb<RemoveArguments>(atlas, "remove", "Remove maps");
-}
-
-Run add_atlas_split(CLI::App& atlas) {
-  return add_atlas_verb<SplitArguments>(atlas, "split", "Split a map into several maps");
-}
-
-Run add_atlas_unlink(CLI::App& atlas) {
-  return add_atlas_verb<UnlinkArguments>(atlas, "unlink", "Remove the link between two maps");
-}
-
-Run add_atlas_log(CLI::App& atlas) {
-  return add_atlas_verb<LogArguments>(atlas, "log", "List the commits, latest first");
-}
-
-Run add_atlas_undo(CLI::App& atlas) {
-  return add_atlas_verb<UndoArguments>(atlas, "undo", "Undo a command");
-}
-
-Run add_atlas_diff(CLI::App& atlas) {
-  return add_atlas_verb<DiffArguments>(atlas, "diff", "Compare two commits, sessions or maps");
-}
-
-Run add_atlas_verify(CLI::App& atlas) {
-  return add_atlas_verb<VerifyArguments>(atlas, "verify", "Check all data",
-                                         "The exit code is 3 if the atlas is damaged.\n"
-                                         "Example: cairn atlas verify --atlas town.atlas");
-}
-
-Run add_atlas_compact(CLI::App& atlas) {
-  return add_atlas_verb<CompactArguments>(atlas, "compact", "Drop data that only old commits need");
-}
-
-Run add_atlas_salvage(CLI::App& atlas) {
-  return add_atlas_verb<SalvageArguments>(
-      atlas, "salvage", "Copy the undamaged data of a damaged atlas to a new one");
+void add_atlas_changes(const Command& atlas) {
+  add_verb<RemoveArguments>(atlas, "remove", "Remove maps");
+  add_verb<SplitArguments>(atlas, "split", "Split a map into several maps");
+  add_verb<UnlinkArguments>(atlas, "unlink", "Remove the link between two maps");
+  add_verb<LogArguments>(atlas, "log", "List the commits, latest first");
+  add_verb<UndoArguments>(atlas, "undo", "Undo a command");
+  add_verb<DiffArguments>(atlas, "diff", "Compare two commits, sessions or maps");
+  add_verb<VerifyArguments>(atlas, "verify", "Check all data")
+      .footer(
+          "The exit code is 3 if the atlas is damaged.\n"
+          "Example: cairn atlas verify --atlas town.atlas");
+  add_verb<CompactArguments>(atlas, "compact", "Drop data that only old commits need");
+  add_verb<SalvageArguments>(atlas, "salvage",
+                             "Copy the undamaged data of a damaged atlas to a new one");
 }
 
 }  // namespace cairn::cli

@@ -14,7 +14,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 
-#include "atlas_verbs.hpp"
+#include "commands.hpp"
 #include "support/adjustment.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
@@ -43,18 +43,17 @@ struct AddArguments : AtlasArguments {
   std::string name;
   std::string session;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command
-        .add_option(
-            "maps", paths,
-            "Maps: " + all_formats().titles_text() + "; or folders of .map and .cairn files")
-        ->required()
-        ->take_all()
-        ->type_name("MAP...");
-    add_text(command, "--name", name,
-             "Name of the map, if a single one is added (default: the file's name)", "NAME");
-    add_text(command, "--session", session, "Session of the maps (default: for a folder, its name)",
-             "NAME");
+        .add_words("maps", paths,
+                   "Maps: " + all_formats().titles_text() + "; or folders of .map and .cairn files",
+                   "MAP...")
+        .required();
+    command.add_text("--name", name,
+                     "Name of the map, if a single one is added (default: the file's name)",
+                     "NAME");
+    command.add_text("--session", session, "Session of the maps (default: for a folder, its name)",
+                     "NAME");
     AtlasArguments::add_to(command);
     command.footer(
         "The atlas keeps a copy of each map. A map that it already holds is not added again.\n"
@@ -134,7 +133,7 @@ struct LinkArguments : AtlasArguments {
   double sigma_deg = 0.5;
   std::optional<std::uint64_t> candidates;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     add_number(command, "--min-probability", options.links.min_probability,
                "Least probability of an aligned pair, at least 0.5 and below 1");
     add_number(command, "--prior-odds", options.links.prior_odds,
@@ -143,29 +142,28 @@ struct LinkArguments : AtlasArguments {
                "Work of the search, as a multiple of the default's, 1/16 to 64");
     add_number(command, "--min-observations", options.links.points.min_observations,
                "Align with landmarks of at least this many observations");
-    command.add_option("--only", only, "Try only pairs with one of these maps")
-        ->type_name("NAME...")
-        ->take_all();
+    command.add_words("--only", only, "Try only pairs with one of these maps", "NAME...");
     command.add_flag("--retry", options.retry,
                      "Also try pairs that were tried before and not aligned");
     add_number(command, "--candidates", candidates,
                fmt::format("Number of other maps to try each map with, the likeliest; 0: all "
                            "(default: all for up to {} maps, else {})",
                            kMapsTriedInFull, kDefaultCandidates));
-    add_text(command, "--shard", shard, "Try only part I of N of the pairs, for several processes",
-             "I/N");
-    command.add_option("--manual", manual, "Add a link with a known pose instead of aligning")
-        ->type_name("TARGET SOURCE")
-        ->expected(2);
-    add_text(
-        command, "--pose", pose,
+    command.add_text("--shard", shard, "Try only part I of N of the pairs, for several processes",
+                     "I/N");
+    command
+        .add_words("--manual", manual, "Add a link with a known pose instead of aligning",
+                   "TARGET SOURCE")
+        .words(2);
+    command.add_text(
+        "--pose", pose,
         "With --manual: target_from_source, 16 numbers, row-major, or the JSON of an alignment",
         "FILE");
     add_number(command, "--sigma-m", sigma_m,
                "With --manual: standard deviation of the translation, metres");
     add_number(command, "--sigma-deg", sigma_deg,
                "With --manual: standard deviation of the rotation, degrees");
-    add_text(command, "--reason", reason, "With --manual: reason, for the log", "TEXT");
+    command.add_text("--reason", reason, "With --manual: reason, for the log", "TEXT");
     AtlasArguments::add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
@@ -269,7 +267,7 @@ struct LinkArguments : AtlasArguments {
 struct OptimizeArguments : AtlasArguments {
   bool update = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command.add_flag("--update", update,
                      "Compute only poses near the maps and links that were added since the last "
                      "'optimize'; all if anything else was changed");
@@ -313,13 +311,14 @@ struct MergeAtlasArguments : AtlasArguments {
   std::string frame;
   AtlasMergeOptions options;
 
-  void add_to(CLI::App& command) {
-    add_text(command, "-o,--output", output,
-             "Map to write; its ending selects the format: " + all_formats().endings_text() +
-                 ". Required",
-             "FILE");
-    add_text(command, "--with", frame,
-             "Merge the maps in the frame of this one (default: the largest group)", "NAME");
+  void add_to(const Command& command) {
+    command.add_text("-o,--output", output,
+                     "Map to write; its ending selects the format: " +
+                         all_formats().endings_text() + ". Required",
+                     "FILE");
+    command.add_text("--with", frame,
+                     "Merge the maps in the frame of this one (default: the largest group)",
+                     "NAME");
     add_adjustment_to(command, options.placed);
     AtlasArguments::add_to(command);
     common.add_threads_to(command);
@@ -394,33 +393,20 @@ struct MergeAtlasArguments : AtlasArguments {
 
 }  // namespace
 
-Run add_atlas_init(CLI::App& atlas) {
-  return add_atlas_verb<InitArguments>(atlas, "init", "Create an empty atlas",
-                                       "Example: cairn atlas init --atlas town.atlas");
-}
-
-Run add_atlas_add(CLI::App& atlas) {
-  return add_atlas_verb<AddArguments>(atlas, "add", "Add maps");
-}
-
-Run add_atlas_link(CLI::App& atlas) {
-  return add_atlas_verb<LinkArguments>(atlas, "link",
-                                       "Align the pairs of maps that were not tried yet");
-}
-
-Run add_atlas_optimize(CLI::App& atlas) {
-  return add_atlas_verb<OptimizeArguments>(atlas, "optimize",
-                                           "Compute the maps' poses from the links",
-                                           "The frame of each group of linked maps is that of its "
-                                           "first map. Links that other links contradict\n"
-                                           "are named and not used.\n"
-                                           "Examples:\n"
-                                           "  cairn atlas optimize --atlas town.atlas\n"
-                                           "  cairn atlas optimize --atlas town.atlas --update");
-}
-
-Run add_atlas_merge(CLI::App& atlas) {
-  return add_atlas_verb<MergeAtlasArguments>(atlas, "merge", "Merge the placed maps into one map");
+void add_atlas_maps(const Command& atlas) {
+  add_verb<InitArguments>(atlas, "init", "Create an empty atlas")
+      .footer("Example: cairn atlas init --atlas town.atlas");
+  add_verb<AddArguments>(atlas, "add", "Add maps");
+  add_verb<LinkArguments>(atlas, "link", "Align the pairs of maps that were not tried yet");
+  add_verb<OptimizeArguments>(atlas, "optimize", "Compute the maps' poses from the links")
+      .footer(
+          "The frame of each group of linked maps is that of its "
+          "first map. Links that other links contradict\n"
+          "are named and not used.\n"
+          "Examples:\n"
+          "  cairn atlas optimize --atlas town.atlas\n"
+          "  cairn atlas optimize --atlas town.atlas --update");
+  add_verb<MergeAtlasArguments>(atlas, "merge", "Merge the placed maps into one map");
 }
 
 }  // namespace cairn::cli

@@ -15,7 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
-#include "atlas_verbs.hpp"
+#include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/atlas_report.hpp"
@@ -42,7 +42,7 @@ std::string status_of(const AtlasLink& link, const AtlasState& state) {
 struct ShowArguments : AtlasArguments {
   bool all = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command.add_flag("--all", all, "Also list pairs that were tried and not aligned");
     common.add_report_to(command, "maps and links as a graph, a matrix and in 3D, and the log");
     AtlasArguments::add_to(command);
@@ -133,11 +133,9 @@ struct PathArguments : AtlasArguments {
   std::string target;
   std::string source;
 
-  void add_to(CLI::App& command) {
-    command.add_option("target", target, "A map: its name, or # and its id")
-        ->required()
-        ->type_name("A");
-    command.add_option("source", source, "Second map")->required()->type_name("B");
+  void add_to(const Command& command) {
+    command.add_text("target", target, "A map: its name, or # and its id", "A").required();
+    command.add_text("source", source, "Second map", "B").required();
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
@@ -197,18 +195,20 @@ struct ExportArguments : AtlasArguments {
   std::string map;
   std::string with;
 
-  void add_to(CLI::App& command) {
-    add_text(command, "-o,--output", output,
-             "File or folder to write. .g2o, .json: graph of links and poses; .tum: keyframes of "
-             "the placed maps; .ply: their landmarks, not fused; .mcap: placed maps and links, for "
-             "Foxglove, Lichtblick and rerun; folder: every map as .cairn, and the graph. Required",
-             "FILE");
-    add_text(command, "--map", map, "Write only this map, in its own frame and any map format",
-             "NAME");
-    add_text(command, "--with", with,
-             "For .tum, .ply and .mcap: write the maps in the frame of this one (default: the "
-             "largest group)",
-             "NAME");
+  void add_to(const Command& command) {
+    command.add_text(
+        "-o,--output", output,
+        "File or folder to write. .g2o, .json: graph of links and poses; .tum: keyframes of "
+        "the placed maps; .ply: their landmarks, not fused; .mcap: placed maps and links, for "
+        "Foxglove, Lichtblick and rerun; folder: every map as .cairn, and the graph. Required",
+        "FILE");
+    command.add_text("--map", map, "Write only this map, in its own frame and any map format",
+                     "NAME");
+    command.add_text(
+        "--with", with,
+        "For .tum, .ply and .mcap: write the maps in the frame of this one (default: the "
+        "largest group)",
+        "NAME");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
@@ -249,18 +249,12 @@ struct ExportArguments : AtlasArguments {
 
 }  // namespace
 
-Run add_atlas_show(CLI::App& atlas) {
-  return add_atlas_verb<ShowArguments>(atlas, "show", "List maps and links");
-}
-
-Run add_atlas_path(CLI::App& atlas) {
-  return add_atlas_verb<PathArguments>(
-      atlas, "path", "Print the transform between two maps and its chain of links");
-}
-
-Run add_atlas_export(CLI::App& atlas) {
-  return add_atlas_verb<ExportArguments>(atlas, "export",
-                                         "Write the graph, keyframes, landmarks or maps to files");
+void add_atlas_queries(const Command& atlas) {
+  add_verb<ShowArguments>(atlas, "show", "List maps and links");
+  add_verb<PathArguments>(atlas, "path",
+                          "Print the transform between two maps and its chain of links");
+  add_verb<ExportArguments>(atlas, "export",
+                            "Write the graph, keyframes, landmarks or maps to files");
 }
 
 }  // namespace cairn::cli

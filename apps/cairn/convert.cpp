@@ -57,7 +57,7 @@ struct ConvertArguments {
   std::string apply;
   MapLoading loading;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -87,30 +87,35 @@ FrameRange parse_frames(const std::string& text) {
   return {FrameId{*begin}, FrameId{*end}};
 }
 
-void ConvertArguments::add_to(CLI::App& command) {
-  add_text(command, "input", input,
-           "Map to read: " + all_formats().titles_text() +
-               "; - for stdin; or a trajectory in TUM, EuRoC or KITTI format; or a pose graph in "
-               "g2o or JSON")
-      ->required();
-  add_text(command, "output", output,
-           "Map to write; its ending selects the format: " + all_formats().endings_text() +
-               "; - for stdout, with --format")
-      ->required();
-  add_text(command, "--format", format,
-           "Output format, whatever the output's ending: " + all_formats().written_names_text() +
-               "; for a trajectory: tum (default), euroc (.csv) or kitti; for a pose graph, whose "
-               "poses have no times: kitti (default: .g2o or .json, by the ending)",
-           "FORMAT");
-  add_text(command, "--frames", frames,
-           "Cut out a mini-map: keep frames with ids from A to below B, and landmarks observed "
-           "only in these frames",
-           "A:B");
+void ConvertArguments::add_to(const Command& command) {
+  command
+      .add_text(
+          "input", input,
+          "Map to read: " + all_formats().titles_text() +
+              "; - for stdin; or a trajectory in TUM, EuRoC or KITTI format; or a pose graph in "
+              "g2o or JSON")
+      .required();
+  command
+      .add_text("output", output,
+                "Map to write; its ending selects the format: " + all_formats().endings_text() +
+                    "; - for stdout, with --format")
+      .required();
+  command.add_text(
+      "--format", format,
+      "Output format, whatever the output's ending: " + all_formats().written_names_text() +
+          "; for a trajectory: tum (default), euroc (.csv) or kitti; for a pose graph, whose "
+          "poses have no times: kitti (default: .g2o or .json, by the ending)",
+      "FORMAT");
+  command.add_text(
+      "--frames", frames,
+      "Cut out a mini-map: keep frames with ids from A to below B, and landmarks observed "
+      "only in these frames",
+      "A:B");
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks with fewer observations, after --frames");
   transform.add_to(command, "transform", "Transform the map by new_from_old");
-  add_text(
-      command, "--apply", apply,
+  command.add_text(
+      "--apply", apply,
       "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
       "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
       "cairn atlas show. The input is a map, a trajectory, or a PLY cloud or mesh, whose other "
@@ -119,19 +124,20 @@ void ConvertArguments::add_to(CLI::App& command) {
   command.add_flag(
       "--enu", enu,
       "Transform a map with a georeference into its ENU frame: metres to the east, north and up");
-  add_text(command, "--confidence", confidence,
-           "Add a column confidence_METRIC for each metric: " + confidence_help(), "METRIC,...");
-  add_text(command, "--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
-           "CAMERA");
+  command.add_text("--confidence", confidence,
+                   "Add a column confidence_METRIC for each metric: " + confidence_help(),
+                   "METRIC,...");
+  command.add_text("--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
+                   "CAMERA");
 #ifdef CAIRN_HAS_ADJUSTMENT
-  auto* const estimate = command.add_flag(
+  const Option estimate = command.add_flag(
       "--estimate-covariances", estimate_covariances,
       "Replace the covariances of landmarks and poses by estimates from their observations, with "
       "the first frame fixed; without depths, the distance to the farthest frame is fixed too");
   add_number(command, "--pixel-noise", pixel_noise,
              "With --estimate-covariances: standard deviation of an observation, in pixels "
              "(default: from the residuals)")
-      ->needs(estimate);
+      .needs(estimate);
 #endif
   add_number(
       command, "--format-version", format_version,
@@ -456,11 +462,10 @@ int ConvertArguments::run() {
 
 }  // namespace
 
-Run add_convert(CLI::App& program) {
-  auto arguments = std::make_shared<ConvertArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "convert", "Convert a map to another format; optionally cut, filter or transform it"));
-  return [arguments] { return arguments->run(); };
+void add_convert(const Command& program) {
+  add_verb<ConvertArguments>(
+      program, "convert",
+      "Convert a map to another format; optionally cut, filter or transform it");
 }
 
 }  // namespace cairn::cli

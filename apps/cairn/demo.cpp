@@ -36,7 +36,7 @@ struct DemoArguments {
   bool synthetic = false;
   std::size_t frames = 150;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -50,28 +50,29 @@ struct DemoArguments {
              const std::vector<StrategyResult>& alignments, const std::string& saved) const;
 };
 
-void DemoArguments::add_to(CLI::App& command) {
+void DemoArguments::add_to(const Command& command) {
   common.seed = 1;
   if (kCanSimulate) {
-    auto* const flag = command.add_flag(
+    const Option flag = command.add_flag(
         "--synthetic", synthetic, "Align maps of random landmarks, without images; takes a second");
     add_number(command, "--frames", frames, "Frames per session, along one orbit of the desk")
-        ->excludes(flag);
+        .excludes(flag);
   } else {
     command.add_flag(
         "--synthetic", synthetic,
         "Align maps of random landmarks; this build, without OpenCV, Ceres or Embree, always does");
   }
-  add_text(command, "--displacement", displacement,
-           "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
-           "and degrees",
-           "POSE")
-      ->capture_default_str();
-  add_text(command, "--save", save,
-           kCanSimulate ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
-                          "trajectories (.tum) to FOLDER"
-                        : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
-           "FOLDER");
+  command.add_text(
+      "--displacement", displacement,
+      "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
+      "and degrees",
+      "POSE");
+  command.add_text("--save", save,
+                   kCanSimulate
+                       ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
+                         "trajectories (.tum) to FOLDER"
+                       : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
+                   "FOLDER");
   common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
   common.add_to(command);
   common.add_threads_to(command);
@@ -242,14 +243,12 @@ int DemoArguments::run() {
 
 }  // namespace
 
-Run add_demo(CLI::App& program) {
-  auto arguments = std::make_shared<DemoArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "demo",
+void add_demo(const Command& program) {
+  add_verb<DemoArguments>(
+      program, "demo",
       kCanSimulate
           ? "Simulate and map two sessions at one desk, then align the maps and judge the pose"
-          : "Align two synthetic maps of one desk with every strategy"));
-  return [arguments] { return arguments->run(); };
+          : "Align two synthetic maps of one desk with every strategy");
 }
 
 }  // namespace cairn::cli

@@ -66,7 +66,7 @@ struct EvaluateAlignmentArguments {
   double max_translation_m = 0.05;
   double max_scale_percent = 5.0;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -95,30 +95,30 @@ struct JudgedAlignment {
   bool fits_inverse = false;              ///< of the truth
 };
 
-void EvaluateAlignmentArguments::add_to(CLI::App& command) {
-  add_text(command, "result", result,
-           "JSON of 'cairn align --json'; not needed with --write-truth");
-  auto* const truth_file =
-      add_text(command, "--truth", truth,
-               "True target_from_source, 16 numbers or the JSON of an alignment", "FILE");
-  add_text(command, "--source-trajectory", source_trajectory,
-           "For a truth from trajectories: estimated trajectory of the source map's camera, in the "
-           "map's frame, TUM format",
-           "FILE");
-  add_text(command, "--source-truth", source_truth, "True trajectory of the same camera", "FILE");
-  add_text(command, "--target-trajectory", target_trajectory,
-           "Estimated trajectory of the target map's camera, in the map's frame", "FILE");
-  add_text(command, "--target-truth", target_truth,
-           "True trajectory of the same camera, in the world of --source-truth", "FILE");
+void EvaluateAlignmentArguments::add_to(const Command& command) {
+  command.add_text("result", result, "JSON of 'cairn align --json'; not needed with --write-truth");
+  const Option truth_file = command.add_text(
+      "--truth", truth, "True target_from_source, 16 numbers or the JSON of an alignment", "FILE");
+  command.add_text(
+      "--source-trajectory", source_trajectory,
+      "For a truth from trajectories: estimated trajectory of the source map's camera, in the "
+      "map's frame, TUM format",
+      "FILE");
+  command.add_text("--source-truth", source_truth, "True trajectory of the same camera", "FILE");
+  command.add_text("--target-trajectory", target_trajectory,
+                   "Estimated trajectory of the target map's camera, in the map's frame", "FILE");
+  command.add_text("--target-truth", target_truth,
+                   "True trajectory of the same camera, in the world of --source-truth", "FILE");
   command.add_flag("--hand-eye", hand_eye,
                    "The true trajectories are those of a body that carries the camera, such as "
                    "markers of motion capture: also estimate the transform between them and the "
                    "clock offset, of each pair of trajectories");
-  add_text(command, "--write-truth", truth_output,
-           "Write the truth from trajectories, target_from_source, as --truth reads it", "FILE");
-  add_text(command, "--source", source, "Source map (default: the path in the result)", "MAP");
-  add_text(command, "--target", target,
-           "Target map, for a verdict (default: the path in the result)", "MAP");
+  command.add_text("--write-truth", truth_output,
+                   "Write the truth from trajectories, target_from_source, as --truth reads it",
+                   "FILE");
+  command.add_text("--source", source, "Source map (default: the path in the result)", "MAP");
+  command.add_text("--target", target,
+                   "Target map, for a verdict (default: the path in the result)", "MAP");
   add_number(command, "--min-probability", min_probability,
              "Without a truth: least probability of an aligned pose, at least 0.5 and below 1 "
              "(default: that of the result)");
@@ -134,10 +134,10 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
   common.add_seed_to(command);
   for (const char* const name :
        {"--source-trajectory", "--source-truth", "--target-trajectory", "--target-truth"}) {
-    command.get_option(name)->excludes(truth_file);
+    command.option(name).excludes(truth_file);
   }
   for (const char* const name : {"--hand-eye", "--write-truth"}) {
-    command.get_option(name)->needs(command.get_option("--source-trajectory"));
+    command.option(name).needs(command.option("--source-trajectory"));
   }
   command.footer(
       "Without a truth, judges each pose as it is, with the prior odds, probability, gravity,\n"
@@ -545,11 +545,9 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
 
 }  // namespace
 
-Run add_evaluate_alignment(CLI::App& evaluate) {
-  auto arguments = std::make_shared<EvaluateAlignmentArguments>();
-  arguments->add_to(*evaluate.add_subcommand(
-      "alignment", "Compute the pose errors of alignments, or judge their poses"));
-  return [arguments] { return arguments->run(); };
+void add_evaluate_alignment(const Command& evaluate) {
+  add_verb<EvaluateAlignmentArguments>(
+      evaluate, "alignment", "Compute the pose errors of alignments, or judge their poses");
 }
 
 }  // namespace cairn::cli

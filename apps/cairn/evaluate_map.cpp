@@ -50,7 +50,7 @@ struct EvaluateMapArguments {
   double max_time_difference_s = 0.02;
   MapConsistencyOptions options;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -62,23 +62,27 @@ struct EvaluateMapArguments {
              const std::optional<Calibration>& calibration) const;
 };
 
-void EvaluateMapArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to evaluate: " + all_formats().titles_text())->required();
-  add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
-  add_text(command, "--truth-map", truth_map,
-           "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
-           "covariances",
-           "MAP");
-  add_text(command, "--truth-trajectory", truth_trajectory,
-           "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
-           "(TUM format)",
-           "FILE");
+void EvaluateMapArguments::add_to(const Command& command) {
+  command.add_text("map", input, "Map to evaluate: " + all_formats().titles_text()).required();
+  command.add_text("--camera", camera,
+                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                   "CAMERA");
+  command.add_text(
+      "--truth-map", truth_map,
+      "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
+      "covariances",
+      "MAP");
+  command.add_text(
+      "--truth-trajectory", truth_trajectory,
+      "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
+      "(TUM format)",
+      "FILE");
 #ifdef CAIRN_HAS_ODOMETRY
-  add_text(command, "--truth-depth", truth_depth,
-           "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
-           "images, as written by cairn simulate --no-depth-noise",
-           "FOLDER");
+  command.add_text(
+      "--truth-depth", truth_depth,
+      "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
+      "images, as written by cairn simulate --no-depth-noise",
+      "FOLDER");
 #endif
   add_number(command, "--max-time-difference", max_time_difference_s,
              "Largest time difference between a frame and its true pose, seconds");
@@ -375,12 +379,10 @@ int EvaluateMapArguments::run() {
 
 }  // namespace
 
-Run add_evaluate_map(CLI::App& evaluate) {
-  auto arguments = std::make_shared<EvaluateMapArguments>();
-  arguments->add_to(*evaluate.add_subcommand(
-      "map",
-      "Compute reprojection and depth errors of a map, and the calibration of its covariances"));
-  return [arguments] { return arguments->run(); };
+void add_evaluate_map(const Command& evaluate) {
+  add_verb<EvaluateMapArguments>(
+      evaluate, "map",
+      "Compute reprojection and depth errors of a map, and the calibration of its covariances");
 }
 
 }  // namespace cairn::cli

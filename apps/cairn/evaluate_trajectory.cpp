@@ -73,7 +73,7 @@ struct EvaluateTrajectoryArguments {
   bool hand_eye = false;
   HandEyeOptions hand_eye_options;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -85,28 +85,29 @@ struct EvaluateTrajectoryArguments {
   void print_hand_eye(const HandEye& found, const TrajectoryEvaluation& after) const;
 };
 
-void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
-  add_text(
-      command, "estimate", estimate,
-      "Trajectory to evaluate: in TUM format (timestamp tx ty tz qx qy qz qw per line), EuRoC's "
-      "or KITTI's, or with a line that names such columns")
-      ->required();
-  add_text(command, "truth", truth, "True trajectory, in any of these formats")->required();
-  add_text(command, "--alignment", alignment,
-           "Alignment of the estimate with the truth: none, origin (first poses coincide), se3 "
-           "(least squares over all positions), sim3 (the same with scale) or poses (rotation from "
-           "the orientations, then translation)",
-           "KIND")
-      ->capture_default_str();
+void EvaluateTrajectoryArguments::add_to(const Command& command) {
+  command
+      .add_text("estimate", estimate,
+                "Trajectory to evaluate: in TUM format (timestamp tx ty tz qx qy qz qw per line), "
+                "EuRoC's "
+                "or KITTI's, or with a line that names such columns")
+      .required();
+  command.add_text("truth", truth, "True trajectory, in any of these formats").required();
+  command.add_text(
+      "--alignment", alignment,
+      "Alignment of the estimate with the truth: none, origin (first poses coincide), se3 "
+      "(least squares over all positions), sim3 (the same with scale) or poses (rotation from "
+      "the orientations, then translation)",
+      "KIND");
   add_number(command, "--max-time-difference", options.max_time_difference_s,
              "Largest time difference between compared poses, seconds");
-  auto* const with_hand_eye =
+  const Option with_hand_eye =
       command.add_flag("--hand-eye", hand_eye,
                        "Also estimate the transform between the camera and the body that the truth "
                        "tracks, and the clock offset; print the errors after both are corrected");
   add_number(command, "--max-clock-offset", hand_eye_options.max_clock_offset_s,
              "With --hand-eye: largest clock offset, seconds; 0: one clock")
-      ->needs(with_hand_eye);
+      .needs(with_hand_eye);
   command.add_flag("--strict", strict,
                    "Fail with exit code 3 if poses are left out: unknown numbers, or equal times");
   common.add_csv_to(command, "compared pose");
@@ -325,11 +326,10 @@ int EvaluateTrajectoryArguments::run() {
 
 }  // namespace
 
-Run add_evaluate_trajectory(CLI::App& evaluate) {
-  auto arguments = std::make_shared<EvaluateTrajectoryArguments>();
-  arguments->add_to(*evaluate.add_subcommand(
-      "trajectory", "Compute the absolute and relative errors (ATE, RPE) of a trajectory"));
-  return [arguments] { return arguments->run(); };
+void add_evaluate_trajectory(const Command& evaluate) {
+  add_verb<EvaluateTrajectoryArguments>(
+      evaluate, "trajectory",
+      "Compute the absolute and relative errors (ATE, RPE) of a trajectory");
 }
 
 }  // namespace cairn::cli

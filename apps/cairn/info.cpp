@@ -38,19 +38,21 @@ struct InfoArguments {
   std::string camera;
   MapLoading loading;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run() const;
 
  private:
   bool describe_graph() const;
 };
 
-void InfoArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input,
-           "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
-      ->required();
-  add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
+void InfoArguments::add_to(const Command& command) {
+  command
+      .add_text("map", input,
+                "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
+      .required();
+  command.add_text("--camera", camera,
+                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                   "CAMERA");
   loading.add_to(command);
   common.add_to(command);
   command.footer(
@@ -528,11 +530,8 @@ int InfoArguments::run() const {
 
 }  // namespace
 
-Run add_info(CLI::App& program) {
-  auto arguments = std::make_shared<InfoArguments>();
-  arguments->add_to(
-      *program.add_subcommand("info", "Print what a map holds, its quality and its defects"));
-  return [arguments] { return arguments->run(); };
+void add_info(const Command& program) {
+  add_verb<InfoArguments>(program, "info", "Print what a map holds, its quality and its defects");
 }
 
 }  // namespace cairn::cli

@@ -80,7 +80,7 @@ struct MapArguments {
   bool skip_unreadable = false;
   int features = FeatureOptions().count;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -110,63 +110,68 @@ struct MapArguments {
   void run_at_poses(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
 };
 
-void MapArguments::add_to(CLI::App& command) {
-  add_text(
-      command, "sequence", sequence,
-      "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that they list")
-      ->required();
-  add_text(command, "-o,--output", output,
-           "Map to write; its ending selects the format: " + all_formats().endings_text() +
-               "; with --mini-map-length a folder. Required",
-           "FILE");
-  add_text(
-      command, "--trajectory", trajectory,
+void MapArguments::add_to(const Command& command) {
+  command
+      .add_text("sequence", sequence,
+                "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that "
+                "they list")
+      .required();
+  command.add_text("-o,--output", output,
+                   "Map to write; its ending selects the format: " + all_formats().endings_text() +
+                       "; with --mini-map-length a folder. Required",
+                   "FILE");
+  command.add_text(
+      "--trajectory", trajectory,
       "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy qz qw per line",
       "FILE");
-  add_text(command, "--camera", camera,
-           fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
-           "CAMERA");
+  command.add_text("--camera", camera,
+                   fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
+                   "CAMERA");
   add_number(command, "--depth-units", depth_units,
              "Depth image units per metre (default: from the camera file, else 5000)");
-  auto* const rolling = add_number(
+  const Option rolling = add_number(
       command, "--readout", readout,
       "Readout time of a rolling shutter, from the first image row to the last, seconds; 0: global "
       "shutter (default: from the camera file, else 0). Not with --poses");
   add_number(command, "--max-time-difference", max_time_difference,
              "Largest time difference between a colour image and its depth image, seconds");
-  auto* const pose = add_text(command, "--start-pose", start_pose,
-                              "Pose of the first camera, world_from_camera (default: the identity)",
-                              "\"tx ty tz qw qx qy qz\"");
-  auto* const from = add_text(command, "--start-from", start_from,
-                              "Take the first camera's pose from a trajectory in TUM format, at "
-                              "the time of the first frame",
-                              "FILE")
-                         ->excludes(pose);
-  auto* const length = add_text(
-      command, "--mini-map-length", mini_map_length,
+  const Option pose =
+      command.add_text("--start-pose", start_pose,
+                       "Pose of the first camera, world_from_camera (default: the identity)",
+                       "\"tx ty tz qw qx qy qz\"");
+  const Option from =
+      command
+          .add_text("--start-from", start_from,
+                    "Take the first camera's pose from a trajectory in TUM format, at "
+                    "the time of the first frame",
+                    "FILE")
+          .excludes(pose);
+  const Option length = command.add_text(
+      "--mini-map-length", mini_map_length,
       "Cut into mini-maps of this many metres of path or frames, each in its own frame", "1m|50f");
-  auto* const loops = command.add_flag(
+  const Option loops = command.add_flag(
       "--close-loops", close_loops,
       "Close the loops of the session: cut it into mini-maps, align these with each other, and "
       "adjust them as one map. --trajectory then writes every frame, corrected");
-  loops->excludes(length);
+  loops.excludes(length);
   command
       .add_flag("--refine-intrinsics", refine_intrinsics,
                 "With --close-loops: also adjust the camera's parameters")
-      ->needs(loops);
-  add_text(command, "--poses", poses,
-           "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
-           "estimated, in that world",
-           "FILE")
-      ->excludes(pose)
-      ->excludes(from)
-      ->excludes(rolling)
-      ->excludes(length)
-      ->excludes(loops);
-  add_text(command, "--covariance", covariance,
-           "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
-           "(from the whole least-squares problem)")
-      ->capture_default_str();
+      .needs(loops);
+  command
+      .add_text("--poses", poses,
+                "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
+                "estimated, in that world",
+                "FILE")
+      .excludes(pose)
+      .excludes(from)
+      .excludes(rolling)
+      .excludes(length)
+      .excludes(loops);
+  command.add_text(
+      "--covariance", covariance,
+      "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
+      "(from the whole least-squares problem)");
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks with fewer observations");
   add_number(command, "--features", features, "Number of corners to detect in an image");
@@ -663,11 +668,9 @@ void MapArguments::run_at_poses(const CameraFile& camera_file,
 
 }  // namespace
 
-Run add_map(CLI::App& program) {
-  auto arguments = std::make_shared<MapArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "map", "Build a landmark map and the camera's trajectory from an RGB-D sequence"));
-  return [arguments] { return arguments->run(); };
+void add_map(const Command& program) {
+  add_verb<MapArguments>(program, "map",
+                         "Build a landmark map and the camera's trajectory from an RGB-D sequence");
 }
 
 }  // namespace cairn::cli

@@ -40,7 +40,7 @@ struct MergeArguments {
   std::string output;
   MergeOptions options;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -49,16 +49,15 @@ struct MergeArguments {
   Json options_json() const;
 };
 
-void MergeArguments::add_to(CLI::App& command) {
+void MergeArguments::add_to(const Command& command) {
   command
-      .add_option("maps", paths,
-                  "Maps of one place: " + all_formats().titles_text() +
-                      "; or folders of .map and .cairn files")
-      ->required()
-      ->take_all()
-      ->type_name("MAP...");
-  add_text(
-      command, "-o,--output", output,
+      .add_words("maps", paths,
+                 "Maps of one place: " + all_formats().titles_text() +
+                     "; or folders of .map and .cairn files",
+                 "MAP...")
+      .required();
+  command.add_text(
+      "-o,--output", output,
       "Map to write; its ending selects the format: " + all_formats().endings_text() + ". Required",
       "FILE");
   add_number(command, "--min-probability", options.links.min_probability,
@@ -298,11 +297,8 @@ int MergeArguments::run() {
 
 }  // namespace
 
-Run add_merge(CLI::App& program) {
-  auto* const command = program.add_subcommand("merge", "Merge maps of one place into one");
-  auto arguments = std::make_shared<MergeArguments>();
-  arguments->add_to(*command);
-  return [arguments] { return arguments->run(); };
+void add_merge(const Command& program) {
+  add_verb<MergeArguments>(program, "merge", "Merge maps of one place into one");
 }
 
 }  // namespace cairn::cli

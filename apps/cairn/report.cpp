@@ -43,25 +43,16 @@ struct ReportArguments {
   std::string source_sequence;
   std::string target_sequence;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 };
 
-void ReportArguments::add_to(CLI::App& command) {
-  const auto refuse_none = [](const std::string& word) {
-    if (word.empty() || word.starts_with("--")) {
-      throw Error(ErrorKind::kMisuse, "result", printable(word), "a file");
-    }
-    return std::string();
-  };
+void ReportArguments::add_to(const Command& command) {
   command
-      .add_option("result", results,
-                  "JSON of 'cairn align --json', folders of experiments, or maps")
-      ->required()
-      ->type_name("")
-      ->check(refuse_none);
-  add_text(command, "-o,--output", common.report_path, "HTML file to write. Required", "FILE");
-  add_text(command, "--title", title, "Title of the report", "TEXT");
+      .add_words("result", results, "JSON of 'cairn align --json', folders of experiments, or maps")
+      .required();
+  command.add_text("-o,--output", common.report_path, "HTML file to write. Required", "FILE");
+  command.add_text("--title", title, "Title of the report", "TEXT");
   add_sequence_to(command, "--sequence", sequence, "a map that is shown alone");
   add_sequence_to(command, "--source-sequence", source_sequence, "the source map of one result");
   add_sequence_to(command, "--target-sequence", target_sequence, "the target map of one result");
@@ -432,11 +423,10 @@ int ReportArguments::run() {
 
 }  // namespace
 
-Run add_report(CLI::App& program) {
-  auto arguments = std::make_shared<ReportArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "report", "Write results as one HTML page that works offline: 3D view, charts, tables"));
-  return [arguments] { return arguments->run(); };
+void add_report(const Command& program) {
+  add_verb<ReportArguments>(
+      program, "report",
+      "Write results as one HTML page that works offline: 3D view, charts, tables");
 }
 
 }  // namespace cairn::cli

@@ -45,7 +45,7 @@ struct SimulateArguments {
   std::string color_format = "jpeg";
   double depth_units_per_metre = 5000.0;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -57,21 +57,19 @@ struct SimulateArguments {
   Json options_json() const;
 };
 
-void SimulateArguments::add_to(CLI::App& command) {
+void SimulateArguments::add_to(const Command& command) {
   common.seed = 1;
-  add_text(command, "folder", folder, "Folder for the sequence; created if it does not exist", "")
-      ->required();
-  add_text(command, "--environment", environment,
-           fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME")
-      ->capture_default_str();
-  add_text(command, "--path", path,
-           "Path of the camera: sweep, orbit, walk, or a trajectory file in TUM format",
-           "NAME|FILE")
-      ->capture_default_str();
-  CLI::Option* const frame_option = add_number(
+  command.add_text("folder", folder, "Folder for the sequence; created if it does not exist", "")
+      .required();
+  command.add_text("--environment", environment,
+                   fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME");
+  command.add_text("--path", path,
+                   "Path of the camera: sweep, orbit, walk, or a trajectory file in TUM format",
+                   "NAME|FILE");
+  const Option frame_option = add_number(
       command, "--frames", frames, "Number of frames (default: 300, or the whole trajectory)");
   add_number(command, "--duration", duration_s, "Duration in seconds, instead of --frames")
-      ->excludes(frame_option);
+      .excludes(frame_option);
   add_number(command, "--rate", path_options.rate_hz, "Frames per second");
   add_number(command, "--layout", layout,
              "Layout of the place: 1 as designed, others stretched or mirrored, with other "
@@ -82,8 +80,8 @@ void SimulateArguments::add_to(CLI::App& command) {
              "changes differ");
   add_number(command, "--changed", environment_options.changed_fraction,
              "Share of the movable objects that are moved or removed in this session, 0 to 1");
-  add_text(
-      command, "--camera", camera,
+  command.add_text(
+      "--camera", camera,
       fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
       "CAMERA");
   add_number(command, "--exposure", options.sensor.exposure, "Brightness factor");
@@ -99,8 +97,7 @@ void SimulateArguments::add_to(CLI::App& command) {
   add_number(command, "--max-depth", options.sensor.max_depth_m, "Largest measured depth, metres");
   command.add_flag("--no-depth-noise", options.sensor.ideal_depth,
                    "Write exact depth: no noise, quantisation, holes or limits");
-  add_text(command, "--color-format", color_format, "png or jpeg (quality 95)", "FORMAT")
-      ->capture_default_str();
+  command.add_text("--color-format", color_format, "png or jpeg (quality 95)", "FORMAT");
   common.add_to(command);
   common.add_threads_to(command);
   common.add_seed_to(command);
@@ -313,11 +310,9 @@ int SimulateArguments::run() {
 
 }  // namespace
 
-Run add_simulate(CLI::App& program) {
-  auto arguments = std::make_shared<SimulateArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "simulate", "Write a simulated RGB-D sequence with ground truth, in TUM's layout"));
-  return [arguments] { return arguments->run(); };
+void add_simulate(const Command& program) {
+  add_verb<SimulateArguments>(
+      program, "simulate", "Write a simulated RGB-D sequence with ground truth, in TUM's layout");
 }
 
 }  // namespace cairn::cli

@@ -144,21 +144,6 @@ Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer
 
 }  // namespace
 
-CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& text,
-                      const std::string& what, const std::string& type) {
-  const auto refuse_none = [option = long_name(name)](const std::string& word) {
-    if (word.empty() || word.starts_with("--")) {
-      throw Error(ErrorKind::kMisuse, option, printable(word), "a value");
-    }
-    return std::string();
-  };
-  return command.add_option(name, text, what)->type_name(type)->check(refuse_none);
-}
-
-std::string long_name(const std::string& name) {
-  return name.substr(name.find_last_of(',') + 1);
-}
-
 void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
                        const std::function<void()>& call) {
   try {
@@ -191,33 +176,34 @@ std::uint64_t parse_whole(const std::string& word, const std::string& option,
   return *number;
 }
 
-void CommonArguments::add_to(CLI::App& command) {
-  add_text(command, "--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
-           "FILE|-")
-      ->group(kCommonOptions);
+void CommonArguments::add_to(const Command& command) {
+  command
+      .add_text("--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
+                "FILE|-")
+      .under(kCommonOptions);
   command.add_flag("--quiet", quiet, "Print no remarks and no progress on stderr")
-      ->group(kCommonOptions);
+      .under(kCommonOptions);
 }
 
-void CommonArguments::add_threads_to(CLI::App& command) {
+void CommonArguments::add_threads_to(const Command& command) {
   add_number(command, "--threads", threads,
              "Largest number of threads; 0: one per core. The results do not depend on it")
-      ->group(kCommonOptions);
+      .under(kCommonOptions);
 }
 
-void CommonArguments::add_seed_to(CLI::App& command) {
-  add_number(command, "--seed", seed, "Seed of the random numbers")->group(kCommonOptions);
+void CommonArguments::add_seed_to(const Command& command) {
+  add_number(command, "--seed", seed, "Seed of the random numbers").under(kCommonOptions);
 }
 
-void CommonArguments::add_csv_to(CLI::App& command, const std::string& row) {
-  add_text(command, "--csv", csv_path,
-           "Write a CSV table with a row for each " + row + " to FILE, or to stdout for -",
-           "FILE|-");
+void CommonArguments::add_csv_to(const Command& command, const std::string& row) {
+  command.add_text("--csv", csv_path,
+                   "Write a CSV table with a row for each " + row + " to FILE, or to stdout for -",
+                   "FILE|-");
 }
 
-void CommonArguments::add_report_to(CLI::App& command, const std::string& what) {
-  add_text(command, "--report", report_path, "Write an HTML page that works offline: " + what,
-           "FILE");
+void CommonArguments::add_report_to(const Command& command, const std::string& what) {
+  command.add_text("--report", report_path, "Write an HTML page that works offline: " + what,
+                   "FILE");
 }
 
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,
@@ -256,18 +242,22 @@ Rigid3 read_pose_file(const std::string& path) {
   return read_transform<Rigid3>(path);
 }
 
-void PoseArguments::add_to(CLI::App& command, const std::string& name, const std::string& what) {
+void PoseArguments::add_to(const Command& command, const std::string& name,
+                           const std::string& what) {
   name_ = "--" + name;
-  auto* const as_text = add_text(command, name_, text,
-                                 what +
-                                     ": \"x y z roll pitch yaw\", lengths in the map's unit, "
-                                     "angles in degrees, R = Rz(yaw)*Ry(pitch)*Rx(roll)",
-                                 "POSE");
-  add_text(command, name_ + "-matrix", file,
-           "Read that pose from a file: 16 numbers, row-major, or the JSON of an alignment (its "
-           "first result)",
-           "FILE")
-      ->excludes(as_text);
+  const Option as_text =
+      command.add_text(name_, text,
+                       what +
+                           ": \"x y z roll pitch yaw\", lengths in the map's unit, "
+                           "angles in degrees, R = Rz(yaw)*Ry(pitch)*Rx(roll)",
+                       "POSE");
+  command
+      .add_text(
+          name_ + "-matrix", file,
+          "Read that pose from a file: 16 numbers, row-major, or the JSON of an alignment (its "
+          "first result)",
+          "FILE")
+      .excludes(as_text);
 }
 
 Similarity3 PoseArguments::guess(bool with_scale) const {

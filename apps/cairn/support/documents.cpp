@@ -43,12 +43,14 @@ Json rows_of(const Eigen::MatrixXd& matrix) {
 
 }  // namespace
 
-void MapLoading::add_to(CLI::App& command) {
-  add_text(command, "--convention", convention,
-           "Conventions of a file that breaks those of its format: data uses those under which "
-           "landmarks project to their observations, format the format's",
-           "data|format")
-      ->default_str("data");
+void MapLoading::add_to(const Command& command) {
+  command
+      .add_text(
+          "--convention", convention,
+          "Conventions of a file that breaks those of its format: data uses those under which "
+          "landmarks project to their observations, format the format's",
+          "data|format")
+      .shows("data");
 }
 
 void MapLoading::validate() const {

@@ -3,8 +3,6 @@
 
 #include <string>
 
-#include <CLI/CLI.hpp>
-
 #include "cairn/core/log.hpp"
 
 #include "support/documents.hpp"
@@ -19,7 +17,7 @@ struct MapLoading {
   bool strict = false;
 
   /// Adds --convention.
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   /// @throws Error (misuse) naming --convention
   void validate() const;
 };

@@ -141,15 +141,15 @@ std::string file_name(const std::string& path) {
 }
 
 #ifdef CAIRN_HAS_SEQUENCE
-void add_sequence_to(CLI::App& command, const std::string& option, std::string& folder,
+void add_sequence_to(const Command& command, const std::string& option, std::string& folder,
                      const std::string& whose) {
-  auto* const given = add_text(
-      command, option, folder,
+  const Option given = command.add_text(
+      option, folder,
       fmt::format("Show in the report what keyframes of {} saw, at most {}: folder of the RGB-D "
                   "sequence that it was built from",
                   whose, report::FrameImagesOptions().count),
       "DIR");
-  if (auto* const page = command.get_option_no_throw("--report")) given->needs(page);
+  if (command.has_option("--report")) given.needs(command.option("--report"));
 }
 
 std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
@@ -158,7 +158,7 @@ std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::str
   return report::frame_images(map, folder, {.log = common.console().log()});
 }
 #else
-void add_sequence_to(CLI::App&, const std::string&, std::string&, const std::string&) {}
+void add_sequence_to(const Command&, const std::string&, std::string&, const std::string&) {}
 
 std::vector<report::FrameImage> images_of(const LandmarkMap&, const std::string&,
                                           const CommonArguments&) {
