@@ -122,7 +122,7 @@ class Assembly {
 
   void add_alignment(const std::string& text, const std::string& path);
   void add_experiment(const std::string& folder);
-  void add_paper_experiment(const Json& document, const std::string& folder,
+  void add_paper_experiment(const std::string& text, const std::string& folder,
                             std::vector<TrialResult> runs);
   // @return what a document says of the map
   Json add_single_map(const std::string& path);
@@ -210,16 +210,14 @@ void Assembly::add_file(const std::string& path) {
     return;
   }
   refuse_sequence(path);
-  const std::optional<Json> parsed = parse_json<Json>(text, path);
+  const std::optional<Json> parsed = Json::parse(text, path);
   if (!parsed) throw Error(ErrorKind::kInput, path, "is not valid JSON", kExpected);
-  const Json& document = *parsed;
-  const Json::json_pointer place("/schema/name");
-  const bool named = document.contains(place) && document.at(place).is_string();
-  const std::string schema = named ? document.at(place).get<std::string>() : "";
+  const std::string* const named = parsed->at("schema").at("name").text();
+  const std::string schema = named != nullptr ? *named : "";
   const Reader reader = reader_of(schema);
   if (reader == nullptr) {
     throw Error(ErrorKind::kInput, path,
-                named ? "schema.name is " + printable(schema) : "has no schema.name", kExpected);
+                named != nullptr ? "schema.name is " + printable(schema) : "has no schema.name", kExpected);
   }
   add_input(role("result"), inputs_.back());
   (this->*reader)(text, path);
@@ -276,7 +274,7 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
       continue;
     }
     LoadedMap loaded = load_map(path.string(), common_, true);
-    if (is_folder && differs(loaded.description.at("hash").get<std::string>())) {
+    if (is_folder && differs(*loaded.description.at("hash").text())) {
       changed = true;
       continue;
     }
@@ -329,14 +327,16 @@ void Assembly::add_experiment(const std::string& folder) {
     throw Error(ErrorKind::kInput, folder,
                 "holds no experiment.json: no experiment was completed here", kExpected);
   }
-  const Json document = parse_json<Json>(text_of("experiment.json"), path).value_or(Json());
-  const Json kind = document.is_object() ? document.value("experiment", Json()) : Json();
+  const std::string text = text_of("experiment.json");
+  const Json document = Json::parse(text, path).value_or(Json());
+  const std::string* const named = document.at("experiment").text();
+  const std::string kind = named != nullptr ? *named : "";
   const std::string title = report_.title;
   inputs_.push_back(describe_file(path, common_));
   add_input(role("experiment"), inputs_.back());
   std::vector<TrialResult> runs = parse_runs(text_of("runs.csv"), path_of("runs.csv"));
   if (kind == "paper") {
-    add_paper_experiment(document, folder, std::move(runs));
+    add_paper_experiment(text, folder, std::move(runs));
   } else if (kind == "sweep") {
     const Study study = parse_study(text_of("study.yaml"), path_of("study.yaml"));
     const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common_.executor()});
@@ -353,10 +353,10 @@ void Assembly::add_experiment(const std::string& folder) {
   }
 }
 
-void Assembly::add_paper_experiment(const Json& document, const std::string& folder,
+void Assembly::add_paper_experiment(const std::string& text, const std::string& folder,
                                     std::vector<TrialResult> runs) {
   const std::string path = (std::filesystem::path(folder) / "experiment.json").string();
-  const SavedPaper saved = saved_paper(document, path);
+  const SavedPaper saved = saved_paper(text, path);
   PaperResults results;
   results.runs = std::move(runs);
   const std::size_t expected = published_experiments().size() * kPaperStrategies.size();
@@ -394,7 +394,7 @@ void Assembly::add_paper_experiment(const Json& document, const std::string& fol
 void Assembly::finish() {
   if (report_.title.empty()) report_.title = fmt::format("{} results", count_);
   if (!options_.empty()) {
-    report_.provenance.options_json = options_.dump(-1, ' ', false, Json::error_handler_t::replace);
+    report_.provenance.options_json = options_.dump(-1);
   }
   if (remarks_.empty()) return;
   std::string text;

@@ -144,20 +144,62 @@ Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer
 
 }  // namespace
 
-void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
-                       const std::function<void()>& call) {
+namespace {
+
+using Renaming = std::pair<std::string, std::string>;  // a name in the library, an option
+
+void with_renamings(const std::vector<Renaming>& renamings, const std::function<void()>& call) {
   try {
     call();
   } catch (const Error& error) {
     const std::string_view message = error.what();
-    for (const auto& [name, option] : options) {
-      const std::string start = fmt::format("{}: ", name);
+    for (const auto& [name, option] : renamings) {
+      const std::string start = name + ": ";
       if (message.starts_with(start)) {
         throw Error(error.kind(), option, message.substr(start.size()), "");
       }
     }
     throw;
   }
+}
+
+}  // namespace
+
+void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
+                       const std::function<void()>& call) {
+  with_renamings({options.begin(), options.end()}, call);
+}
+
+void with_option_names(std::initializer_list<OptionTable> tables,
+                       const std::function<void()>& call) {
+  std::vector<Renaming> renamings;
+  for (const OptionTable& table : tables) {
+    for (const OptionField& field : table.fields) {
+      if (field.flag.empty()) continue;
+      const std::string name = long_name(std::string(field.flag));
+      renamings.emplace_back(fmt::format("{}.{}", table.options, field.name),
+                             name.substr(name.front() == '!' ? 1 : 0));
+    }
+  }
+  with_renamings(renamings, call);
+}
+
+std::vector<Option> add_options(const Command& command, const OptionTable& table, void* options) {
+  std::vector<Option> added;
+  for (const OptionField& field : table.fields) {
+    if (field.flag.empty()) continue;
+    const auto add = [&](auto* value) {
+      const std::string name(field.flag);
+      const std::string help(field.help);
+      if constexpr (std::is_same_v<decltype(value), bool*>) {
+        return command.add_flag(name, *value, help);
+      } else {
+        return add_number(command, name, *value, help);
+      }
+    };
+    added.push_back(std::visit(add, field.value(options)));
+  }
+  return added;
 }
 
 double parse_real(const std::string& word, const std::string& option) {

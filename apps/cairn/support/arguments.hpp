@@ -17,6 +17,7 @@
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/executor.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/experiments/run.hpp"
 #include "cairn/formats/camera_file.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -41,6 +42,10 @@ enum ExitCode {
 /// Error about one of the library's names ("IcpOptions.k") the message names its option instead.
 /// @param options (name in the library, option)
 void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
+                       const std::function<void()>& call);
+
+/// The same for the fields of these tables.
+void with_option_names(std::initializer_list<OptionTable> tables,
                        const std::function<void()>& call);
 
 /// Number from a word of the command line; `option` is for the message.
@@ -81,6 +86,9 @@ Option add_number(const Command& command, const std::string& name, Number& numbe
   if (std::integral<Number> || std::isfinite(number)) added.shows(fmt::format("{}", number));
   return added;
 }
+
+/// Adds the flags of an options struct, which must live as long as the program; in the table's order.
+std::vector<Option> add_options(const Command& command, const OptionTable& table, void* options);
 
 /// What every verb takes.
 struct CommonArguments {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/documents.hpp"
 
+#include <cmath>
 #include <filesystem>
 #include <string_view>
 #include <system_error>
@@ -270,9 +271,26 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
           {"seed", common.seed}};
 }
 
+Json options_of(const OptionTable& table, const void* options) {
+  Json json = Json::object();
+  for (const OptionField& field : table.fields) {
+    const auto read = [](const auto* value) {
+      using Value = std::decay_t<decltype(*value)>;
+      if constexpr (std::is_same_v<Value, std::optional<double>>) {
+        return to_json(*value);
+      } else if constexpr (std::is_same_v<Value, double>) {
+        return std::isfinite(*value) ? Json(*value) : Json(nullptr);
+      } else {
+        return Json(*value);
+      }
+    };
+    json[field.name] = std::visit(read, field.value(const_cast<void*>(options)));
+  }
+  return json;
+}
+
 std::string to_text(const Json& json) {
-  // Text from files may be any bytes; JSON must be UTF-8.
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json.dump(2) + "\n";
 }
 
 void write_document(const Json& json, const CommonArguments& common) {

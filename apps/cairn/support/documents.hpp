@@ -7,8 +7,6 @@
 #include <string>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "cairn/core/csv.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -17,11 +15,9 @@
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/arguments.hpp"
+#include "support/json.hpp"
 
 namespace cairn::cli {
-
-/// Keeps the order in which fields are set.
-using Json = nlohmann::ordered_json;
 
 /// A map with what a document says of where it came from.
 struct LoadedMap {
@@ -79,6 +75,9 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 /// The head that every document has; `schema` is e.g. "align".
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options,
               unsigned version = 1);
+
+/// The fields of an options struct, by name; null for a number that is not given or not finite.
+Json options_of(const OptionTable& table, const void* options);
 
 /// A document as files hold it; what is no UTF-8 in it is replaced.
 std::string to_text(const Json& json);

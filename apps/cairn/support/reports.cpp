@@ -34,16 +34,11 @@ std::string name_of(const StrategyResult& result) {
   return approach_name(method_of(result), weighs ? result.confidence : "base");
 }
 
-std::string text_of(const Json& json) {
-  // Text from files may be any bytes; JSON must be UTF-8.
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
-std::optional<std::string> taken(Json& object, const char* key) {
-  if (!object.contains(key)) return std::nullopt;
-  const Json value = object.at(key);
+std::optional<std::string> taken(Json& object, std::string_view key) {
+  const std::string* const text = object.at(key).text();
+  const auto value = text != nullptr ? std::optional(*text) : std::nullopt;
   object.erase(key);
-  return value.is_string() ? std::optional(value.get<std::string>()) : std::nullopt;
+  return value;
 }
 
 }  // namespace
@@ -122,15 +117,15 @@ report::Input reported_input(const std::string& role, Json description) {
   input.role = role;
   input.path = taken(description, "path");
   input.hash = taken(description, "hash");
-  if (!description.empty()) input.details_json = text_of(description);
+  if (!description.empty()) input.details_json = description.dump(-1);
   return input;
 }
 
 void set_provenance(report::Report& report, const Json& document) {
-  for (const auto& [role, description] : document.at("inputs").items()) {
+  for (const auto& [role, description] : document.at("inputs").members()) {
     report.provenance.inputs.push_back(reported_input(role, description));
   }
-  report.provenance.options_json = text_of(document.at("options"));
+  report.provenance.options_json = document.at("options").dump(-1);
 }
 
 std::string file_name(const std::string& path) {

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/core/option_table.hpp"
+
+#include <type_traits>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+template <class Value>
+void check_field(const OptionTable& table, const OptionField& field, const Value& value) {
+  if constexpr (std::is_same_v<Value, std::optional<double>>) {
+    if (value) check_field(table, field, *value);
+  } else if constexpr (!std::is_same_v<Value, bool>) {
+    if (field.range.contains(static_cast<double>(value))) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("{}.{}", table.options, field.name),
+                fmt::format("{}", value), field.range.expected);
+  }
+}
+
+}  // namespace
+
+bool OptionRange::contains(double value) const {
+  return (least_is == End::kIncluded ? value >= least : value > least) &&
+         (most_is == End::kIncluded ? value <= most : value < most);
+}
+
+void check_options(const OptionTable& table, const void* options) {
+  for (const OptionField& field : table.fields) {
+    std::visit([&](const auto* value) { check_field(table, field, *value); },
+               field.value(const_cast<void*>(options)));
+  }
+}
+
+void require_option(bool valid, std::string_view option, const std::string& what,
+                    std::string_view expected) {
+  if (!valid) throw Error(ErrorKind::kMisuse, option, what, expected);
+}
+
+void require_option(bool valid, std::string_view option, double value, std::string_view expected) {
+  require_option(valid, option, fmt::format("{}", value), expected);
+}
+
+}  // namespace cairn
