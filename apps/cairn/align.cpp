@@ -113,8 +113,8 @@ void AlignArguments::add_to(const Command& command) {
       "robust (graduated kernel, landmark covariances; confidences are weights) or icp (the "
       "paper's) (default: robust; icp if an option is given that only icp has)",
       "METHOD");
-  add_options(command, AlignOptions::table(), &options);
-  of_icp_alone = add_options(command, IcpOptions::table(), &options.icp);
+  add_options(command, AlignOptions::table, &options);
+  of_icp_alone = add_options(command, IcpOptions::table, &options.icp);
   std::erase_if(of_icp_alone, [](const Option& one) { return one.name() == "--max-iterations"; });
   command.add_text("--camera", camera,
                    fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
@@ -187,7 +187,7 @@ bool AlignArguments::has_initial() const {
 }
 
 void AlignArguments::check_options() const {
-  with_option_names({AlignOptions::table(), IcpOptions::table()}, [&] { options.validate(); });
+  with_option_names({AlignOptions::table, IcpOptions::table}, [&] { options.validate(); });
   if (!method.empty() && method != "icp" && method != "robust") {
     throw Error(ErrorKind::kMisuse, "--method", printable(method) + " is no method",
                 "icp or robust");
@@ -229,10 +229,10 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
                {"estimate_scale", with_scale},
                {"initial", to_json(initial_pose)},
                {"camera", text_or_null(camera)}};
-  json.update(options_of(IcpOptions::table(), &options.icp));
+  json.update(options_of(IcpOptions::table, &options.icp));
   json["fast"] = options.icp.coarse_to_fine;
   json.erase("coarse_to_fine");
-  json.update(options_of(AlignOptions::table(), &options));
+  json.update(options_of(AlignOptions::table, &options));
   json.erase("seed");
   if (!options.judge) json["min_probability"] = nullptr;
   return json;

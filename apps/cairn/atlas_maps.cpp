@@ -134,14 +134,7 @@ struct LinkArguments : AtlasArguments {
   std::optional<std::uint64_t> candidates;
 
   void add_to(const Command& command) {
-    add_number(command, "--min-probability", options.links.min_probability,
-               "Least probability of an aligned pair, at least 0.5 and below 1");
-    add_number(command, "--prior-odds", options.links.prior_odds,
-               "Odds that two of the maps show the same place, before any evidence");
-    add_number(command, "--effort", options.links.effort,
-               "Work of the search, as a multiple of the default's, 1/16 to 64");
-    add_number(command, "--min-observations", options.links.points.min_observations,
-               "Align with landmarks of at least this many observations");
+    add_options(command, LinkOptions::table, &options.links);
     command.add_words("--only", only, "Try only pairs with one of these maps", "NAME...");
     command.add_flag("--retry", options.retry,
                      "Also try pairs that were tried before and not aligned");
@@ -213,10 +206,7 @@ struct LinkArguments : AtlasArguments {
     }
     parse_shard(shard, options);
     if (candidates) options.candidates = static_cast<std::size_t>(*candidates);
-    with_option_names({{"AlignOptions.min_probability", "--min-probability"},
-                       {"PlaceOptions.prior_odds", "--prior-odds"},
-                       {"PlaceOptions.effort", "--effort"}},
-                      [&] { options.validate(); });
+    with_option_names({AlignOptions::table}, [&] { options.validate(); });
     Atlas atlas = open();
     const AtlasState before = atlas.state();
     for (const std::string& one : only) options.only.push_back(node_named(before, one, *this).id);

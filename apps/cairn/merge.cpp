@@ -60,15 +60,8 @@ void MergeArguments::add_to(const Command& command) {
       "-o,--output", output,
       "Map to write; its ending selects the format: " + all_formats().endings_text() + ". Required",
       "FILE");
-  add_number(command, "--min-probability", options.links.min_probability,
-             "Least probability of an aligned pair, at least 0.5 and below 1");
-  add_number(command, "--prior-odds", options.links.prior_odds,
-             "Odds that two of the maps show the same place, before any evidence");
-  add_number(command, "--effort", options.links.effort,
-             "Work of the search, as a multiple of the default's, 1/16 to 64");
+  add_options(command, LinkOptions::table, &options.links);
   add_adjustment_to(command, options.placed);
-  add_number(command, "--min-observations", options.links.points.min_observations,
-             "Align with landmarks of at least this many observations; all landmarks are merged");
   common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
   common.add_to(command);
   common.add_threads_to(command);
@@ -86,10 +79,7 @@ void MergeArguments::add_to(const Command& command) {
 }
 
 void MergeArguments::check_options() const {
-  with_option_names({{"AlignOptions.min_probability", "--min-probability"},
-                     {"PlaceOptions.prior_odds", "--prior-odds"},
-                     {"PlaceOptions.effort", "--effort"}},
-                    [&] { options.validate(); });
+  with_option_names({AlignOptions::table}, [&] { options.validate(); });
 }
 
 bool is_same_file(const std::string& a, const std::string& b) {

@@ -70,33 +70,18 @@ void SimulateArguments::add_to(const Command& command) {
       command, "--frames", frames, "Number of frames (default: 300, or the whole trajectory)");
   add_number(command, "--duration", duration_s, "Duration in seconds, instead of --frames")
       .excludes(frame_option);
-  add_number(command, "--rate", path_options.rate_hz, "Frames per second");
+  add_options(command, PathOptions::table, &path_options);
   add_number(command, "--layout", layout,
              "Layout of the place: 1 as designed, others stretched or mirrored, with other "
              "furniture. Places with one layout and different seeds look similar (default: the "
              "seed; 1 with a trajectory file)");
-  add_number(command, "--session", environment_options.session,
-             "Session number: sessions with one seed share place and world frame; path, noise and "
-             "changes differ");
-  add_number(command, "--changed", environment_options.changed_fraction,
-             "Share of the movable objects that are moved or removed in this session, 0 to 1");
+  add_options(command, EnvironmentOptions::table, &environment_options);
   command.add_text(
       "--camera", camera,
       fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
       "CAMERA");
-  add_number(command, "--exposure", options.sensor.exposure, "Brightness factor");
-  add_number(command, "--motion-blur", options.shutter_s,
-             "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower");
-  add_number(command, "--readout", options.readout_s,
-             "Readout time of a rolling shutter, from the first image row to the last, seconds");
-  add_number(command, "--noise", options.sensor.color_noise,
-             "Standard deviation of the colour noise, grey levels");
-  add_number(
-      command, "--depth-noise", options.sensor.depth_noise_m,
-      "Standard deviation of the depth at 1 m, metres; it grows with the square of the depth");
-  add_number(command, "--max-depth", options.sensor.max_depth_m, "Largest measured depth, metres");
-  command.add_flag("--no-depth-noise", options.sensor.ideal_depth,
-                   "Write exact depth: no noise, quantisation, holes or limits");
+  add_options(command, SimulatorOptions::table, &options);
+  add_options(command, SensorOptions::table, &options.sensor);
   command.add_text("--color-format", color_format, "png or jpeg (quality 95)", "FORMAT");
   common.add_to(command);
   common.add_threads_to(command);
@@ -131,20 +116,15 @@ void SimulateArguments::check() {
   const SessionSeeds seeds = session_seeds(common.seed, environment_options.session);
   path_options.seed = seeds.path;
   options.seed = seeds.noise;
-  with_option_names({{"PathOptions.frames", "--frames"},
-                     {"PathOptions.rate_hz", "--rate"},
-                     {"EnvironmentOptions.changed_fraction", "--changed"},
-                     {"SensorOptions.exposure", "--exposure"},
-                     {"SensorOptions.color_noise", "--noise"},
-                     {"SensorOptions.depth_noise_m", "--depth-noise"},
-                     {"SensorOptions.max_depth_m", "--max-depth"},
-                     {"SimulatorOptions.shutter_s", "--motion-blur"},
-                     {"SimulatorOptions.readout_s", "--readout"}},
-                    [&] {
-                      path_options.validate();
-                      environment_options.validate();
-                      options.validate();
-                    });
+  with_option_names({{"PathOptions.frames", "--frames"}}, [&] {
+    with_option_names({PathOptions::table, EnvironmentOptions::table, SensorOptions::table,
+                       SimulatorOptions::table},
+                      [&] {
+                        path_options.validate();
+                        environment_options.validate();
+                        options.validate();
+                      });
+  });
 }
 
 void SimulateArguments::refuse_existing() const {

@@ -253,12 +253,7 @@ const Keywords<Lintable>& link_keywords() {
         .add("candidates", [](auto& c) -> auto& { return c.options.candidates; })
         .add("shard", [](auto& c) -> auto& { return c.options.shard; })
         .add("shards", [](auto& c) -> auto& { return c.options.shards; })
-        .add("min_probability", [](auto& c) -> auto& { return c.options.links.min_probability; })
-        .add("prior_odds", [](auto& c) -> auto& { return c.options.links.prior_odds; })
-        .add("effort", [](auto& c) -> auto& { return c.options.links.effort; })
-        .add("min_observations",
-             [](auto& c) -> auto& { return c.options.links.points.min_observations; })
-        .add("seed", [](auto& c) -> auto& { return c.options.links.seed; });
+        .add_table(LinkOptions::table, [](auto& c) -> auto& { return c.options.links; });
     return keywords;
   }();
   return table;

@@ -75,7 +75,7 @@ struct AlignOptions {
 
   Execution execution = {};
 
-  static const OptionTable& table();
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

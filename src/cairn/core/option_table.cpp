@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/option_table.hpp"
 
+#include <cmath>
 #include <type_traits>
 
 #include <fmt/format.h>
@@ -10,6 +11,12 @@
 namespace cairn {
 namespace {
 
+std::string text_of(const OptionRange& range) {
+  if (!range.expected.empty()) return std::string(range.expected);
+  if (std::isinf(range.most)) return fmt::format("at least {}", range.least);
+  return fmt::format("{} to {}", range.least, range.most);
+}
+
 template <class Value>
 void check_field(const OptionTable& table, const OptionField& field, const Value& value) {
   if constexpr (std::is_same_v<Value, std::optional<double>>) {
@@ -17,7 +24,7 @@ void check_field(const OptionTable& table, const OptionField& field, const Value
   } else if constexpr (!std::is_same_v<Value, bool>) {
     if (field.range.contains(static_cast<double>(value))) return;
     throw Error(ErrorKind::kMisuse, fmt::format("{}.{}", table.options, field.name),
-                fmt::format("{}", value), field.range.expected);
+                fmt::format("{}", value), text_of(field.range));
   }
 }
 

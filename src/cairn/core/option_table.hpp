@@ -20,7 +20,7 @@ struct OptionRange {
 
   double least = -std::numeric_limits<double>::infinity();
   double most = std::numeric_limits<double>::infinity();
-  std::string_view expected = "a number";  ///< the range in words, for messages
+  std::string_view expected = {};  ///< the range in words, for messages; empty: from the ends
   End least_is = End::kIncluded;
   End most_is = End::kIncluded;
 
@@ -34,7 +34,10 @@ inline constexpr OptionRange kFinitePositive = {.least = 0.0,
                                                 .least_is = OptionRange::End::kExcluded,
                                                 .most_is = OptionRange::End::kExcluded};
 inline constexpr OptionRange kNotNegative = {.least = 0.0, .expected = "0 or a positive number"};
-inline constexpr OptionRange kAtLeastOne = {.least = 1.0, .expected = "at least 1"};
+inline constexpr OptionRange kAtLeastOne = {.least = 1.0};
+constexpr OptionRange within(double least, double most) {
+  return {.least = least, .most = most};
+}
 inline constexpr OptionRange kProbability = {.least = 0.5,
                                              .most = 1.0,
                                              .expected = "at least 0.5 and below 1",
@@ -70,7 +73,7 @@ OptionValue option_at(void* options) {
   }
 }
 
-/// The fields of an options struct, which has it as `static const OptionTable& table()`.
+/// The fields of an options struct, which has it as `static const OptionTable table`.
 struct OptionTable {
   std::string_view options;  ///< name of the struct, e.g. "AlignOptions"
   std::span<const OptionField> fields;
@@ -80,7 +83,7 @@ struct OptionTable {
 void check_options(const OptionTable& table, const void* options);
 template <class Options>
 void check_options(const Options& options) {
-  check_options(Options::table(), &options);
+  check_options(Options::table, &options);
 }
 
 /// @throws Error (misuse) "option: what; expected expected" unless `valid`

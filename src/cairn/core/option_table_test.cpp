@@ -24,17 +24,16 @@ struct OuterOptions {
   bool fast = false;
   InnerOptions inner = {};
 
-  static const OptionTable& table() {
-    static constexpr OptionField kFields[] = {
-        {"share", option_at<&OuterOptions::share>, kProbability},
-        {"limit_s", option_at<&OuterOptions::limit_s>, kFinitePositive},
-        {"fast", option_at<&OuterOptions::fast>},
-        {"count", option_at<&OuterOptions::inner, &InnerOptions::count>, kAtLeastOne},
-    };
-    static const OptionTable kTable = {"OuterOptions", kFields};
-    return kTable;
-  }
+  static const OptionTable table;
 };
+
+constexpr OptionField kOuterFields[] = {
+    {"share", option_at<&OuterOptions::share>, kProbability},
+    {"limit_s", option_at<&OuterOptions::limit_s>, kFinitePositive},
+    {"fast", option_at<&OuterOptions::fast>},
+    {"count", option_at<&OuterOptions::inner, &InnerOptions::count>, kAtLeastOne},
+};
+constinit const OptionTable OuterOptions::table = {"OuterOptions", kOuterFields};
 
 TEST(OptionTable, AcceptsTheDefaultsAndBothEndsOfARange) {
   OuterOptions options;

@@ -286,53 +286,49 @@ std::string sentence(const RegistrationResult& result, std::size_t source_size,
 
 }  // namespace
 
-const OptionTable& IcpOptions::table() {
-  using O = IcpOptions;
-  static constexpr OptionField kFields[] = {
-      {"k", option_at<&O::k>, kAtLeastOne, "-k,--neighbors",
-       "With icp: match a source landmark to the most confident of this many nearest target "
-       "landmarks"},
-      {"max_iterations", option_at<&O::max_iterations>, kAtLeastOne, "--max-iterations",
-       "Largest number of iterations"},
-      {"mse_change_threshold", option_at<&O::mse_change_threshold>, kNotNegative},
-      {"stop_at_repetition",
-       option_at<&O::stop_at_repetition>,
-       {},
-       "!--stop-as-pcl",
-       "With icp: stop as PCL does, when the mean squared distance converges or at the "
-       "iteration limit, not when the matches repeat"},
-      {"coarse_to_fine",
-       option_at<&O::coarse_to_fine>,
-       {},
-       "--fast",
-       "With icp: align growing samples of the maps first; faster, but may converge to "
-       "another optimum"},
-      {"max_distance", option_at<&O::max_distance>, kPositive, "--max-distance",
-       "With icp: largest distance of a match, in the maps' unit (default: unlimited)"},
-      {"reciprocal",
-       option_at<&O::reciprocal>,
-       {},
-       "--reciprocal",
-       "With icp: keep only mutual nearest neighbours"},
-      {"trimmed_fraction",
-       option_at<&O::trimmed_fraction>,
-       {.least = 0.0,
-        .most = 1.0,
-        .expected = "a share from 0 to below 1",
-        .most_is = OptionRange::End::kExcluded},
-       "--trim",
-       "With icp: share of the matches to leave out, those with the largest distances"},
-      {"weight_by_source_confidence",
-       option_at<&O::weight_by_source_confidence>,
-       {},
-       "--weight-by-confidence",
-       "With icp: weight each match by the confidence of its source landmark"},
-      {"overlap_radius", option_at<&O::overlap_radius>, kPositive},
-      {"trace", option_at<&O::trace>},
-  };
-  static const OptionTable kTable = {"IcpOptions", kFields};
-  return kTable;
-}
+constexpr OptionField kIcpFields[] = {
+    {"k", option_at<&IcpOptions::k>, kAtLeastOne, "-k,--neighbors",
+     "With icp: match a source landmark to the most confident of this many nearest target "
+     "landmarks"},
+    {"max_iterations", option_at<&IcpOptions::max_iterations>, kAtLeastOne, "--max-iterations",
+     "Largest number of iterations"},
+    {"mse_change_threshold", option_at<&IcpOptions::mse_change_threshold>, kNotNegative},
+    {"stop_at_repetition",
+     option_at<&IcpOptions::stop_at_repetition>,
+     {},
+     "!--stop-as-pcl",
+     "With icp: stop as PCL does, when the mean squared distance converges or at the "
+     "iteration limit, not when the matches repeat"},
+    {"coarse_to_fine",
+     option_at<&IcpOptions::coarse_to_fine>,
+     {},
+     "--fast",
+     "With icp: align growing samples of the maps first; faster, but may converge to "
+     "another optimum"},
+    {"max_distance", option_at<&IcpOptions::max_distance>, kPositive, "--max-distance",
+     "With icp: largest distance of a match, in the maps' unit (default: unlimited)"},
+    {"reciprocal",
+     option_at<&IcpOptions::reciprocal>,
+     {},
+     "--reciprocal",
+     "With icp: keep only mutual nearest neighbours"},
+    {"trimmed_fraction",
+     option_at<&IcpOptions::trimmed_fraction>,
+     {.least = 0.0,
+      .most = 1.0,
+      .expected = "a share from 0 to below 1",
+      .most_is = OptionRange::End::kExcluded},
+     "--trim",
+     "With icp: share of the matches to leave out, those with the largest distances"},
+    {"weight_by_source_confidence",
+     option_at<&IcpOptions::weight_by_source_confidence>,
+     {},
+     "--weight-by-confidence",
+     "With icp: weight each match by the confidence of its source landmark"},
+    {"overlap_radius", option_at<&IcpOptions::overlap_radius>, kPositive},
+    {"trace", option_at<&IcpOptions::trace>},
+};
+constinit const OptionTable IcpOptions::table = {"IcpOptions", kIcpFields};
 
 void IcpOptions::validate() const {
   const std::string defect(coordinate_defect(initial));

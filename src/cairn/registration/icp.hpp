@@ -40,7 +40,7 @@ struct IcpOptions {
 
   Execution execution = {};
 
-  static const OptionTable& table();
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

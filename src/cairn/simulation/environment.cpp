@@ -670,14 +670,21 @@ std::vector<std::string_view> environment_names() {
   return names;
 }
 
+constexpr OptionField kEnvironmentFields[] = {
+    {"session",
+     option_at<&EnvironmentOptions::session>,
+     {},
+     "--session",
+     "Session number: sessions with one seed share place and world frame; path, noise and "
+     "changes differ"},
+    {"changed_fraction", option_at<&EnvironmentOptions::changed_fraction>, within(0, 1),
+     "--changed", "Share of the movable objects that are moved or removed in this session, 0 to 1"},
+    {"texture_scale", option_at<&EnvironmentOptions::texture_scale>, within(0.01, 2)},
+};
+constinit const OptionTable EnvironmentOptions::table = {"EnvironmentOptions", kEnvironmentFields};
+
 void EnvironmentOptions::validate() const {
-  const auto check = [](double value, double low, double high, const char* field) {
-    if (value >= low && value <= high) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("EnvironmentOptions.{}", field),
-                fmt::format("{}", value), fmt::format("{} to {}", low, high));
-  };
-  check(changed_fraction, 0.0, 1.0, "changed_fraction");
-  check(texture_scale, 0.01, 2.0, "texture_scale");
+  check_options(*this);
 }
 
 Environment make_environment(const EnvironmentOptions& options, const Executor& executor) {

@@ -212,17 +212,17 @@ PathKind path_kind(std::string_view name) {
   throw Error(ErrorKind::kMisuse, "path", printable(name) + " is none", "sweep, orbit or walk");
 }
 
+constexpr OptionField kPathFields[] = {
+    {"frames", option_at<&PathOptions::frames>, within(1, 1e6)},
+    {"rate_hz", option_at<&PathOptions::rate_hz>, within(0.1, 1000), "--rate", "Frames per second"},
+    {"pace", option_at<&PathOptions::pace>, within(0.01, 5)},
+    {"shake", option_at<&PathOptions::shake>, within(0, 5)},
+    {"clearance_m", option_at<&PathOptions::clearance_m>, within(0, 1)},
+};
+constinit const OptionTable PathOptions::table = {"PathOptions", kPathFields};
+
 void PathOptions::validate() const {
-  const auto check = [](double value, double low, double high, const char* field) {
-    if (value >= low && value <= high) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("PathOptions.{}", field), fmt::format("{}", value),
-                fmt::format("{} to {}", low, high));
-  };
-  check(static_cast<double>(frames), 1.0, 1e6, "frames");
-  check(rate_hz, 0.1, 1000.0, "rate_hz");
-  check(pace, 0.01, 5.0, "pace");
-  check(shake, 0.0, 5.0, "shake");
-  check(clearance_m, 0.0, 1.0, "clearance_m");
+  check_options(*this);
 }
 
 Rigid3 looking_at(const Vector3d& position, const Vector3d& target) {

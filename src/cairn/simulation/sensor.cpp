@@ -65,29 +65,37 @@ const std::array<float, kTableSize>& normal_table() {
   return table;
 }
 
-void check(double value, double low, double high, const char* field) {
-  if (value >= low && value <= high) return;
-  throw Error(ErrorKind::kMisuse, fmt::format("SensorOptions.{}", field), fmt::format("{}", value),
-              fmt::format("{:.6g} to {:.6g}", low, high));
-}
-
 }  // namespace
 
+constexpr OptionField kSensorFields[] = {
+    {"exposure", option_at<&SensorOptions::exposure>, within(0.01, 100), "--exposure",
+     "Brightness factor"},
+    {"color_noise", option_at<&SensorOptions::color_noise>, within(0, 100), "--noise",
+     "Standard deviation of the colour noise, grey levels"},
+    {"ideal_depth",
+     option_at<&SensorOptions::ideal_depth>,
+     {},
+     "--no-depth-noise",
+     "Write exact depth: no noise, quantisation, holes or limits"},
+    {"depth_noise_m", option_at<&SensorOptions::depth_noise_m>, within(0, 0.1), "--depth-noise",
+     "Standard deviation of the depth at 1 m, metres; it grows with the square of the depth"},
+    {"depth_step_m", option_at<&SensorOptions::depth_step_m>, within(0, 0.1)},
+    {"min_depth_m", option_at<&SensorOptions::min_depth_m>, within(0, 1000)},
+    {"max_depth_m", option_at<&SensorOptions::max_depth_m>, within(0, 1000), "--max-depth",
+     "Largest measured depth, metres"},
+    {"baseline_m", option_at<&SensorOptions::baseline_m>, within(0, 10)},
+    {"max_incidence_rad",
+     option_at<&SensorOptions::max_incidence_rad>,
+     {.least = 0, .most = 0.5 * std::numbers::pi, .expected = "0 to 1.5708"}},
+    {"edge_holes", option_at<&SensorOptions::edge_holes>, within(0, 1)},
+    {"dropout", option_at<&SensorOptions::dropout>, within(0, 1)},
+};
+constinit const OptionTable SensorOptions::table = {"SensorOptions", kSensorFields};
+
 void SensorOptions::validate() const {
-  check(exposure, 0.01, 100.0, "exposure");
-  check(color_noise, 0.0, 100.0, "color_noise");
-  check(depth_noise_m, 0.0, 0.1, "depth_noise_m");
-  check(depth_step_m, 0.0, 0.1, "depth_step_m");
-  check(min_depth_m, 0.0, 1000.0, "min_depth_m");
-  check(max_depth_m, 0.0, 1000.0, "max_depth_m");
-  if (max_depth_m <= min_depth_m) {
-    throw Error(ErrorKind::kMisuse, "SensorOptions.max_depth_m", fmt::format("{}", max_depth_m),
-                fmt::format("more than min_depth_m, {}", min_depth_m));
-  }
-  check(baseline_m, 0.0, 10.0, "baseline_m");
-  check(max_incidence_rad, 0.0, 0.5 * std::numbers::pi, "max_incidence_rad");
-  check(edge_holes, 0.0, 1.0, "edge_holes");
-  check(dropout, 0.0, 1.0, "dropout");
+  check_options(*this);
+  require_option(max_depth_m > min_depth_m, "SensorOptions.max_depth_m", max_depth_m,
+                 fmt::format("more than min_depth_m, {}", min_depth_m));
 }
 
 std::vector<std::uint8_t> expose(const RenderedFrame& frame, const SensorOptions& options,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/simulation/renderer.hpp"
 
 namespace cairn {
@@ -37,6 +38,7 @@ struct SensorOptions {
   double edge_holes = 0.5;  ///< share of the pixels at edges without a reading; 0 to 1
   double dropout = 0.001;   ///< share of all pixels without a reading; 0 to 1
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

@@ -29,6 +29,15 @@ SessionSeeds session_seeds(std::uint64_t seed, std::uint64_t session) {
   return {random.fork(1).draw_seed(), random.fork(2).draw_seed()};
 }
 
+constexpr OptionField kSimulatorFields[] = {
+    {"shutter_s", option_at<&SimulatorOptions::shutter_s>, within(0, 1), "--motion-blur",
+     "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower"},
+    {"readout_s", option_at<&SimulatorOptions::readout_s>, within(0, 1), "--readout",
+     "Readout time of a rolling shutter, from the first image row to the last, seconds"},
+    {"blur_samples", option_at<&SimulatorOptions::blur_samples>, within(2, 100)},
+};
+constinit const OptionTable SimulatorOptions::table = {"SimulatorOptions", kSimulatorFields};
+
 void SimulatorOptions::validate() const {
   const std::string defect = camera_defect(camera);
   if (!defect.empty()) {
@@ -42,19 +51,7 @@ void SimulatorOptions::validate() const {
   }
   sensor.validate();
   renderer.validate();
-  const bool possible = shutter_s >= 0.0 && shutter_s <= 1.0;
-  if (!possible) {
-    throw Error(ErrorKind::kMisuse, "SimulatorOptions.shutter_s", fmt::format("{}", shutter_s),
-                "0 to 1");
-  }
-  if (!(readout_s >= 0.0 && readout_s <= 1.0)) {
-    throw Error(ErrorKind::kMisuse, "SimulatorOptions.readout_s", fmt::format("{}", readout_s),
-                "0 to 1");
-  }
-  if (blur_samples < 2 || blur_samples > 100) {
-    throw Error(ErrorKind::kMisuse, "SimulatorOptions.blur_samples",
-                fmt::format("{}", blur_samples), "2 to 100");
-  }
+  check_options(*this);
 }
 
 RgbdSimulator::RgbdSimulator(Scene scene, Trajectory trajectory, const SimulatorOptions& options,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/simulation/renderer.hpp"
@@ -27,6 +28,7 @@ struct SimulatorOptions {
   double readout_s = 0.0;
   std::uint64_t seed = 1;  ///< of the sensor's noise
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

@@ -213,20 +213,25 @@ void Features::fill_grid() {
   }
 }
 
+constexpr OptionField kFeatureFields[] = {
+    {"count", option_at<&FeatureOptions::count>, within(50, 20000), "--features",
+     "Number of corners to detect in an image"},
+    {"levels", option_at<&FeatureOptions::levels>, within(1, 12)},
+    {"scale", option_at<&FeatureOptions::scale>, within(1.05, 2)},
+    {"threshold", option_at<&FeatureOptions::threshold>, within(1, 254)},
+    {"least_threshold", option_at<&FeatureOptions::least_threshold>, kAtLeastOne},
+    {"max_depth_m",
+     option_at<&FeatureOptions::max_depth_m>,
+     {.least = 0,
+      .expected = "a positive number of metres",
+      .least_is = OptionRange::End::kExcluded}},
+};
+constinit const OptionTable FeatureOptions::table = {"FeatureOptions", kFeatureFields};
+
 void FeatureOptions::validate() const {
-  const auto require = [](bool holds, std::string_view field, auto value,
-                          std::string_view expected) {
-    if (holds) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("FeatureOptions.{}", field),
-                fmt::format("{}", value), expected);
-  };
-  require(count >= 50 && count <= 20000, "count", count, "50 to 20000");
-  require(levels >= 1 && levels <= 12, "levels", levels, "1 to 12");
-  require(scale >= 1.05 && scale <= 2.0, "scale", scale, "1.05 to 2");
-  require(threshold >= 1 && threshold <= 254, "threshold", threshold, "1 to 254");
-  require(least_threshold >= 1 && least_threshold <= threshold, "least_threshold", least_threshold,
-          "1 to threshold");
-  require(max_depth_m > 0.0, "max_depth_m", max_depth_m, "a positive number of metres");
+  check_options(*this);
+  require_option(least_threshold <= threshold, "FeatureOptions.least_threshold", least_threshold,
+                 "1 to threshold");
 }
 
 FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& options)

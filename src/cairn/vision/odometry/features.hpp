@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
+#include "cairn/core/option_table.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/vision/detail/odometry/row_motion.hpp"
@@ -134,6 +135,7 @@ struct FeatureOptions {
   int least_threshold = 7;  ///< the same, in areas without a corner of `threshold`
   double max_depth_m = 10.0;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

@@ -10,30 +10,31 @@
 
 namespace cairn {
 
+constexpr OptionField kOdometryFields[] = {
+    {"readout_s",
+     option_at<&OdometryOptions::readout_s>,
+     {.least = 0, .most = 1, .expected = "0 to 1 second"}},
+    {"min_tracked", option_at<&OdometryOptions::min_tracked>, {.least = 6}},
+    {"adjusted_keyframes", option_at<&OdometryOptions::adjusted_keyframes>, kAtLeastOne},
+    {"final_iterations", option_at<&OdometryOptions::final_iterations>, within(0, 1000)},
+};
+constinit const OptionTable OdometryOptions::table = {"OdometryOptions", kOdometryFields};
+
 void OdometryOptions::validate() const {
   features.validate();
   noise.validate();
-  const auto require = [](bool holds, std::string_view field, auto value,
-                          std::string_view expected) {
-    if (holds) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("OdometryOptions.{}", field),
-                fmt::format("{}", value), expected);
-  };
-  require(readout_s >= 0.0 && readout_s <= 1.0, "readout_s", readout_s, "0 to 1 second");
-  require(min_tracked >= 6, "min_tracked", min_tracked, "at least 6");
-  require(adjusted_keyframes >= 1, "adjusted_keyframes", adjusted_keyframes, "at least 1");
-  require(final_iterations >= 0 && final_iterations <= 1000, "final_iterations", final_iterations,
-          "0 to 1000");
+  check_options(*this);
 }
 
+constexpr OptionField kMapFields[] = {
+    {"min_observations", option_at<&MapOptions::min_observations>, kAtLeastOne},
+    {"descriptors", option_at<&MapOptions::descriptors>, {}},
+    {"descriptors_each", option_at<&MapOptions::descriptors_each>, within(1, kMostDescriptorsEach)},
+};
+constinit const OptionTable MapOptions::table = {"MapOptions", kMapFields};
+
 void MapOptions::validate() const {
-  if (min_observations < 1) {
-    throw Error(ErrorKind::kMisuse, "MapOptions.min_observations", "0", "at least 1");
-  }
-  if (descriptors_each < 1 || descriptors_each > kMostDescriptorsEach) {
-    throw Error(ErrorKind::kMisuse, "MapOptions.descriptors_each",
-                fmt::format("{}", descriptors_each), fmt::format("1 to {}", kMostDescriptorsEach));
-  }
+  check_options(*this);
 }
 
 Odometry::Odometry(const Camera& camera, const OdometryOptions& options)

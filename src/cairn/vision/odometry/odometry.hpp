@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/landmark_map.hpp"
@@ -31,6 +32,7 @@ struct OdometryOptions {
   /// Iterations of the final bundle adjustment over all keyframes; 0: none.
   int final_iterations = 10;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
@@ -63,6 +65,7 @@ struct MapOptions {
   /// Largest number of descriptors per landmark, of its most distinct views; 1 to kMostDescriptorsEach.
   std::size_t descriptors_each = kDistinctViews;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

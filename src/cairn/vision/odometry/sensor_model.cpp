@@ -10,20 +10,25 @@
 
 namespace cairn {
 
+constexpr OptionField kSensorNoiseFields[] = {
+    {"pixel", option_at<&SensorNoise::pixel>, kFinitePositive},
+    {"aligned_pixel", option_at<&SensorNoise::aligned_pixel>, kFinitePositive},
+    {"depth_floor_m",
+     option_at<&SensorNoise::depth_floor_m>,
+     {.least = 0,
+      .expected = "a positive number of metres",
+      .least_is = OptionRange::End::kExcluded,
+      .most_is = OptionRange::End::kExcluded}},
+    {"depth_quadratic",
+     option_at<&SensorNoise::depth_quadratic>,
+     {.least = 0,
+      .expected = "a number that is not negative",
+      .most_is = OptionRange::End::kExcluded}},
+};
+constinit const OptionTable SensorNoise::table = {"SensorNoise", kSensorNoiseFields};
+
 void SensorNoise::validate() const {
-  const auto require = [](bool holds, std::string_view field, double value,
-                          std::string_view expected) {
-    if (holds) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("SensorNoise.{}", field), fmt::format("{}", value),
-                expected);
-  };
-  require(pixel > 0.0 && std::isfinite(pixel), "pixel", pixel, "a positive number");
-  require(aligned_pixel > 0.0 && std::isfinite(aligned_pixel), "aligned_pixel", aligned_pixel,
-          "a positive number");
-  require(depth_floor_m > 0.0 && std::isfinite(depth_floor_m), "depth_floor_m", depth_floor_m,
-          "a positive number of metres");
-  require(depth_quadratic >= 0.0 && std::isfinite(depth_quadratic), "depth_quadratic",
-          depth_quadratic, "a number that is not negative");
+  check_options(*this);
 }
 
 SensorModel::SensorModel(const SensorNoise& noise, const Pinhole& pinhole,

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include "cairn/adjustment/pose_derivative.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/vision/odometry/features.hpp"
 
@@ -24,6 +25,7 @@ struct SensorNoise {
   double depth_floor_m = 0.001;
   double depth_quadratic = 0.002;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
