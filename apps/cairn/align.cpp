@@ -188,32 +188,21 @@ bool AlignArguments::has_initial() const {
 
 void AlignArguments::check_options() const {
   with_option_names({AlignOptions::table, IcpOptions::table}, [&] { options.validate(); });
-  if (!method.empty() && method != "icp" && method != "robust") {
-    throw Error(ErrorKind::kMisuse, "--method", printable(method) + " is no method",
-                "icp or robust");
-  }
+  refuse_if(!method.empty() && method != "icp" && method != "robust", "--method",
+            printable(method) + " is no method", "icp or robust");
   for (const Option& option : of_icp_alone) {
-    if (method == "robust" && option.given()) {
-      throw Error(ErrorKind::kMisuse, option.name(), "given with --method robust", "--method icp");
-    }
+    refuse_if(method == "robust" && option.given(), option.name(), "given with --method robust",
+              "--method icp");
   }
-  if (!is_robust() && options.one_to_one) {
-    throw Error(ErrorKind::kMisuse, "--one-to-one", "given with an option that only icp has",
-                "--method robust");
-  }
+  refuse_if(!is_robust() && options.one_to_one, "--one-to-one",
+            "given with an option that only icp has", "--method robust");
   for (const Option& option : of_guesses) {
-    if (is_robust() && !has_initial() && option.given()) {
-      throw Error(ErrorKind::kMisuse, option.name(), "given, but the search has no such option",
-                  "--initial, or --method icp");
-    }
+    refuse_if(is_robust() && !has_initial() && option.given(), option.name(),
+              "given, but the search has no such option", "--initial, or --method icp");
   }
-  if (!is_robust() && estimate_scale) {
-    throw Error(ErrorKind::kMisuse, "--scale", "given with icp", "--method robust");
-  }
-  if (!is_robust() && by_parts) {
-    throw Error(ErrorKind::kMisuse, "--by-parts", "given with icp, which aligns whole maps only",
-                "--method robust");
-  }
+  refuse_if(!is_robust() && estimate_scale, "--scale", "given with icp", "--method robust");
+  refuse_if(!is_robust() && by_parts, "--by-parts", "given with icp, which aligns whole maps only",
+            "--method robust");
 }
 
 Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const {
@@ -268,9 +257,8 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
                            const std::vector<StrategyResult>& results, LengthUnit unit) const {
   const Console console = common.console();
   for (const auto& [role, loaded] : {std::pair{"source", &source_map}, {"target", &target_map}}) {
-    console.print(fmt::format("{}  {}: {} of {} landmarks\n", role, loaded->path,
-                              loaded->description.at("kept_landmarks").dump(-1),
-                              loaded->map.landmark_count()));
+    console.print("{}  {}: {} of {} landmarks\n", role, loaded->path,
+                  loaded->description.at("kept_landmarks").dump(-1), loaded->map.landmark_count());
   }
   console.print("\n" + alignment_table(results, unit));
   for (const StrategyResult& each : results) {
@@ -287,7 +275,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
   }
   if (!has_answer(results.front().alignment)) return;
   for (const std::string& path : {output, pose}) {
-    if (!path.empty() && path != "-") console.print(fmt::format("\nwrote {}\n", path));
+    if (!path.empty() && path != "-") console.print("\nwrote {}\n", path);
   }
 }
 
@@ -298,12 +286,10 @@ std::string_view unit_text(LengthUnit unit) {
 // The unit of both maps, which must be the same: a rigid pose between different scales has no meaning.
 LengthUnit common_unit(const LoadedMap& source, const LoadedMap& target) {
   const LengthUnit unit = source.map.info().length_unit;
-  if (unit != target.map.info().length_unit) {
-    throw Error(ErrorKind::kInput, source.path,
-                fmt::format("is {}, but {} {}", unit_text(unit), target.path,
-                            unit_text(target.map.info().length_unit)),
-                "maps of one unit");
-  }
+  reject_if(unit != target.map.info().length_unit, source.path,
+            fmt::format("is {}, but {} {}", unit_text(unit), target.path,
+                        unit_text(target.map.info().length_unit)),
+            "maps of one unit");
   return unit;
 }
 
@@ -314,25 +300,18 @@ void AlignArguments::refuse_scale_in_tum() const {
 }
 
 void AlignArguments::check_outputs(std::size_t strategies) {
-  if (pose_format != "matrix" && pose_format != "tum") {
-    throw Error(ErrorKind::kMisuse, "--pose-format", printable(pose_format), "matrix or tum");
-  }
+  refuse_if(pose_format != "matrix" && pose_format != "tum", "--pose-format",
+            printable(pose_format), "matrix or tum");
   if (!output.empty()) require_map_output(output, format, "--output");
   if (!pose.empty() && pose != "-") require_folder_of(pose);
-  if (output.empty() && !format.empty()) {
-    throw Error(ErrorKind::kMisuse, "--format", "given without --output -", "");
-  }
+  refuse_if(output.empty() && !format.empty(), "--format", "given without --output -", "");
   for (const auto& [option, path] : {std::pair{"--output", &output}, {"--pose", &pose}}) {
-    if (!path->empty() && strategies > 1) {
-      throw Error(ErrorKind::kMisuse, option, "several strategies give several results",
-                  "one --confidence");
-    }
+    refuse_if(!path->empty() && strategies > 1, option, "several strategies give several results",
+              "one --confidence");
   }
   refuse_scale_in_tum();
   require_one_stdout({{"--json", &common.json_path}, {"--output", &output}, {"--pose", &pose}});
-  if (source == "-" && target == "-") {
-    throw Error(ErrorKind::kMisuse, "target", "stdin is the source already", "a file");
-  }
+  refuse_if(source == "-" && target == "-", "target", "stdin is the source already", "a file");
   common.stdout_is_taken = output == "-" || pose == "-";
   require_outputs(common);
 }
@@ -367,7 +346,7 @@ int AlignArguments::run_pairs() {
 int AlignArguments::run() {
   if (!pairs.empty()) return run_pairs();
   for (const auto& [name, path] : {std::pair{"source", &source}, {"target", &target}}) {
-    if (path->empty()) throw Error(ErrorKind::kMisuse, name, "not given", "two maps, or --pairs");
+    refuse_if(path->empty(), name, "not given", "two maps, or --pairs");
   }
   // What the command line says is checked before any file is read.
   const std::vector<Strategy> strategies = parse_strategies(confidence);

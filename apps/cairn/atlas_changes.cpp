@@ -45,7 +45,7 @@ struct RemoveArguments : AtlasArguments {
     json["removed"] = Json::array();
     for (const AtlasNode& node : nodes) {
       atlas.remove(node.id);
-      common.console().print(fmt::format("removed {}\n", node.name));
+      common.console().print("removed {}\n", node.name);
       json["removed"].push_back(node.name);
     }
     json["commit"] = atlas.store().last_commit().value;
@@ -78,8 +78,8 @@ struct SplitArguments : AtlasArguments {
     json["parts"] = Json::array();
     for (const NodeId id : parts) {
       const AtlasNode& part = state.nodes.at(id);
-      common.console().print(fmt::format("{}: {} landmarks, {} keyframes\n", part.name,
-                                         with_commas(part.landmarks), part.frames));
+      common.console().print("{}: {} landmarks, {} keyframes\n", part.name,
+                             with_commas(part.landmarks), part.frames);
       json["parts"].push_back({{"id", id.value}, {"name", part.name}});
     }
     json["commit"] = state.commit.value;
@@ -115,7 +115,7 @@ struct UnlinkArguments : AtlasArguments {
     json["commit"] = atlas.store().last_commit().value;
     json["maps"] = {first.name, second.name};
     write_document(json, common);
-    common.console().print(fmt::format("unlinked {} and {}\n", first.name, second.name));
+    common.console().print("unlinked {} and {}\n", first.name, second.name);
     return kDone;
   }
 };
@@ -146,13 +146,12 @@ struct LogArguments : AtlasArguments {
         for (auto one = std::next(commit); one != log.rend() && one->run == commit->run; ++one) {
           ++others;
         }
-        console.print(fmt::format(
-            "{:>6}  {}  {}  {}: {}{}\n", commit->id.value, time_text(commit->time_ms),
-            commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
-            commit->verb, commit->text,
-            all || others == 0
-                ? ""
-                : fmt::format("; and {} {} before", others, others == 1 ? "commit" : "commits")));
+        console.print("{:>6}  {}  {}  {}: {}{}\n", commit->id.value, time_text(commit->time_ms),
+                      commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
+                      commit->verb, commit->text,
+                      all || others == 0 ? ""
+                                         : fmt::format("; and {} {} before", others,
+                                                       others == 1 ? "commit" : "commits"));
       }
       json["commits"].push_back(
           {{"id", commit->id.value},
@@ -187,7 +186,7 @@ struct UndoArguments : AtlasArguments {
     Atlas atlas = open();
     const CommitId undone = atlas.undo(which ? std::optional(CommitId{*which}) : std::nullopt);
     const std::vector<AtlasCommit> log = atlas.store().log();
-    common.console().print(fmt::format("undid {}\n", log.back().text));
+    common.console().print("undid {}\n", log.back().text);
     Json json = head("undo");
     json["undone"] = undone.value;
     json["commit"] = log.back().id.value;
@@ -232,9 +231,7 @@ struct DiffArguments : AtlasArguments {
   }
 
   int compare_worlds() {
-    if (second.empty()) {
-      throw Error(ErrorKind::kMisuse, "--world", "one session or map", "two sessions or maps");
-    }
+    refuse_if(second.empty(), "--world", "one session or map", "two sessions or maps");
     changes.seed = common.seed;
     with_option_names({{"ChangeOptions.min_size", "--min-size"},
                        {"ChangeOptions.min_confidence", "--min-confidence"}},
@@ -257,10 +254,10 @@ struct DiffArguments : AtlasArguments {
     if (result.comparable_first + result.comparable_second == 0) {
       console.print("no comparable landmarks: no keyframe of one observed the area of the other\n");
     } else {
-      console.print(fmt::format(
+      console.print(
           "{} and {} landmarks are comparable, {} % of them were found again; in the frame of {}\n",
           with_commas(result.comparable_first), with_commas(result.comparable_second),
-          fixed(100.0 * result.repeated, 1), state.nodes.at(frame).name));
+          fixed(100.0 * result.repeated, 1), state.nodes.at(frame).name);
       const std::string text = changes_text(result, state.nodes.at(frame).length_unit);
       console.print(text.empty() ? "no changes found\n" : text);
     }
@@ -269,9 +266,7 @@ struct DiffArguments : AtlasArguments {
 
   int run() {
     if (world) return compare_worlds();
-    if (at) {
-      throw Error(ErrorKind::kMisuse, "--at", "given without --world", "two commits to compare");
-    }
+    refuse_if(at.has_value(), "--at", "given without --world", "two commits to compare");
     const auto before = parse_as<std::uint64_t>(first, "before");
     const auto after =
         second.empty() ? std::nullopt : std::optional(parse_as<std::uint64_t>(second, "after"));
@@ -287,7 +282,7 @@ struct DiffArguments : AtlasArguments {
                            const AtlasState& state) {
       json[key] = Json::array();
       for (const NodeId id : ids) {
-        console.print(fmt::format("{} {}\n", text, state.nodes.at(id).name));
+        console.print("{} {}\n", text, state.nodes.at(id).name);
         json[key].push_back(state.nodes.at(id).name);
       }
     };
@@ -296,8 +291,8 @@ struct DiffArguments : AtlasArguments {
       json[key] = Json::array();
       for (const AtlasLinkId id : ids) {
         const AtlasLink& link = state.links.at(id);
-        console.print(fmt::format("{} {} <- {} ({})\n", text, state.nodes.at(link.target).name,
-                                  state.nodes.at(link.source).name, link_status(link.verdict)));
+        console.print("{} {} <- {} ({})\n", text, state.nodes.at(link.target).name,
+                      state.nodes.at(link.source).name, link_status(link.verdict));
         json[key].push_back(to_json(link, state));
       }
     };
@@ -312,12 +307,11 @@ struct DiffArguments : AtlasArguments {
       const AtlasNode& node = now.nodes.at(moved.node);
       const NodeId frame = now.poses.at(moved.node).frame;
       if (moved.frame_changed) {
-        console.print(
-            fmt::format("moved {}: to the frame of {}\n", node.name, now.nodes.at(frame).name));
+        console.print("moved {}: to the frame of {}\n", node.name, now.nodes.at(frame).name);
       } else {
-        console.print(fmt::format("moved {}: by {} {}, {} deg\n", node.name, fixed(moved.shift, 4),
-                                  unit_symbol(now.nodes.at(frame).length_unit),
-                                  fixed(degrees(moved.turn_rad), 3)));
+        console.print("moved {}: by {} {}, {} deg\n", node.name, fixed(moved.shift, 4),
+                      unit_symbol(now.nodes.at(frame).length_unit),
+                      fixed(degrees(moved.turn_rad), 3));
       }
       json["moved"].push_back({{"map", node.name},
                                {"frame_changed", moved.frame_changed},
@@ -347,10 +341,10 @@ struct VerifyArguments : AtlasArguments {
     write_document(json, common);
     const Console console = common.console();
     for (const std::string& problem : result.problems) console.print(problem + "\n");
-    console.print(fmt::format("{}: {} commits, {} maps of {} MB, {} links, {} poses: {}\n", shown(),
-                              result.commits, result.maps,
-                              fixed(1e-6 * static_cast<double>(result.map_bytes), 1), result.links,
-                              result.poses, result.problems.empty() ? "sound" : "damaged"));
+    console.print("{}: {} commits, {} maps of {} MB, {} links, {} poses: {}\n", shown(),
+                  result.commits, result.maps,
+                  fixed(1e-6 * static_cast<double>(result.map_bytes), 1), result.links,
+                  result.poses, result.problems.empty() ? "sound" : "damaged");
     if (result.problems.empty()) return kDone;
     console.print("'cairn atlas salvage' copies the undamaged data to a new atlas\n");
     return kBadInput;
@@ -385,10 +379,10 @@ struct CompactArguments : AtlasArguments {
     json["maps"] = result.maps;
     json["map_bytes"] = result.map_bytes;
     write_document(json, common);
-    common.console().print(fmt::format("{} {} commits, {} links, {} poses, and {} maps of {} MB\n",
-                                       yes ? "dropped" : "would drop", result.commits, result.links,
-                                       result.poses, result.maps,
-                                       fixed(1e-6 * static_cast<double>(result.map_bytes), 1)));
+    common.console().print("{} {} commits, {} links, {} poses, and {} maps of {} MB\n",
+                           yes ? "dropped" : "would drop", result.commits, result.links,
+                           result.poses, result.maps,
+                           fixed(1e-6 * static_cast<double>(result.map_bytes), 1));
     if (!yes) common.console().print("no data was dropped; add --yes to drop it\n");
     return kDone;
   }
@@ -420,9 +414,9 @@ struct SalvageArguments : AtlasArguments {
     json["lost"] = result.lost;
     write_document(json, common);
     const Console console = common.console();
-    for (const std::string& lost : result.lost) console.print(fmt::format("lost {}\n", lost));
-    console.print(fmt::format("saved {} maps, {} links and {} poses\nwrote {}\n", result.maps,
-                              result.links, result.poses, output));
+    for (const std::string& lost : result.lost) console.print("lost {}\n", lost);
+    console.print("saved {} maps, {} links and {} poses\nwrote {}\n", result.maps, result.links,
+                  result.poses, output);
     return kDone;
   }
 };

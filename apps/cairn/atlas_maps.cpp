@@ -33,7 +33,7 @@ std::string counted(std::size_t count, const std::string& noun) {
 struct InitArguments : AtlasArguments {
   int run() {
     Atlas::create(location, store_options(false));
-    common.console().print(fmt::format("created {}\n", shown()));
+    common.console().print("created {}\n", shown());
     return kDone;
   }
 };
@@ -64,10 +64,8 @@ struct AddArguments : AtlasArguments {
   int run() {
     std::vector<ListedMap> maps = listed_maps(paths);
     if (!name.empty()) {
-      if (maps.size() > 1) {
-        throw Error(ErrorKind::kMisuse, "--name", fmt::format("given for {} maps", maps.size()),
-                    "one map");
-      }
+      refuse_if(maps.size() > 1, "--name", fmt::format("given for {} maps", maps.size()),
+                "one map");
       maps.front().name = name;
     }
     Atlas atlas = open();
@@ -81,12 +79,12 @@ struct AddArguments : AtlasArguments {
           atlas.add(loaded.map, map.name, session.empty() ? map.session : session);
       ids.push_back(added.node);
       if (added.was_there) {
-        console.print(fmt::format("{} is in the atlas already, as {}\n", map.file,
-                                  atlas.state().nodes.at(added.node).name));
+        console.print("{} is in the atlas already, as {}\n", map.file,
+                      atlas.state().nodes.at(added.node).name);
       } else {
-        console.print(fmt::format("added {}: {}, {}\n", map.name,
-                                  counted(loaded.map.landmark_count(), "landmark"),
-                                  counted(loaded.map.frame_count(), "keyframe")));
+        console.print("added {}: {}, {}\n", map.name,
+                      counted(loaded.map.landmark_count(), "landmark"),
+                      counted(loaded.map.frame_count(), "keyframe"));
       }
       json["maps"].push_back({{"path", map.file},
                               {"id", added.node.value},
@@ -99,7 +97,7 @@ struct AddArguments : AtlasArguments {
       link.source = ids[link.source.value];
     }
     const std::size_t linked = links.empty() ? 0 : atlas.link_by_odometry(links);
-    if (linked > 0) console.print(fmt::format("linked {} by odometry\n", counted(linked, "pair")));
+    if (linked > 0) console.print("linked {} by odometry\n", counted(linked, "pair"));
     json["linked_by_odometry"] = linked;
     json["commit"] = atlas.store().last_commit().value;
     write_document(json, common);
@@ -115,9 +113,8 @@ void parse_shard(const std::string& text, AtlasLinkOptions& options) {
   const auto count = slash == std::string::npos
                          ? std::nullopt
                          : parse_unsigned(std::string_view(text).substr(slash + 1));
-  if (!number || !count || *number < 1 || *number > *count) {
-    throw Error(ErrorKind::kMisuse, "--shard", printable(text), "I/N with I from 1 to N, as 2/8");
-  }
+  refuse_if(!number || !count || *number < 1 || *number > *count, "--shard", printable(text),
+            "I/N with I from 1 to N, as 2/8");
   options.shard = *number - 1;
   options.shards = *count;
 }
@@ -172,10 +169,8 @@ struct LinkArguments : AtlasArguments {
   int link_by_hand() {
     if (pose.empty())
       throw Error(ErrorKind::kMisuse, "--pose", "not given", "a file with the pose");
-    if (!(sigma_m > 0.0) || !(sigma_deg > 0.0)) {
-      throw Error(ErrorKind::kMisuse, sigma_m > 0.0 ? "--sigma-deg" : "--sigma-m",
-                  fmt::format("{}", sigma_m > 0.0 ? sigma_deg : sigma_m), "more than 0");
-    }
+    refuse_if(!(sigma_m > 0.0) || !(sigma_deg > 0.0), sigma_m > 0.0 ? "--sigma-deg" : "--sigma-m",
+              fmt::format("{}", sigma_m > 0.0 ? sigma_deg : sigma_m), "more than 0");
     const Similarity3 target_from_source = read_similarity_file(pose);
     Atlas atlas = open();
     const AtlasState state = atlas.state();
@@ -194,16 +189,14 @@ struct LinkArguments : AtlasArguments {
     json["commit"] = now.commit.value;
     json["links"] = Json::array({to_json(now.links.at(id), now)});
     write_document(json, common);
-    common.console().print(fmt::format("{} <- {} added by hand\n", target.name, source.name));
+    common.console().print("{} <- {} added by hand\n", target.name, source.name);
     return kDone;
   }
 
   int run() {
     if (!manual.empty()) return link_by_hand();
-    if (!pose.empty() || !reason.empty()) {
-      throw Error(ErrorKind::kMisuse, pose.empty() ? "--reason" : "--pose",
-                  "given without --manual", "--manual TARGET SOURCE");
-    }
+    refuse_if(!pose.empty() || !reason.empty(), pose.empty() ? "--reason" : "--pose",
+              "given without --manual", "--manual TARGET SOURCE");
     parse_shard(shard, options);
     if (candidates) options.candidates = static_cast<std::size_t>(*candidates);
     with_option_names({AlignOptions::table}, [&] { options.validate(); });
@@ -221,9 +214,9 @@ struct LinkArguments : AtlasArguments {
       links.back().erase("id");
       links.back().erase("agrees");
       if (!link.connects()) return;
-      console.print(fmt::format("{} <- {} {}\n", state.nodes.at(link.target).name,
-                                state.nodes.at(link.source).name,
-                                probability_text(link.probability.value_or(0.0))));
+      console.print("{} <- {} {}\n", state.nodes.at(link.target).name,
+                    state.nodes.at(link.source).name,
+                    probability_text(link.probability.value_or(0.0)));
     };
     const AtlasLinkResult result = atlas.link(options);
     Json json = head("link", {{"min_probability", options.links.min_probability},
@@ -275,21 +268,20 @@ struct OptimizeArguments : AtlasArguments {
     json["frames"] = Json::array();
     const Console console = common.console();
     for (const AtlasComponent& component : components_of(state)) {
-      console.print(fmt::format("{} in the frame of {}\n", counted(component.nodes.size(), "map"),
-                                state.nodes.at(component.frame).name));
+      console.print("{} in the frame of {}\n", counted(component.nodes.size(), "map"),
+                    state.nodes.at(component.frame).name);
       json["frames"].push_back(
           {{"frame", state.nodes.at(component.frame).name}, {"maps", component.nodes.size()}});
     }
     if (result.placed < state.nodes.size()) {
-      console.print(fmt::format("{} not placed: no link connects them\n",
-                                counted(state.nodes.size() - result.placed, "map")));
+      console.print("{} not placed: no link connects them\n",
+                    counted(state.nodes.size() - result.placed, "map"));
     }
     for (const auto& [id, agrees] : state.agrees) {
       if (agrees) continue;
       const AtlasLink& link = state.links.at(id);
-      console.print(fmt::format("not used: {} <- {}: other links contradict it\n",
-                                state.nodes.at(link.target).name,
-                                state.nodes.at(link.source).name));
+      console.print("not used: {} <- {}: other links contradict it\n",
+                    state.nodes.at(link.target).name, state.nodes.at(link.source).name);
     }
     write_document(json, common);
     return kDone;
@@ -322,9 +314,7 @@ struct MergeAtlasArguments : AtlasArguments {
   }
 
   int run() {
-    if (output.empty()) {
-      throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
-    }
+    refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
     require_map_path(output, "--output");
     Atlas atlas = open_to_read();
     const AtlasState state = atlas.state(commit());
@@ -357,14 +347,13 @@ struct MergeAtlasArguments : AtlasArguments {
       bends += bend_text(merged.bends[i], state.nodes.at(nodes[i]).name);
     }
     json["left_out"] = Json::array();
-    console.print(fmt::format("merged {} of {}, in the frame of {}\n", nodes.size(),
-                              counted(state.nodes.size(), "map"),
-                              state.nodes.at(nodes.front()).name));
+    console.print("merged {} of {}, in the frame of {}\n", nodes.size(),
+                  counted(state.nodes.size(), "map"), state.nodes.at(nodes.front()).name);
     for (const auto& [id, node] : state.nodes) {
       if (std::binary_search(nodes.begin(), nodes.end(), id)) continue;
       const bool elsewhere = state.poses.contains(id);
-      console.print(fmt::format("left out {}: {}\n", node.name,
-                                elsewhere ? "in another frame" : "no link places it"));
+      console.print("left out {}: {}\n", node.name,
+                    elsewhere ? "in another frame" : "no link places it");
       json["left_out"].push_back(node.name);
     }
     json["output"] = {{"path", output},
@@ -374,9 +363,9 @@ struct MergeAtlasArguments : AtlasArguments {
                       {"observations", merged.map.observation_count()}};
     json["adjustment"] = adjustment_json(merged.adjustment);
     write_document(json, common);
-    console.print(fmt::format("{} landmarks became {}{}\n{}wrote {}\n", with_commas(before),
-                              with_commas(merged.map.landmark_count()), bends,
-                              adjustment_text(merged.adjustment), output));
+    console.print("{} landmarks became {}{}\n{}wrote {}\n", with_commas(before),
+                  with_commas(merged.map.landmark_count()), bends,
+                  adjustment_text(merged.adjustment), output);
     return nodes.size() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
   }
 };

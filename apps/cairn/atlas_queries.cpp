@@ -97,9 +97,9 @@ struct ShowArguments : AtlasArguments {
            std::string(cairn::to_string(link.kind))});
     }
     const Console console = common.console();
-    console.print(fmt::format(
-        "{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n", shown(),
-        state.commit.value, state.nodes.size(), state.poses.size(), state.links.size(), aligned));
+    console.print("{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n",
+                  shown(), state.commit.value, state.nodes.size(), state.poses.size(),
+                  state.links.size(), aligned);
     if (!state.nodes.empty()) console.print("\n" + maps.text());
     if (aligned > 0 || (all && !state.links.empty())) console.print("\n" + table.text());
     Json json = head("show");
@@ -159,7 +159,7 @@ struct PathArguments : AtlasArguments {
     const Console console = common.console();
     if (!route) {
       write_document(json, common);
-      console.print(fmt::format("no chain of links connects {} and {}\n", a.name, b.name));
+      console.print("no chain of links connects {} and {}\n", a.name, b.name);
       return kNoTrustworthyAlignment;
     }
     std::vector<std::string> names;
@@ -175,16 +175,16 @@ struct PathArguments : AtlasArguments {
         route->optimised ? to_json(route->optimised->matrix()) : Json(nullptr);
     write_document(json, common);
     const std::string unit = unit_symbol(a.length_unit);
-    console.print(fmt::format("{}\n", fmt::join(names, " <- ")));
-    console.print(fmt::format("along the links: {}\n", pose_text(route->target_from_source, unit)));
+    console.print("{}\n", fmt::join(names, " <- "));
+    console.print("along the links: {}\n", pose_text(route->target_from_source, unit));
     if (route->covariance) {
       const Matrix7d& c = *route->covariance;
-      console.print(fmt::format("standard deviation: {} {}, {} deg\n",
-                                fixed(std::sqrt(c(0, 0) + c(1, 1) + c(2, 2)), 4), unit,
-                                fixed(degrees(std::sqrt(c(3, 3) + c(4, 4) + c(5, 5))), 3)));
+      console.print("standard deviation: {} {}, {} deg\n",
+                    fixed(std::sqrt(c(0, 0) + c(1, 1) + c(2, 2)), 4), unit,
+                    fixed(degrees(std::sqrt(c(3, 3) + c(4, 4) + c(5, 5))), 3));
     }
     if (route->optimised) {
-      console.print(fmt::format("optimised:       {}\n", pose_text(*route->optimised, unit)));
+      console.print("optimised:       {}\n", pose_text(*route->optimised, unit));
     }
     return kDone;
   }
@@ -220,9 +220,7 @@ struct ExportArguments : AtlasArguments {
   }
 
   int run() {
-    if (output.empty()) {
-      throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of a file or folder");
-    }
+    refuse_if(output.empty(), "--output", "not given", "the name of a file or folder");
     if (!map.empty()) {
       require_map_path(output, "--output");
     } else if (export_of(output) != AtlasExport::kFolder) {
@@ -242,7 +240,7 @@ struct ExportArguments : AtlasArguments {
     json["commit"] = state.commit.value;
     json["output"] = output;
     write_document(json, common);
-    common.console().print(fmt::format("wrote {}\n", output));
+    common.console().print("wrote {}\n", output);
     return kDone;
   }
 };

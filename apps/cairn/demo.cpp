@@ -107,10 +107,8 @@ void make_folder(const std::string& folder) {
 void DemoArguments::check() const {
   constexpr std::size_t kFewest = 10;
   constexpr std::size_t kMost = 10000;
-  if (frames < kFewest || frames > kMost) {
-    throw Error(ErrorKind::kMisuse, "--frames", fmt::format("{}", frames),
-                fmt::format("{} to {}", kFewest, kMost));
-  }
+  refuse_if(frames < kFewest || frames > kMost, "--frames", fmt::format("{}", frames),
+            fmt::format("{} to {}", kFewest, kMost));
 }
 
 DemoPair DemoArguments::make_pair() const {
@@ -174,21 +172,20 @@ void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
   console.print(pair.story);
   const StrategyResult& searched = alignments.back();
   console.print(
-      fmt::format("Pose of the second session in the first, found without an initial pose:\n"
-                  "\n"
-                  "{}: {}\n",
-                  status_of(searched.alignment), searched.alignment.reason));
+      "Pose of the second session in the first, found without an initial pose:\n"
+      "\n"
+      "{}: {}\n",
+      status_of(searched.alignment), searched.alignment.reason);
   if (searched.error) {
-    console.print(fmt::format("Its error is {:.2f} mm and {:.3f} degrees.\n",
-                              1e3 * searched.error->translation,
-                              degrees(searched.error->rotation_rad)));
+    console.print("Its error is {:.2f} mm and {:.3f} degrees.\n", 1e3 * searched.error->translation,
+                  degrees(searched.error->rotation_rad));
   }
   console.print(
-      fmt::format("\n"
-                  "The paper's ICP, from an initial pose {:.2f} m and {:.1f} degrees off and "
-                  "without a verdict:\n"
-                  "\n",
-                  start.translation, degrees(start.rotation_rad)));
+      "\n"
+      "The paper's ICP, from an initial pose {:.2f} m and {:.1f} degrees off and "
+      "without a verdict:\n"
+      "\n",
+      start.translation, degrees(start.rotation_rad));
   const std::vector<StrategyResult> by_icp(alignments.begin(), alignments.end() - 1);
   console.print(alignment_table(by_icp, LengthUnit::kMetres));
   console.print(
@@ -198,7 +195,7 @@ void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
       "it to\n"
       "the most confident of the k nearest: smallest covariance, most observations, closest "
       "observer.\n");
-  if (!saved.empty()) console.print(fmt::format("\nSaved to {}: {}\n", save, saved));
+  if (!saved.empty()) console.print("\nSaved to {}: {}\n", save, saved);
 }
 
 int DemoArguments::run() {

@@ -101,17 +101,12 @@ void EvaluateMapArguments::add_to(const Command& command) {
 void EvaluateMapArguments::check_options() const {
   with_option_names({{"MapConsistencyOptions.inlier_px", "--inlier-px"}},
                     [&] { options.validate(); });
-  if (!(max_time_difference_s > 0.0)) {
-    throw Error(ErrorKind::kMisuse, "--max-time-difference",
-                fmt::format("{}", max_time_difference_s), "a positive number");
-  }
-  if (!truth_trajectory.empty() && truth_map.empty()) {
-    throw Error(ErrorKind::kMisuse, "--truth-trajectory", "given without --truth-map",
-                "both, because a trajectory has no landmarks");
-  }
-  if (!truth_depth.empty() && !truth_map.empty()) {
-    throw Error(ErrorKind::kMisuse, "--truth-depth", "given with --truth-map", "one of them");
-  }
+  refuse_if(!(max_time_difference_s > 0.0), "--max-time-difference",
+            fmt::format("{}", max_time_difference_s), "a positive number");
+  refuse_if(!truth_trajectory.empty() && truth_map.empty(), "--truth-trajectory",
+            "given without --truth-map", "both, because a trajectory has no landmarks");
+  refuse_if(!truth_depth.empty() && !truth_map.empty(), "--truth-depth", "given with --truth-map",
+            "one of them");
   require_outputs(common);
 }
 
@@ -137,14 +132,12 @@ Calibration EvaluateMapArguments::calibrate(const LandmarkMap& map,
   Calibration calibration;
   calibration.landmarks = estimates_in_first_keyframe(map, true_positions(map, truth));
   calibration.result = calibrate_covariances(calibration.landmarks);
-  if (!calibration.result.all) {
-    throw Error(ErrorKind::kInput, truth_map.empty() ? truth_depth : truth_map,
-                fmt::format("no landmark can be judged: of {}, {} without a true position in their "
-                            "first keyframe, {} without covariance, {} with a singular one",
-                            map.landmark_count(), calibration.result.without_truth,
-                            calibration.result.without_covariance, calibration.result.singular),
-                "landmarks and frames with the ids of " + input);
-  }
+  reject_if(!calibration.result.all, truth_map.empty() ? truth_depth : truth_map,
+            fmt::format("no landmark can be judged: of {}, {} without a true position in their "
+                        "first keyframe, {} without covariance, {} with a singular one",
+                        map.landmark_count(), calibration.result.without_truth,
+                        calibration.result.without_covariance, calibration.result.singular),
+            "landmarks and frames with the ids of " + input);
   return calibration;
 }
 
@@ -296,9 +289,9 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
                                  const std::optional<Calibration>& calibration) const {
   const Console console = common.console();
   const std::string unit = unit_symbol(kept.info().length_unit);
-  console.print(fmt::format("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
-                            kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
-                            kept.observation_count()));
+  console.print("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
+                kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
+                kept.observation_count());
   Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
                fmt::format("below {:g} px", options.inlier_px)});
   if (const auto& reprojection = consistency.reprojection) {
@@ -311,20 +304,20 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
   if (consistency.depth) add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
   if (consistency.reprojection || consistency.depth) console.print(table.text());
   if (consistency.depth_bias) {
-    console.print(fmt::format("measured depths are {} {} {} than those of the map, on average\n",
-                              fixed(std::abs(*consistency.depth_bias), 5), unit,
-                              *consistency.depth_bias < 0.0 ? "shorter" : "longer"));
+    console.print("measured depths are {} {} {} than those of the map, on average\n",
+                  fixed(std::abs(*consistency.depth_bias), 5), unit,
+                  *consistency.depth_bias < 0.0 ? "shorter" : "longer");
   }
   if (consistency.observations_behind > 0) {
-    console.print(fmt::format("observations of landmarks behind their camera: {}\n",
-                              consistency.observations_behind));
+    console.print("observations of landmarks behind their camera: {}\n",
+                  consistency.observations_behind);
   }
   if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
-    console.print(fmt::format("no reprojection errors: the map has no {}{}\n", missing,
-                              missing.starts_with("cameras") ? "; add --camera" : ""));
+    console.print("no reprojection errors: the map has no {}{}\n", missing,
+                  missing.starts_with("cameras") ? "; add --camera" : "");
   }
   if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
-    console.print(fmt::format("no depth errors: the map has no {}\n", missing));
+    console.print("no depth errors: the map has no {}\n", missing);
   }
   if (calibration) console.print("\n" + calibration_text(calibration->result, unit));
 }
@@ -337,11 +330,9 @@ int EvaluateMapArguments::run() {
   const auto truth = truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
 
   LandmarkMap map = with_landmarks(loaded.map, landmarks_observed(loaded.map, min_observations));
-  if (map.landmark_count() == 0) {
-    throw Error(ErrorKind::kInput, input,
-                fmt::format("has no landmarks with {} or more observations", min_observations),
-                "landmarks, or a smaller --min-observations");
-  }
+  reject_if(map.landmark_count() == 0, input,
+            fmt::format("has no landmarks with {} or more observations", min_observations),
+            "landmarks, or a smaller --min-observations");
   if (given_camera) map = with_camera(map, *given_camera);
   const MapConsistency consistency = map_consistency(map, options);
   if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {

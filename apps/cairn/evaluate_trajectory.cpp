@@ -157,24 +157,23 @@ void EvaluateTrajectoryArguments::print(const LoadedTrajectory& estimated,
   const Console console = common.console();
   for (const auto& [role, loaded] : {std::pair{"estimate", &estimated}, {"truth   ", &true_one}}) {
     const Trajectory& trajectory = loaded->trajectory;
-    console.print(fmt::format("{}  {}: {} poses, {:.2f} s, {:.3f} m\n", role, loaded->path,
-                              trajectory.size(), trajectory.duration_s(), trajectory.length()));
+    console.print("{}  {}: {} poses, {:.2f} s, {:.3f} m\n", role, loaded->path, trajectory.size(),
+                  trajectory.duration_s(), trajectory.length());
   }
   const std::size_t pairs = evaluation.pairs.size();
   console.print(
-      fmt::format("matched   {} poses; without a partner within {:g} s: {} of the estimate, "
-                  "{} of the truth\n",
-                  pairs, options.max_time_difference_s, estimated.trajectory.size() - pairs,
-                  true_one.trajectory.size() - pairs));
+      "matched   {} poses; without a partner within {:g} s: {} of the estimate, "
+      "{} of the truth\n",
+      pairs, options.max_time_difference_s, estimated.trajectory.size() - pairs,
+      true_one.trajectory.size() - pairs);
   const AbsoluteError& absolute = *evaluation.absolute;
   const Rigid3& pose = absolute.truth_from_estimate.rigid();
   const Eigen::Vector3d angles = pose.roll_pitch_yaw();
   const Eigen::Vector3d& t = pose.translation();
-  console.print(
-      fmt::format("aligned   {}: x {} y {} z {} m, roll {} pitch {} yaw {} deg, scale {}\n\n",
-                  alignment, fixed(t.x(), 4), fixed(t.y(), 4), fixed(t.z(), 4),
-                  fixed(degrees(angles.x()), 3), fixed(degrees(angles.y()), 3),
-                  fixed(degrees(angles.z()), 3), fixed(absolute.truth_from_estimate.scale(), 6)));
+  console.print("aligned   {}: x {} y {} z {} m, roll {} pitch {} yaw {} deg, scale {}\n\n",
+                alignment, fixed(t.x(), 4), fixed(t.y(), 4), fixed(t.z(), 4),
+                fixed(degrees(angles.x()), 3), fixed(degrees(angles.y()), 3),
+                fixed(degrees(angles.z()), 3), fixed(absolute.truth_from_estimate.scale(), 6));
   print_errors(evaluation);
 }
 
@@ -214,7 +213,7 @@ HandEye EvaluateTrajectoryArguments::find_hand_eye(const Trajectory& estimated,
   HandEyeOptions how = hand_eye_options;
   how.with_scale = options.alignment == TrajectoryAlignment::kSim3;
   HandEyeResult result = estimate_hand_eye(estimated, true_one, how);
-  if (!result.hand_eye) throw Error(ErrorKind::kInput, estimate, result.reason, "");
+  reject_if(!result.hand_eye, estimate, result.reason, "");
   return *result.hand_eye;
 }
 
@@ -243,7 +242,7 @@ void EvaluateTrajectoryArguments::print_hand_eye(const HandEye& found,
   const Rigid3& pose = found.body_from_camera;
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Vector3d turn = rotation_log(pose.quaternion());
-  console.print(fmt::format(
+  console.print(
       "\n"
       "hand-eye  body_from_camera, from {} poses; +- one standard deviation\n"
       "          rotation {} +- {} deg (about x {} y {} z {}), translation {} +- {} m (x {} y {} z "
@@ -255,7 +254,7 @@ void EvaluateTrajectoryArguments::print_hand_eye(const HandEye& found,
       fixed(degrees(deviation_of(found.covariance, 3)), 3), fixed(degrees(turn.x()), 3),
       fixed(degrees(turn.y()), 3), fixed(degrees(turn.z()), 3), fixed(t.norm(), 4),
       fixed(deviation_of(found.covariance, 0), 4), fixed(t.x(), 4), fixed(t.y(), 4),
-      fixed(t.z(), 4), fixed(found.clock_offset_s, 4), fixed(found.clock_offset_deviation_s, 4)));
+      fixed(t.z(), 4), fixed(found.clock_offset_s, 4), fixed(found.clock_offset_deviation_s, 4));
   print_errors(after);
 }
 
@@ -286,9 +285,7 @@ int EvaluateTrajectoryArguments::run() {
   const LoadedTrajectory true_one = load_trajectory(truth, log);
   const TrajectoryEvaluation evaluation =
       evaluate_trajectory(estimated.trajectory, true_one.trajectory, options);
-  if (!evaluation.absolute) {
-    throw Error(ErrorKind::kInput, estimate, evaluation.reason, "");
-  }
+  reject_if(!evaluation.absolute, estimate, evaluation.reason, "");
 
   Json json = document("evaluate_trajectory", common,
                        {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
@@ -313,7 +310,7 @@ int EvaluateTrajectoryArguments::run() {
     found = find_hand_eye(estimated.trajectory, true_one.trajectory);
     after = evaluate_trajectory(estimated.trajectory, corrected_truth(true_one.trajectory, *found),
                                 options);
-    if (!after.absolute) throw Error(ErrorKind::kInput, estimate, after.reason, "");
+    reject_if(!after.absolute, estimate, after.reason, "");
     json["hand_eye"] = hand_eye_json(*found);
     json["hand_eye"].update(errors_json(after, options));
   }

@@ -365,7 +365,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
   const LandmarkMap& map = loaded.map;
   console.print(loaded.path + "\n");
   for (const auto& [name, value] : properties(map, findings)) {
-    console.print(fmt::format("  {:<22}  {}\n", name, value));
+    console.print("  {:<22}  {}\n", name, value);
   }
   if (map.landmark_count() > 0) {
     Table table({"confidence", "lowest", "median", "mean", "highest"});
@@ -381,7 +381,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
     }
   }
   if (findings.conventions.verdict != ConventionVerdict::kNotChecked) {
-    console.print(fmt::format("\nconventions: {}\n", findings.conventions.sentence));
+    console.print("\nconventions: {}\n", findings.conventions.sentence);
   }
   if (!findings.warnings.empty()) console.print("\n");
   for (const std::string& warning : findings.warnings) {
@@ -488,7 +488,7 @@ bool InfoArguments::describe_graph() const {
   json["length_unit"] = nullptr;
   write_document(json, common);
   const auto line = [&](std::string_view name, std::string_view value) {
-    console.print(fmt::format("  {:<22}  {}\n", name, value));
+    console.print("  {:<22}  {}\n", name, value);
   };
   console.print(input + "\n");
   line("pose graph", has_g2o ? "g2o" : "JSON of Cairn");

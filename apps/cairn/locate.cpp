@@ -206,10 +206,8 @@ int LocateArguments::run() {
   with_option_names({{"LocateOptions.min_probability", "--min-probability"},
                      {"FeatureOptions.count", "--features"}},
                     [&] { options.validate(); });
-  if (!depth.empty() && images.size() != 1) {
-    throw Error(ErrorKind::kMisuse, "--depth", fmt::format("given for {} images", images.size()),
-                "one image");
-  }
+  refuse_if(!depth.empty() && images.size() != 1, "--depth",
+            fmt::format("given for {} images", images.size()), "one image");
   require_outputs(common);
   require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
   if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
@@ -218,9 +216,7 @@ int LocateArguments::run() {
   const CameraFile file = load_camera_of(loaded.map);
   const double units = depth_units.value_or(
       file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));
-  if (!(units > 0.0)) {
-    throw Error(ErrorKind::kMisuse, "--depth-units", fmt::format("{}", units), "a positive number");
-  }
+  refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
   std::optional<ImageLocator> locator;
   const std::string descriptors = map + ": descriptors";
   with_option_names({{"descriptors", descriptors}},

@@ -197,10 +197,8 @@ CameraFile MapArguments::load_camera() const {
   if (!camera.empty()) return cli::load_camera(camera);
   const fs::path beside = fs::path(sequence) / "camera.yaml";
   std::error_code ignored;
-  if (!fs::is_regular_file(beside, ignored)) {
-    throw Error(ErrorKind::kMisuse, "--camera", "not given, and there is no " + beside.string(),
-                kCameraHelp);
-  }
+  refuse_if(!fs::is_regular_file(beside, ignored), "--camera",
+            "not given, and there is no " + beside.string(), kCameraHelp);
   FileReader file(beside);
   return read_camera_file(file);
 }
@@ -221,25 +219,19 @@ MiniMapLength parse_length(const std::string& text) {
     const auto frames = parse_unsigned(number);
     if (frames && *frames >= 2) length.frames = *frames;
   }
-  if (!length.metres && !length.frames) {
-    throw Error(ErrorKind::kMisuse, "--mini-map-length", printable(text),
-                "metres of path such as 1m, or at least 2 frames such as 50f");
-  }
+  refuse_if(!length.metres && !length.frames, "--mini-map-length", printable(text),
+            "metres of path such as 1m, or at least 2 frames such as 50f");
   return length;
 }
 
 Rigid3 parse_start_pose(const std::string& text) {
   constexpr std::string_view kExpected = "\"tx ty tz qw qx qy qz\", the quaternion of norm 1";
   const std::vector<double> n = parse_numbers(text, "--start-pose", kExpected);
-  if (n.size() != 7) {
-    throw Error(ErrorKind::kMisuse, "--start-pose", fmt::format("{} numbers", n.size()), kExpected);
-  }
+  refuse_if(n.size() != 7, "--start-pose", fmt::format("{} numbers", n.size()), kExpected);
   const Eigen::Quaterniond rotation(n[3], n[4], n[5], n[6]);
   constexpr double kTolerance = 1e-3;
-  if (!(std::abs(rotation.norm() - 1.0) <= kTolerance)) {
-    throw Error(ErrorKind::kMisuse, "--start-pose",
-                fmt::format("the quaternion's norm is {}", rotation.norm()), kExpected);
-  }
+  refuse_if(!(std::abs(rotation.norm() - 1.0) <= kTolerance), "--start-pose",
+            fmt::format("the quaternion's norm is {}", rotation.norm()), kExpected);
   return {rotation, {n[0], n[1], n[2]}};
 }
 
@@ -469,9 +461,7 @@ void MapArguments::print(const MappedSequence& mapped, const LandmarkCounts& lan
 
 int MapArguments::run() {
   // Not CLI11's own check, which would come before that of options it does not know.
-  if (output.empty()) {
-    throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
-  }
+  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
   require_folder_of(common.json_path);
   if (!trajectory.empty()) require_folder_of(trajectory);
   if (mini_map_length.empty()) {
@@ -576,11 +566,9 @@ void MapArguments::run_odometry(const CameraFile& camera_file,
   }
   const MappedSequence& mapped = closed.mapped;
   const double seconds = watch.seconds();
-  if (mapped.maps.empty()) {
-    throw Error(ErrorKind::kInput, sequence,
-                fmt::format("none of {} frames could be tracked", mapped.frames),
-                "frames with depth and texture");
-  }
+  reject_if(mapped.maps.empty(), sequence,
+            fmt::format("none of {} frames could be tracked", mapped.frames),
+            "frames with depth and texture");
   write(mapped);
   const LandmarkCounts landmarks = count_landmarks(mapped.maps);
   Json json = describe(mapped, landmarks, camera_file);

@@ -91,9 +91,8 @@ std::vector<ListedMap> MergeArguments::listed() const {
   std::vector<ListedMap> maps = listed_maps(paths);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     const std::string& file = maps[i].file;
-    if (is_same_file(file, output)) {
-      throw Error(ErrorKind::kMisuse, "--output", output + " is one of the maps", "another file");
-    }
+    refuse_if(is_same_file(file, output), "--output", output + " is one of the maps",
+              "another file");
     for (std::size_t j = 0; j < i; ++j) {
       const std::string& other = maps[j].file;
       if (!is_same_file(file, other)) continue;
@@ -103,10 +102,7 @@ std::vector<ListedMap> MergeArguments::listed() const {
           "each map once; a repeated map would count as independent evidence");
     }
   }
-  if (maps.size() < 2) {
-    throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} given", maps.size()),
-                "at least two maps");
-  }
+  refuse_if(maps.size() < 2, "maps", fmt::format("{} given", maps.size()), "at least two maps");
   return maps;
 }
 
@@ -180,9 +176,7 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
 int MergeArguments::run() {
   // What the command line says is checked before any file is read.
   // Not CLI11's own check, which would come before that of options it does not know.
-  if (output.empty()) {
-    throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
-  }
+  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
   require_map_path(output, "--output");
   require_outputs(common);
   check_options();
@@ -237,7 +231,7 @@ int MergeArguments::run() {
   console.print(placement_text(result, names));
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (result.maps[i].placed) continue;
-    console.print(fmt::format("left out {}: {}\n", names[i], result.maps[i].reason));
+    console.print("left out {}: {}\n", names[i], result.maps[i].reason);
   }
   // Two maps may share their likeliest link, whose reason is long.
   std::set<std::size_t> likeliest;
@@ -246,8 +240,8 @@ int MergeArguments::run() {
   }
   for (const std::size_t index : likeliest) {
     const MapLink& link = result.links[index];
-    console.print(fmt::format("{}: {} <- {}: {}\n", link_status(link.verdict), names[link.target],
-                              names[link.source], link.reason));
+    console.print("{}: {} <- {}: {}\n", link_status(link.verdict), names[link.target],
+                  names[link.source], link.reason);
   }
   if (!likeliest.empty()) {
     console.print(
@@ -259,8 +253,8 @@ int MergeArguments::run() {
     const bool contradicted = pose_link(link) && !result.used[i] &&
                               result.maps[link.target].placed && result.maps[link.source].placed;
     if (!contradicted) continue;
-    console.print(fmt::format("not used: {} <- {} {}: other links contradict it\n",
-                              names[link.target], names[link.source], sureness(link)));
+    console.print("not used: {} <- {} {}: other links contradict it\n", names[link.target],
+                  names[link.source], sureness(link));
   }
   if (result.map) {
     std::string text = fmt::format("{} landmarks became {}", with_commas(before),
@@ -270,9 +264,9 @@ int MergeArguments::run() {
     }
     console.print(text + "\n");
     console.print(adjustment_text(result.adjustment));
-    console.print(fmt::format("wrote {}\n", output));
+    console.print("wrote {}\n", output);
   } else {
-    console.print(fmt::format("{} is not written: no two maps are aligned\n", output));
+    console.print("{} is not written: no two maps are aligned\n", output);
   }
   if (!common.report_path.empty()) {
     report::Report report = begin_report(file_name(output), common);

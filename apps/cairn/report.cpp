@@ -211,14 +211,13 @@ void Assembly::add_file(const std::string& path) {
   }
   refuse_sequence(path);
   const std::optional<Json> parsed = Json::parse(text, path);
-  if (!parsed) throw Error(ErrorKind::kInput, path, "is not valid JSON", kExpected);
+  reject_if(!parsed, path, "is not valid JSON", kExpected);
   const std::string* const named = parsed->at("schema").at("name").text();
   const std::string schema = named != nullptr ? *named : "";
   const Reader reader = reader_of(schema);
-  if (reader == nullptr) {
-    throw Error(ErrorKind::kInput, path,
-                named != nullptr ? "schema.name is " + printable(schema) : "has no schema.name", kExpected);
-  }
+  reject_if(reader == nullptr, path,
+            named != nullptr ? "schema.name is " + printable(schema) : "has no schema.name",
+            kExpected);
   add_input(role("result"), inputs_.back());
   (this->*reader)(text, path);
 }
@@ -323,10 +322,8 @@ void Assembly::add_experiment(const std::string& folder) {
   const auto text_of = [&](const char* name) { return read_file(path_of(name)); };
   const std::string path = path_of("experiment.json");
   std::error_code failure;  // the reader explains it
-  if (!std::filesystem::exists(path, failure) && !failure) {
-    throw Error(ErrorKind::kInput, folder,
-                "holds no experiment.json: no experiment was completed here", kExpected);
-  }
+  reject_if(!std::filesystem::exists(path, failure) && !failure, folder,
+            "holds no experiment.json: no experiment was completed here", kExpected);
   const std::string text = text_of("experiment.json");
   const Json document = Json::parse(text, path).value_or(Json());
   const std::string* const named = document.at("experiment").text();
@@ -360,10 +357,8 @@ void Assembly::add_paper_experiment(const std::string& text, const std::string& 
   PaperResults results;
   results.runs = std::move(runs);
   const std::size_t expected = published_experiments().size() * kPaperStrategies.size();
-  if (results.runs.size() != expected || saved.agreement.agrees.size() != expected) {
-    throw Error(ErrorKind::kInput, folder, fmt::format("{} runs", results.runs.size()),
-                fmt::format("{}", expected));
-  }
+  reject_if(results.runs.size() != expected || saved.agreement.agrees.size() != expected, folder,
+            fmt::format("{} runs", results.runs.size()), fmt::format("{}", expected));
   results.has_truth = saved.truth.has_value();
   results.success_score = saved.success_score;
   results.agreement = saved.agreement;
@@ -404,9 +399,7 @@ void Assembly::finish() {
 }
 
 int ReportArguments::run() {
-  if (common.report_path.empty()) {
-    throw Error(ErrorKind::kMisuse, "--output", "not given", "the HTML file to write");
-  }
+  refuse_if(common.report_path.empty(), "--output", "not given", "the HTML file to write");
   require_outputs(common);
   Assembly assembly(begin_report(title, common), common,
                     {sequence, source_sequence, target_sequence}, results.size() > 1);

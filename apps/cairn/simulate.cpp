@@ -107,9 +107,8 @@ void SimulateArguments::check() {
         std::clamp(std::round(*duration_s * path_options.rate_hz), 1.0, 1e7));
   }
   if (frames || !path_is_file()) path_options.frames = frames.value_or(path_options.frames);
-  if (color_format != "png" && color_format != "jpeg") {
-    throw Error(ErrorKind::kMisuse, "--color-format", printable(color_format), "png or jpeg");
-  }
+  refuse_if(color_format != "png" && color_format != "jpeg", "--color-format",
+            printable(color_format), "png or jpeg");
   environment_options.seed = common.seed;
   // A given trajectory knows one plan alone.
   environment_options.layout = layout ? layout : path_is_file() ? 1 : common.seed;
@@ -131,10 +130,8 @@ void SimulateArguments::refuse_existing() const {
   if (SequenceWriter::is_unfinished(folder)) return;
   for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
     std::error_code ignored;  // writing explains it
-    if (std::filesystem::exists(std::filesystem::path(folder) / name, ignored)) {
-      throw Error(ErrorKind::kMisuse, folder, fmt::format("holds {} already", name),
-                  "a new folder");
-    }
+    refuse_if(std::filesystem::exists(std::filesystem::path(folder) / name, ignored), folder,
+              fmt::format("holds {} already", name), "a new folder");
   }
 }
 
@@ -150,9 +147,9 @@ Trajectory SimulateArguments::make_trajectory(const Environment& place) const {
       });
   if (near > 0) {
     common.console().remark(
-        fmt::format("{}: {} of {} poses lie less than {} cm from something in "
-                    "the {}",
-                    path, near, result.size(), 100.0 * kTouching, environment));
+        "{}: {} of {} poses lie less than {} cm from something in "
+        "the {}",
+        path, near, result.size(), 100.0 * kTouching, environment);
   }
   return result;
 }
@@ -276,7 +273,7 @@ int SimulateArguments::run() {
   const auto seconds = [](auto duration) {
     return std::chrono::duration<double>(duration).count();
   };
-  common.console().print(fmt::format(
+  common.console().print(
       "{}: {} frames of {} x {}, {:.1f} s along {:.1f} m of path\n"
       "  {} objects, of which {} movable and {} moved\n"
       "  made in {:.1f} s and {:.1f} s to set up: {:.0f} frames a second\n",
@@ -284,7 +281,7 @@ int SimulateArguments::run() {
       simulator.trajectory().duration_s(), simulator.trajectory().length(), objects.size(),
       count_of(&SceneObject::movable), count_of(&SceneObject::moved), seconds(end - ready),
       seconds(ready - start),
-      static_cast<double>(simulator.frame_count()) / std::max(seconds(end - ready), 1e-9)));
+      static_cast<double>(simulator.frame_count()) / std::max(seconds(end - ready), 1e-9));
   return kDone;
 }
 

@@ -204,17 +204,15 @@ std::vector<Option> add_options(const Command& command, const OptionTable& table
 
 double parse_real(const std::string& word, const std::string& option) {
   const auto number = parse_number(word);
-  if (!number) throw Error(ErrorKind::kMisuse, option, printable(word), "a finite decimal number");
+  refuse_if(!number, option, printable(word), "a finite decimal number");
   return *number;
 }
 
 std::uint64_t parse_whole(const std::string& word, const std::string& option,
                           std::uint64_t largest) {
   const auto number = parse_unsigned(word);
-  if (!number) throw Error(ErrorKind::kMisuse, option, printable(word), "a whole number");
-  if (*number > largest) {
-    throw Error(ErrorKind::kMisuse, option, word, fmt::format("at most {}", largest));
-  }
+  refuse_if(!number, option, printable(word), "a whole number");
+  refuse_if(*number > largest, option, word, fmt::format("at most {}", largest));
   return *number;
 }
 
@@ -253,9 +251,7 @@ std::vector<double> parse_numbers(std::string_view text, std::string_view option
   std::vector<double> numbers;
   for (const std::string_view word : words_of(text, kSeparators)) {
     const auto number = parse_number(word);
-    if (!number) {
-      throw Error(ErrorKind::kMisuse, option, printable(word) + " is no number", expected);
-    }
+    refuse_if(!number, option, printable(word) + " is no number", expected);
     numbers.push_back(*number);
   }
   return numbers;
@@ -264,14 +260,10 @@ std::vector<double> parse_numbers(std::string_view text, std::string_view option
 Rigid3 parse_pose(const std::string& text, std::string_view option) {
   constexpr std::string_view kExpected = "6, in one quoted argument: \"x y z roll pitch yaw\"";
   const std::vector<double> n = parse_numbers(text, option, kExpected);
-  if (n.size() != 6) {
-    throw Error(ErrorKind::kMisuse, option, fmt::format("{} numbers", n.size()), kExpected);
-  }
+  refuse_if(n.size() != 6, option, fmt::format("{} numbers", n.size()), kExpected);
   const std::string_view defect = coordinate_defect({n[0], n[1], n[2]});
-  if (!defect.empty()) {
-    throw Error(ErrorKind::kMisuse, option, fmt::format("the translation {}", defect),
-                kExpectedCoordinates);
-  }
+  refuse_if(!defect.empty(), option, fmt::format("the translation {}", defect),
+            kExpectedCoordinates);
   return Rigid3::from_roll_pitch_yaw({n[0], n[1], n[2]}, radians(n[3]), radians(n[4]),
                                      radians(n[5]));
 }
@@ -350,10 +342,8 @@ CameraFile load_camera(const std::string& text) {
   }
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
   std::error_code failure;  // the reader explains it
-  if (!std::filesystem::exists(text, failure) && !failure) {
-    throw Error(ErrorKind::kInput, "--camera", printable(text) + " is no camera and no file",
-                kCameraHelp);
-  }
+  reject_if(!std::filesystem::exists(text, failure) && !failure, "--camera",
+            printable(text) + " is no camera and no file", kCameraHelp);
   FileReader file(text);
   return read_camera_file(file);
 }
@@ -369,17 +359,14 @@ Camera parse_camera(const std::string& text) {
     const std::vector<double> numbers = parse_numbers(rest, "--camera", kExpected);
     constexpr double kLargest = 1e6;
     const auto is_size = [&](double n) { return n >= 1.0 && n <= kLargest && n == std::floor(n); };
-    if (numbers.size() < 2 || !is_size(numbers[0]) || !is_size(numbers[1])) {
-      throw Error(ErrorKind::kMisuse, "--camera", "no image size", kExpected);
-    }
+    refuse_if(numbers.size() < 2 || !is_size(numbers[0]) || !is_size(numbers[1]), "--camera",
+              "no image size", kExpected);
     camera.width = static_cast<std::uint32_t>(numbers[0]);
     camera.height = static_cast<std::uint32_t>(numbers[1]);
     camera.parameters.assign(numbers.begin() + 2, numbers.end());
   }
   const std::string defect = camera_defect(camera);
-  if (!defect.empty()) {
-    throw Error(ErrorKind::kMisuse, "--camera", defect, kExpected);
-  }
+  refuse_if(!defect.empty(), "--camera", defect, kExpected);
   return camera;
 }
 

@@ -36,12 +36,9 @@ void AtlasArguments::add_at_to(const Command& command) {
 }
 
 AtlasStoreOptions AtlasArguments::store_options(bool read_only) const {
-  if (location.empty()) {
-    throw Error(ErrorKind::kMisuse, "--atlas", "not given", "an atlas");
-  }
-  if (!(wait_s >= 0.0 && wait_s <= 1e6)) {
-    throw Error(ErrorKind::kMisuse, "--wait", fmt::format("{}", wait_s), "0 to 1e6 seconds");
-  }
+  refuse_if(location.empty(), "--atlas", "not given", "an atlas");
+  refuse_if(!(wait_s >= 0.0 && wait_s <= 1e6), "--wait", fmt::format("{}", wait_s),
+            "0 to 1e6 seconds");
   AtlasStoreOptions options;
   options.read_only = read_only;
   options.insist = insist;

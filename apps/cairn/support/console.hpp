@@ -5,6 +5,9 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include "cairn/core/log.hpp"
 #include "cairn/core/progress.hpp"
@@ -30,8 +33,18 @@ class Console {
 
   /// Part of the answer, as is.
   void print(std::string_view text) const;
+  template <class... Args>
+    requires(sizeof...(Args) > 0)
+  void print(fmt::format_string<Args...> text, Args&&... args) const {
+    print(fmt::format(text, std::forward<Args>(args)...));
+  }
   /// A remark, one line.
   void remark(std::string_view text) const;
+  template <class... Args>
+    requires(sizeof...(Args) > 0)
+  void remark(fmt::format_string<Args...> text, Args&&... args) const {
+    remark(fmt::format(text, std::forward<Args>(args)...));
+  }
   LogSink log() const;
 
   /// A bar on a terminal, once the work has taken over a second; it clears itself.

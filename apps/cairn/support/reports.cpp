@@ -164,7 +164,7 @@ std::vector<report::FrameImage> images_of(const LandmarkMap&, const std::string&
 void write_report(const report::Report& report, const CommonArguments& common) {
   if (common.report_path.empty()) return;
   report::save_report(report, common.report_path);
-  common.console().print(fmt::format("\nwrote {}\n", common.report_path));
+  common.console().print("\nwrote {}\n", common.report_path);
 }
 
 }  // namespace cairn::cli

@@ -557,12 +557,12 @@ constinit const OptionTable AlignOptions::table = {"AlignOptions", kAlignFields}
 
 void AlignOptions::validate() const {
   check_options(*this);
-  require_option(method != AlignMethod::kIcp || !scale, "AlignOptions.scale", "given with ICP",
-                 "AlignMethod::kRobust");
+  refuse_if(method == AlignMethod::kIcp && scale.has_value(), "AlignOptions.scale",
+            "given with ICP", "AlignMethod::kRobust");
   if (prior) {
     const double unit = prior->target_from_source.scale();
-    require_option(scale || std::abs(unit - 1.0) < 1e-9, "AlignOptions.prior.target_from_source",
-                   fmt::format("scale {}", unit), "1, or AlignOptions.scale");
+    refuse_if(!scale && !(std::abs(unit - 1.0) < 1e-9), "AlignOptions.prior.target_from_source",
+              fmt::format("scale {}", unit), "1, or AlignOptions.scale");
     if (prior->covariance) {
       const Matrix6d& covariance = *prior->covariance;
       const bool finite = covariance.allFinite();
@@ -570,8 +570,8 @@ void AlignOptions::validate() const {
           finite && (covariance - covariance.transpose()).norm() <= 1e-9 * covariance.norm();
       const bool valid =
           symmetric && symmetric_eigenvalues<6>(covariance)[0] >= -1e-9 * covariance.norm();
-      require_option(valid, "AlignOptions.prior.covariance", "no covariance",
-                     "a symmetric matrix without negative eigenvalues");
+      refuse_if(!valid, "AlignOptions.prior.covariance", "no covariance",
+                "a symmetric matrix without negative eigenvalues");
     }
   }
   placement_of(*this).validate();
@@ -641,8 +641,8 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
 
 Alignment align(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options) {
   options.validate();
-  require_option(options.method != AlignMethod::kIcp, "AlignOptions.method", "icp",
-                 "kRobust for prepared maps");
+  refuse_if(options.method == AlignMethod::kIcp, "AlignOptions.method", "icp",
+            "kRobust for prepared maps");
   return timed(options, [&] { return aligned(source, target, options); });
 }
 

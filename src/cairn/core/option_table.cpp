@@ -2,6 +2,7 @@
 #include "cairn/core/option_table.hpp"
 
 #include <cmath>
+#include <string>
 #include <type_traits>
 
 #include <fmt/format.h>
@@ -42,13 +43,14 @@ void check_options(const OptionTable& table, const void* options) {
   }
 }
 
-void require_option(bool valid, std::string_view option, const std::string& what,
-                    std::string_view expected) {
-  if (!valid) throw Error(ErrorKind::kMisuse, option, what, expected);
+void refuse_if(bool wrong, std::string_view option, std::string_view what,
+               std::string_view expected) {
+  if (wrong) throw Error(ErrorKind::kMisuse, option, what, expected);
 }
 
-void require_option(bool valid, std::string_view option, double value, std::string_view expected) {
-  require_option(valid, option, fmt::format("{}", value), expected);
+void reject_if(bool wrong, std::string_view file, std::string_view what,
+               std::string_view expected) {
+  if (wrong) throw Error(ErrorKind::kInput, file, what, expected);
 }
 
 }  // namespace cairn

@@ -94,8 +94,8 @@ constinit const OptionTable SensorOptions::table = {"SensorOptions", kSensorFiel
 
 void SensorOptions::validate() const {
   check_options(*this);
-  require_option(max_depth_m > min_depth_m, "SensorOptions.max_depth_m", max_depth_m,
-                 fmt::format("more than min_depth_m, {}", min_depth_m));
+  refuse_if(max_depth_m <= min_depth_m, "SensorOptions.max_depth_m", fmt::format("{}", max_depth_m),
+            fmt::format("more than min_depth_m, {}", min_depth_m));
 }
 
 std::vector<std::uint8_t> expose(const RenderedFrame& frame, const SensorOptions& options,

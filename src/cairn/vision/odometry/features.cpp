@@ -230,8 +230,8 @@ constinit const OptionTable FeatureOptions::table = {"FeatureOptions", kFeatureF
 
 void FeatureOptions::validate() const {
   check_options(*this);
-  require_option(least_threshold <= threshold, "FeatureOptions.least_threshold", least_threshold,
-                 "1 to threshold");
+  refuse_if(least_threshold > threshold, "FeatureOptions.least_threshold",
+            fmt::format("{}", least_threshold), "1 to threshold");
 }
 
 FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& options)
