@@ -34,7 +34,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct MergeArguments {
+struct MergeMapsArguments {
   CommonArguments common;
   std::vector<std::string> paths;
   std::string output;
@@ -49,7 +49,7 @@ struct MergeArguments {
   Json options_json() const;
 };
 
-void MergeArguments::add_to(const Command& command) {
+void MergeMapsArguments::add_to(const Command& command) {
   command
       .add_words("maps", paths,
                  "Maps of one place: " + all_formats().titles_text() +
@@ -78,7 +78,7 @@ void MergeArguments::add_to(const Command& command) {
       "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
 }
 
-void MergeArguments::check_options() const {
+void MergeMapsArguments::check_options() const {
   with_option_names({AlignOptions::table}, [&] { options.validate(); });
 }
 
@@ -87,7 +87,7 @@ bool is_same_file(const std::string& a, const std::string& b) {
   return fs::equivalent(a, b, ignored);
 }
 
-std::vector<ListedMap> MergeArguments::listed() const {
+std::vector<ListedMap> MergeMapsArguments::listed() const {
   std::vector<ListedMap> maps = listed_maps(paths);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     const std::string& file = maps[i].file;
@@ -106,7 +106,7 @@ std::vector<ListedMap> MergeArguments::listed() const {
   return maps;
 }
 
-Json MergeArguments::options_json() const {
+Json MergeMapsArguments::options_json() const {
   return {{"min_probability", options.links.min_probability},
           {"prior_odds", options.links.prior_odds},
           {"effort", options.links.effort},
@@ -173,7 +173,7 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
   return text + "\n";
 }
 
-int MergeArguments::run() {
+int MergeMapsArguments::run() {
   // What the command line says is checked before any file is read.
   // Not CLI11's own check, which would come before that of options it does not know.
   refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
@@ -282,7 +282,7 @@ int MergeArguments::run() {
 }  // namespace
 
 void add_merge(const Command& program) {
-  add_verb<MergeArguments>(program, "merge", "Merge maps of one place into one");
+  add_verb<MergeMapsArguments>(program, "merge", "Merge maps of one place into one");
 }
 
 }  // namespace cairn::cli

@@ -601,7 +601,7 @@ struct MergeKeywords : Selection {
   MergePlacedOptions placed;
 };
 
-const Keywords<MergeKeywords>& merge_keywords() {
+const Keywords<MergeKeywords>& atlas_merge_keywords() {
   static const auto table = [] {
     Keywords<MergeKeywords> keywords("merge");
     keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
@@ -650,7 +650,7 @@ Merged merged_of(const AtlasState& state, AtlasMerged found) {
 
 Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   CallOptions call;
-  const MergeKeywords keywords = merge_keywords().read(given, &call);
+  const MergeKeywords keywords = atlas_merge_keywords().read(given, &call);
   keywords.placed.validate();
   Merged merged;
   std::vector<std::string> remarks;
@@ -960,7 +960,7 @@ void bind_reading(AtlasClass& atlas) {
            "The chain of aligned links between two maps with the most certain transform; None if "
            "no chain\nconnects them.")
       .def("merge", &merge_atlas,
-           kept(merge_keywords().signature("$self") +
+           kept(atlas_merge_keywords().signature("$self") +
                 "Merges the maps of one group into one map, in the frame of the first. Does not "
                 "change the atlas.\n"
                 "The result also describes the maps that were left out.\n\n"

@@ -11,6 +11,7 @@
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/first_keyframe.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/evaluation/map_defects.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"
 #include "cairn/formats/trajectory_file.hpp"
@@ -402,6 +403,12 @@ void bind_map_evaluation(py::module_& module) {
       py::arg("map"),
       kept(consistency_table.signature("map", false) +
            "Computes reprojection and depth errors of a map's own observations. Needs no truth."));
+
+  module.def(
+      "map_defects",
+      [](const SharedMap& map) { return unlocked([&] { return map_defects(*map); }); },
+      py::arg("map"),
+      "map_defects(map)\n--\n\nWhat is wrong with a map or missing from it, one sentence each.");
 
   py::class_<CovarianceCalibration>(module, "CovarianceCalibration",
                                     "Calibration of landmark covariances. If they match the actual "
