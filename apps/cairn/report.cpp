@@ -32,7 +32,7 @@
 namespace cairn::cli {
 namespace {
 
-constexpr std::string_view kExpected =
+constexpr std::string_view kExpectedResult =
     "the JSON of 'cairn align' or 'cairn demo', the folder of an experiment, or a map";
 
 struct ReportArguments {
@@ -195,7 +195,7 @@ void Assembly::add_file(const std::string& path) {
   }
   if (!std::filesystem::is_regular_file(path, ignored)) {
     const FileReader says_why_it_cannot_be_read(path);
-    throw Error(ErrorKind::kInput, path, "no file", kExpected);
+    throw Error(ErrorKind::kInput, path, "no file", kExpectedResult);
   }
   inputs_.push_back(describe_file(path, common_));
   if (!looks_like_json(path)) {
@@ -211,13 +211,13 @@ void Assembly::add_file(const std::string& path) {
   }
   refuse_sequence(path);
   const std::optional<Json> parsed = Json::parse(text, path);
-  reject_if(!parsed, path, "is not valid JSON", kExpected);
+  reject_if(!parsed, path, "is not valid JSON", kExpectedResult);
   const std::string* const named = parsed->at("schema").at("name").text();
   const std::string schema = named != nullptr ? *named : "";
   const Reader reader = reader_of(schema);
   reject_if(reader == nullptr, path,
             named != nullptr ? "schema.name is " + printable(schema) : "has no schema.name",
-            kExpected);
+            kExpectedResult);
   add_input(role("result"), inputs_.back());
   (this->*reader)(text, path);
 }
@@ -323,7 +323,7 @@ void Assembly::add_experiment(const std::string& folder) {
   const std::string path = path_of("experiment.json");
   std::error_code failure;  // the reader explains it
   reject_if(!std::filesystem::exists(path, failure) && !failure, folder,
-            "holds no experiment.json: no experiment was completed here", kExpected);
+            "holds no experiment.json: no experiment was completed here", kExpectedResult);
   const std::string text = text_of("experiment.json");
   const Json document = Json::parse(text, path).value_or(Json());
   const std::string* const named = document.at("experiment").text();
@@ -341,7 +341,7 @@ void Assembly::add_experiment(const std::string& folder) {
               report::study_sections(study, analysis, runs), prefix());
   } else {
     throw Error(ErrorKind::kInput, path, "its experiment is neither 'paper' nor 'sweep'",
-                kExpected);
+                kExpectedResult);
   }
   if (document.contains("options")) options_[folder] = document.at("options");
   if (several_) {  // no one of them speaks for all

@@ -83,9 +83,9 @@ const Json::Object& Json::members() const {
   return members == nullptr ? none : *members;
 }
 
-bool Json::empty() const {
+std::size_t Json::size() const {
   const Array* const values = std::get_if<Array>(&value_);
-  return values == nullptr ? members().empty() : values->empty();
+  return values == nullptr ? members().size() : values->size();
 }
 
 std::string Json::dump(int indent) const {

@@ -39,7 +39,7 @@ class Json {
   Json(std::initializer_list<Json> values);
   explicit Json(const nlohmann::ordered_json& json);
 
-  static Json array() { return Json(Array()); }
+  static Json array(std::initializer_list<Json> values = {}) { return Json(Array(values)); }
   static Json object();
   /// @return std::nullopt if `text` is no JSON
   /// @throws Error (input) naming `name` if it is nested too deep; see parse_json()
@@ -56,10 +56,15 @@ class Json {
   /// Appends to an array.
   void push_back(Json value) { std::get<Array>(value_).push_back(std::move(value)); }
 
+  /// The last value of an array that has one.
+  Json& back() { return std::get<Array>(value_).back(); }
+
   bool is_null() const { return std::holds_alternative<std::nullptr_t>(value_); }
   /// Members of an object; none of another value.
   const Object& members() const;
-  bool empty() const;
+  /// Number of members, or of values of an array.
+  std::size_t size() const;
+  bool empty() const { return size() == 0; }
   /// Text; nullptr for other values.
   const std::string* text() const { return std::get_if<std::string>(&value_); }
 
