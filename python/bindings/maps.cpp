@@ -485,13 +485,13 @@ std::string described(const SharedMap& map) {
   return text + (map->info().length_unit == LengthUnit::kMetres ? ", metres" : ", free scale");
 }
 
-py::bytes packed(const SharedMap& map) {
+py::bytes packed_map(const SharedMap& map) {
   std::string bytes;
   unlocked([&] { write_binary(*map, [&](std::string_view piece) { bytes += piece; }); });
   return bytes;
 }
 
-SharedMap unpacked(const py::bytes& bytes) {
+SharedMap unpacked_map(const py::bytes& bytes) {
   const std::string_view text = bytes;
   return unlocked([&] {
     MemoryReader reader(text, "pickled LandmarkMap");
@@ -961,7 +961,7 @@ void bind_maps(py::module_& module) {
           py::arg("memo"));
   make_picklable(
       module, map, "restored_map",
-      [](const py::object& self) { return packed(self.cast<SharedMap>()); }, &unpacked);
+      [](const py::object& self) { return packed_map(self.cast<SharedMap>()); }, &unpacked_map);
 
   module.def(
       "read_map", &read, py::arg("path"),
