@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -45,35 +44,6 @@ int exit_code_of(cairn::ErrorKind kind) {
   return ExitCode::kInternalError;
 }
 
-bool asks_for_version(int argc, char** argv) {
-  if (argc != 2) return false;
-  const std::string_view word = argv[1];
-  return word == "--version" || word == "-V";
-}
-
-#ifdef CAIRN_WHOLE_TOOL
-// Whether the command needs no more than this executable, which has the quick verbs only.
-bool is_quick(int argc, char** argv) {
-  if (argc < 2) return false;
-  const std::string_view verb = argv[1];
-  return verb == "align" || verb == "info" || asks_for_version(argc, argv);
-}
-
-// Goes on as the whole tool; returns only if that cannot be started.
-int become_whole_tool(char** argv) {
-  std::error_code error;
-  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::filesystem::path tool = (self.parent_path() / CAIRN_WHOLE_TOOL).lexically_normal();
-  if (!error) {
-    ::execv(tool.c_str(), argv);
-    error = {errno, std::generic_category()};
-  }
-  print_error(fmt::format("cairn: {}: cannot be started: {}; it is a part of cairn\n",
-                          cairn::printable(tool.string()), error.message()));
-  return ExitCode::kInternalError;
-}
-#endif
-
 // A file opened while a standard stream is closed would take its number, and its messages.
 void occupy_standard_streams() {
   for (int descriptor = 0; descriptor <= 2; ++descriptor) {
@@ -82,11 +52,6 @@ void occupy_standard_streams() {
 }
 
 int run(int argc, char** argv) {
-  // Setting up all options takes longer than the answer.
-  if (asks_for_version(argc, argv)) {
-    fmt::print("cairn {}\n", cairn::kVersion);
-    return ExitCode::kDone;
-  }
   cairn::cli::Program program(
       "cairn", "Aligns, links and merges the landmark maps of visual SLAM.",
       std::string("cairn ") + cairn::kVersion,
@@ -94,7 +59,7 @@ int run(int argc, char** argv) {
       "Exit codes: 0 done; 1 internal or system error; 2 wrong usage; 3 bad input;\n"
       "4 no trustworthy alignment; 130 interrupted.");
   const cairn::cli::Command verbs = program.root();
-#ifdef CAIRN_WHOLE_TOOL
+#ifdef CAIRN_QUICK_VERBS_ONLY
   cairn::cli::add_info(verbs);
   cairn::cli::add_align(verbs);
 #else
@@ -193,9 +158,6 @@ void end_uncaught() {
 int main(int argc, char** argv) {
   default_end = std::set_terminate(end_uncaught);
   try {
-#ifdef CAIRN_WHOLE_TOOL
-    if (!is_quick(argc, argv)) return become_whole_tool(argv);
-#endif
     occupy_standard_streams();
     return work(argc, argv);
   } catch (...) {
