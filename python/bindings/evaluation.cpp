@@ -349,7 +349,7 @@ void bind_pose_error(py::module_& module) {
       "map or its landmarks (n, 3); the translation error is measured at their centroid.");
 }
 
-py::object with_nan(const std::vector<std::optional<double>>& values) {
+py::object nan_where_unknown(const std::vector<std::optional<double>>& values) {
   std::vector<double> numbers;
   for (const auto& value : values) numbers.push_back(value.value_or(std::nan("")));
   return copied(numbers);
@@ -379,10 +379,11 @@ void bind_map_evaluation(py::module_& module) {
       .def_readonly("missing_for_depth", &MapConsistency::missing_for_depth)
       .def_property_readonly(
           "reprojection_px",
-          [](const MapConsistency& self) { return with_nan(self.reprojection_px); },
+          [](const MapConsistency& self) { return nan_where_unknown(self.reprojection_px); },
           "(o,), NaN where unknown; empty if the map lacks the input.")
-      .def_property_readonly("depth_errors",
-                             [](const MapConsistency& self) { return with_nan(self.depth_errors); })
+      .def_property_readonly(
+          "depth_errors",
+          [](const MapConsistency& self) { return nan_where_unknown(self.depth_errors); })
       .def("__repr__", [](const MapConsistency& self) {
         if (!self.reprojection)
           return "<MapConsistency: without " + self.missing_for_reprojection + ">";
@@ -431,7 +432,7 @@ void bind_map_evaluation(py::module_& module) {
           },
           "Share of landmarks within the 95 % ellipsoid.")
       .def_property_readonly(
-          "nees", [](const CovarianceCalibration& self) { return with_nan(self.nees); },
+          "nees", [](const CovarianceCalibration& self) { return nan_where_unknown(self.nees); },
           "(n,), NaN for a landmark that could not be evaluated.")
       .def_readonly("without_truth", &CovarianceCalibration::without_truth)
       .def_readonly("without_covariance", &CovarianceCalibration::without_covariance)
