@@ -12,7 +12,7 @@ function(cairn_target_settings target)
 endfunction()
 
 # cairn_unity(TARGET): with CAIRN_UNITY_BUILD, compiles the sources of a target up to twelve at a time. Most of the time
-# goes into what they share (Eigen, CLI11, GoogleTest, and the templates of all three), so this halves it.
+# goes into what they share (Eigen, GoogleTest, and the templates of both), so this halves it.
 function(cairn_unity target)
   if(NOT CAIRN_UNITY_BUILD)
     return()
