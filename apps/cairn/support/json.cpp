@@ -10,6 +10,13 @@
 
 namespace cairn::cli {
 
+Json::Json() = default;
+Json::Json(const Json&) = default;
+Json::Json(Json&&) noexcept = default;
+Json& Json::operator=(const Json&) = default;
+Json& Json::operator=(Json&&) noexcept = default;
+Json::~Json() = default;
+
 Json::Json(std::initializer_list<Json> values) {
   const bool is_object = std::all_of(values.begin(), values.end(), [](const Json& value) {
     const Array* const pair = std::get_if<Array>(&value.value_);
@@ -67,6 +74,14 @@ const Json& Json::at(std::string_view name) const {
   static const Json absent;
   const Json* const found = find(name);
   return found == nullptr ? absent : *found;
+}
+
+void Json::push_back(Json value) {
+  std::get<Array>(value_).push_back(std::move(value));
+}
+
+Json& Json::back() {
+  return std::get<Array>(value_).back();
 }
 
 void Json::erase(std::string_view name) {

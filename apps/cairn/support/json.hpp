@@ -23,7 +23,13 @@ class Json {
   using Array = std::vector<Json>;
   using Object = std::vector<std::pair<std::string, Json>>;
 
-  Json() = default;
+  Json();
+  // Not inlined: a document is built by hundreds of them.
+  [[gnu::noinline]] Json(const Json&);
+  [[gnu::noinline]] Json(Json&&) noexcept;
+  [[gnu::noinline]] Json& operator=(const Json&);
+  [[gnu::noinline]] Json& operator=(Json&&) noexcept;
+  [[gnu::noinline]] ~Json();
   Json(std::nullptr_t) {}
   Json(bool value) : value_(value) {}
   template <std::unsigned_integral Number>
@@ -54,10 +60,10 @@ class Json {
   /// Sets all members of another object.
   void update(const Json& other);
   /// Appends to an array.
-  void push_back(Json value) { std::get<Array>(value_).push_back(std::move(value)); }
+  void push_back(Json value);
 
   /// The last value of an array that has one.
-  Json& back() { return std::get<Array>(value_).back(); }
+  Json& back();
 
   bool is_null() const { return std::holds_alternative<std::nullptr_t>(value_); }
   /// Members of an object; none of another value.
