@@ -264,13 +264,7 @@ void AlignArguments::print(const LoadedMap& source_map, const LoadedMap& target_
   for (const StrategyResult& each : results) {
     console.print(alignment_text(each, unit, with_scale, by_parts));
     if (!has_answer(each.alignment)) {
-      console.print(hints(each.alignment, source_map.map, target_map.map,
-                          {.points = options.points,
-                           .min_probability = options.min_probability,
-                           .by_icp = !is_robust(),
-                           .has_initial = has_initial(),
-                           .with_scale = with_scale,
-                           .by_parts = by_parts}));
+      console.print(hints(each.alignment, source_map.map, target_map.map, options, with_scale));
     }
   }
   if (!has_answer(results.front().alignment)) return;

@@ -48,7 +48,7 @@ struct EvaluateMapArguments {
   std::string truth_depth;
   std::size_t min_observations = 2;
   double max_time_difference_s = 0.02;
-  MapConsistencyOptions options;
+  double inlier_px = kInlierPx;
 
   void add_to(const Command& command);
   int run();
@@ -88,8 +88,7 @@ void EvaluateMapArguments::add_to(const Command& command) {
              "Largest time difference between a frame and its true pose, seconds");
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks with fewer observations");
-  add_number(command, "--inlier-px", options.inlier_px,
-             "Largest reprojection error of an inlier, pixels");
+  add_number(command, "--inlier-px", inlier_px, "Largest reprojection error of an inlier, pixels");
   common.add_csv_to(command, "landmark");
   common.add_to(command);
   command.footer(
@@ -99,8 +98,8 @@ void EvaluateMapArguments::add_to(const Command& command) {
 }
 
 void EvaluateMapArguments::check_options() const {
-  with_option_names({{"MapConsistencyOptions.inlier_px", "--inlier-px"}},
-                    [&] { options.validate(); });
+  refuse_if(!kFinitePositive.contains(inlier_px), "--inlier-px", fmt::format("{}", inlier_px),
+            "a positive number");
   refuse_if(!(max_time_difference_s > 0.0), "--max-time-difference",
             fmt::format("{}", max_time_difference_s), "a positive number");
   refuse_if(!truth_trajectory.empty() && truth_map.empty(), "--truth-trajectory",
@@ -293,7 +292,7 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
                 kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
                 kept.observation_count());
   Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
-               fmt::format("below {:g} px", options.inlier_px)});
+               fmt::format("below {:g} px", inlier_px)});
   if (const auto& reprojection = consistency.reprojection) {
     add_statistics(table, "reprojection", "px", 3, reprojection->px, reprojection->inlier_share);
     for (const auto& [octave, statistics] : consistency.by_octave) {
@@ -334,7 +333,7 @@ int EvaluateMapArguments::run() {
             fmt::format("has no landmarks with {} or more observations", min_observations),
             "landmarks, or a smaller --min-observations");
   if (given_camera) map = with_camera(map, *given_camera);
-  const MapConsistency consistency = map_consistency(map, options);
+  const MapConsistency consistency = map_consistency(map, inlier_px);
   if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {
     const std::string& pixels = consistency.missing_for_reprojection;
     const std::string& depths = consistency.missing_for_depth;
@@ -357,7 +356,7 @@ int EvaluateMapArguments::run() {
                        {{"camera", text_or_null(camera)},
                         {"truth_depth", text_or_null(truth_depth)},
                         {"min_observations", min_observations},
-                        {"inlier_px", options.inlier_px},
+                        {"inlier_px", inlier_px},
                         {"max_time_difference_s", max_time_difference_s}});
   json["length_unit"] = to_string(map.info().length_unit);
   json.update(json_of(consistency));

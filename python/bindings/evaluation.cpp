@@ -390,21 +390,16 @@ void bind_map_evaluation(py::module_& module) {
         return fmt::format("<MapConsistency: median {:.4g} px, {:.1f} % inliers>",
                            self.reprojection->px.median, 100.0 * self.reprojection->inlier_share);
       });
-  static const auto consistency_table = [] {
-    Keywords<MapConsistencyOptions> keywords("map_consistency");
-    keywords.add("inlier_px", [](auto& o) -> auto& { return o.inlier_px; });
-    return keywords;
-  }();
   module.def(
       "map_consistency",
-      [](const SharedMap& map, const py::kwargs& given) {
-        const MapConsistencyOptions options = consistency_table.read(given);
-        return unlocked([&] { return map_consistency(*map, options); });
+      [](const SharedMap& map, double inlier_px) {
+        return unlocked([&] { return map_consistency(*map, inlier_px); });
       },
-      py::arg("map"),
-      kept(consistency_table.signature("map", false) +
-           "Computes reprojection and depth errors of a map's own observations. Needs no truth."));
-
+      py::arg("map"), py::kw_only(), py::arg("inlier_px") = kInlierPx,
+      kept(fmt::format(
+          "map_consistency(map, *, inlier_px={:.1f})\n--\n\n"
+          "Computes reprojection and depth errors of a map's own observations. Needs no truth.",
+          kInlierPx)));
   module.def(
       "map_defects",
       [](const SharedMap& map) { return unlocked([&] { return map_defects(*map); }); },
