@@ -22,10 +22,10 @@
 #include "commands.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/hints.hpp"
 #include "support/reports.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -21,8 +21,8 @@
 
 #include "commands.hpp"
 #include "support/alignments.hpp"
+#include "support/console.hpp"
 #include "support/interrupt.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -19,8 +19,8 @@
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/change_documents.hpp"
+#include "support/console.hpp"
 #include "support/map_lists.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -388,4 +388,19 @@ void add_atlas_maps(const Command& atlas) {
   add_verb<MergeAtlasArguments>(atlas, "merge", "Merge the placed maps into one map");
 }
 
+void add_atlas(const Command& program) {
+  const Command atlas = program.add_group(
+      "atlas", "Keep maps, their links and their history in one file or database");
+  add_atlas_maps(atlas);
+  add_atlas_queries(atlas);
+  add_atlas_changes(atlas);
+  atlas.footer(
+      "Example: merge two sessions; the atlas can take more later\n"
+      "  cairn atlas init --atlas town.atlas\n"
+      "  cairn atlas add monday.map tuesday.map --atlas town.atlas\n"
+      "  cairn atlas link --atlas town.atlas\n"
+      "  cairn atlas optimize --atlas town.atlas\n"
+      "  cairn atlas merge --atlas town.atlas -o town.map");
+}
+
 }  // namespace cairn::cli

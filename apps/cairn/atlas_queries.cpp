@@ -19,9 +19,9 @@
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/atlas_report.hpp"
+#include "support/console.hpp"
 #include "support/map_lists.hpp"
 #include "support/reports.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -33,7 +33,6 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/map_loading.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -11,14 +11,15 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
+#include "cairn/map/synthetic.hpp"
 
 #include "commands.hpp"
 #include "demo_pair.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/reports.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -28,6 +29,24 @@ constexpr bool kCanSimulate = true;
 #else
 constexpr bool kCanSimulate = false;
 #endif
+
+// Landmarks strewn over a desk and observed with noise; no images.
+DemoPair synthetic_demo(const CommonArguments& common) {
+  SyntheticPair pair = synthetic_pair({.seed = common.seed});
+  DemoPair demo;
+  demo.story = fmt::format(
+      "Two synthetic sessions over one desk: {} and {} landmarks, of which {} are the same "
+      "points.\n",
+      pair.source.landmark_count(), pair.target.landmark_count(), pair.shared.size());
+  demo.description = {{"landmarks",
+                       {{"source", pair.source.landmark_count()},
+                        {"target", pair.target.landmark_count()},
+                        {"shared", pair.shared.size()}}}};
+  demo.source = std::move(pair.source);
+  demo.target = std::move(pair.target);
+  demo.target_from_source = pair.target_from_source;
+  return demo;
+}
 
 struct DemoArguments {
   CommonArguments common;

@@ -26,10 +26,10 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
 #include "support/saved_results.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -26,9 +26,9 @@
 #ifdef CAIRN_HAS_ODOMETRY
 #include "support/depth_truth.hpp"
 #endif
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/statistics.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -19,10 +19,9 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/map_loading.hpp"
 #include "support/statistics.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -327,6 +326,17 @@ void add_evaluate_trajectory(const Command& evaluate) {
   add_verb<EvaluateTrajectoryArguments>(
       evaluate, "trajectory",
       "Compute the absolute and relative errors (ATE, RPE) of a trajectory");
+}
+
+void add_evaluate(const Command& program) {
+  const Command evaluate = program.add_group(
+      "evaluate", "Compare a trajectory, an alignment or a map with ground truth");
+  add_evaluate_trajectory(evaluate);
+  add_evaluate_alignment(evaluate);
+  add_evaluate_map(evaluate);
+  evaluate.footer(
+      "Example: print the errors of a trajectory\n"
+      "  cairn evaluate trajectory estimate.txt groundtruth.txt");
 }
 
 }  // namespace cairn::cli

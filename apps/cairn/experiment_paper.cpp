@@ -22,11 +22,11 @@
 #include "commands.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
 #include "support/interrupt.hpp"
 #include "support/reports.hpp"
-#include "support/table.hpp"
 #include "support/trial_results.hpp"
 
 namespace cairn::cli {

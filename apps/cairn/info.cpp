@@ -25,9 +25,8 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/map_loading.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -31,9 +31,9 @@
 #include "commands.hpp"
 #include "support/adjustment.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -10,8 +10,8 @@
 #include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
 
+#include "support/console.hpp"
 #include "support/interrupt.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -56,6 +57,22 @@ class Console {
  private:
   bool quiet_;
   Answer answer_;
+};
+
+/// With so many digits behind the point; never "-0.000".
+std::string fixed(double value, int digits);
+
+/// A table for people: the first column flush left, all others flush right.
+class Table {
+ public:
+  explicit Table(std::vector<std::string> header);
+
+  /// One cell a column.
+  void add_row(std::vector<std::string> cells);
+  std::string text() const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
 };
 
 }  // namespace cairn::cli

@@ -21,7 +21,6 @@
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"
-#include "support/map_loading.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cairn/core/csv.hpp"
+#include "cairn/core/log.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/similarity3.hpp"
@@ -29,6 +30,26 @@ struct LoadedMap {
 /// @param path of a file, or "-" for stdin
 /// @param with_hash even where no document or report was asked for
 LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash = false);
+
+/// How `load_map` treats a file.
+struct MapLoading {
+  /// Whose conventions hold where a file breaks those of its format: "data" or "format".
+  std::string convention = "data";
+  /// What is left out is an error, not a remark.
+  bool strict = false;
+
+  /// Adds --convention.
+  void add_to(const Command& command);
+  /// @throws Error (misuse) naming --convention
+  void validate() const;
+};
+
+/// load_map, where a verb lets people choose. By default it is this.
+LoadedMap load_map(const std::string& path, const CommonArguments& common,
+                   const MapLoading& loading, bool with_hash = false);
+
+/// A log that throws the first loss as an Error (input) if `strict`, and hands on all else.
+LogSink strict_log(LogSink log, bool strict);
 
 /// The first bytes of a file, by which it is told what it is; empty if there is none, or for "-".
 std::string beginning_of(const std::string& path);

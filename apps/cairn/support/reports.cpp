@@ -15,8 +15,8 @@
 #include "cairn/report/writer.hpp"
 
 #include "support/command_line.hpp"
+#include "support/console.hpp"
 #include "support/map_lists.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
