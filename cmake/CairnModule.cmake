@@ -12,7 +12,7 @@ function(cairn_target_settings target)
 endfunction()
 
 # cairn_unity(TARGET): with CAIRN_UNITY_BUILD, compiles the sources of a target up to twelve at a time. Most of the time
-# goes into what they share (Eigen, CLI11, GoogleTest, and the templates of all three), so this halves it.
+# goes into what they share (Eigen, GoogleTest, and the templates of both), so this halves it.
 function(cairn_unity target)
   if(NOT CAIRN_UNITY_BUILD)
     return()
@@ -53,10 +53,6 @@ endfunction()
 # Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
 # of another's there.
 set(CAIRN_UNITY_APART
-    "apps/cairn/demo.cpp apps/cairn/evaluate.cpp apps/cairn/experiment_sweep.cpp"
-    "apps/cairn/experiment_paper.cpp apps/cairn/evaluate_trajectory.cpp apps/cairn/report.cpp"
-    "apps/cairn/merge.cpp apps/cairn/evaluate_alignment.cpp"
-    "python/bindings/atlas.cpp python/bindings/maps.cpp"
     "src/cairn/experiments/paper.cpp src/cairn/experiments/statistics/correlation.cpp"
     "src/cairn/atlas/store/sqlite_store.cpp"
     "src/cairn/geometry/decompositions.cpp"

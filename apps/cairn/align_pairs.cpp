@@ -21,8 +21,8 @@
 
 #include "commands.hpp"
 #include "support/alignments.hpp"
+#include "support/console.hpp"
 #include "support/interrupt.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -39,10 +39,8 @@ std::vector<PairOfPaths> read_list(const std::string& list) {
   const auto column = [&](std::string_view name) {
     const auto& header = rows.front().cells;
     const auto found = std::find(header.begin(), header.end(), name);
-    if (found == header.end()) {
-      throw Error(ErrorKind::kInput, fmt::format("{}:1", list), fmt::format("no column {}", name),
-                  "a header with the columns source and target");
-    }
+    reject_if(found == header.end(), fmt::format("{}:1", list), fmt::format("no column {}", name),
+              "a header with the columns source and target");
     return static_cast<std::size_t>(found - header.begin());
   };
   const std::size_t source = column("source");
@@ -51,16 +49,13 @@ std::vector<PairOfPaths> read_list(const std::string& list) {
   for (std::size_t i = 1; i < rows.size(); ++i) {
     const std::vector<std::string>& cells = rows[i].cells;
     if (cells.size() == 1 && cells.front().empty()) continue;  // an empty line
-    if (cells.size() <= std::max(source, target) || cells[source].empty() ||
-        cells[target].empty()) {
-      throw Error(ErrorKind::kInput, fmt::format("{}:{}", list, rows[i].line),
-                  "a row without source or target", "the paths of two maps");
-    }
+    reject_if(
+        cells.size() <= std::max(source, target) || cells[source].empty() || cells[target].empty(),
+        fmt::format("{}:{}", list, rows[i].line), "a row without source or target",
+        "the paths of two maps");
     pairs.push_back({cells[source], cells[target]});
   }
-  if (pairs.empty()) {
-    throw Error(ErrorKind::kInput, list, "lists no pair", "a row with the paths of two maps");
-  }
+  reject_if(pairs.empty(), list, "lists no pair", "a row with the paths of two maps");
   return pairs;
 }
 
@@ -109,10 +104,9 @@ PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, 
   try {
     const Maps::One source = maps.get(pair.source);
     const Maps::One target = maps.get(pair.target);
-    if (!scale_range(options, source.unit, target.unit) && source.unit != target.unit) {
-      throw Error(ErrorKind::kInput, pair.source, "one map is in metres, one of free scale",
-                  "maps of one unit with --no-scale");
-    }
+    reject_if(!scale_range(options, source.unit, target.unit) && source.unit != target.unit,
+              pair.source, "one map is in metres, one of free scale",
+              "maps of one unit with --no-scale");
     if (gravity) options.gravity = gravity_prior(source.map, target.map);
     StrategyResult one;
     one.alignment = align(source.map, target.map, options);
@@ -195,12 +189,12 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
         });
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCancelled) throw;
-    console.print(fmt::format("interrupted: {} of {} pairs were tried, {} aligned\n",
-                              results.size(), pairs.size(), trusted));
+    console.print("interrupted: {} of {} pairs were tried, {} aligned\n", results.size(),
+                  pairs.size(), trusted);
     write(true);
     throw;
   }
-  console.print(fmt::format("{} of {} pairs aligned\n", trusted, pairs.size()));
+  console.print("{} of {} pairs aligned\n", trusted, pairs.size());
   if (trusted < pairs.size()) {
     console.print("  hint: Align one of the others alone, which shows its candidates and hints.\n");
   }

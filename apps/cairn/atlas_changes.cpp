@@ -15,12 +15,12 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
-#include "atlas_verbs.hpp"
+#include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/change_documents.hpp"
+#include "support/console.hpp"
 #include "support/map_lists.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -28,11 +28,8 @@ namespace {
 struct RemoveArguments : AtlasArguments {
   std::vector<std::string> maps;
 
-  void add_to(CLI::App& command) {
-    command.add_option("maps", maps, "Maps to remove: names, or # and an id")
-        ->required()
-        ->take_all()
-        ->type_name("NAME...");
+  void add_to(const Command& command) {
+    command.add_words("maps", maps, "Maps to remove: names, or # and an id", "NAME...").required();
     AtlasArguments::add_to(command);
     command.footer(
         "Also removes their links and poses. Until compact drops the maps, undo restores them.\n"
@@ -48,7 +45,7 @@ struct RemoveArguments : AtlasArguments {
     json["removed"] = Json::array();
     for (const AtlasNode& node : nodes) {
       atlas.remove(node.id);
-      common.console().print(fmt::format("removed {}\n", node.name));
+      common.console().print("removed {}\n", node.name);
       json["removed"].push_back(node.name);
     }
     json["commit"] = atlas.store().last_commit().value;
@@ -61,10 +58,8 @@ struct SplitArguments : AtlasArguments {
   std::string map;
   std::uint64_t frames = 20;
 
-  void add_to(CLI::App& command) {
-    command.add_option("map", map, "A map: its name, or # and its id")
-        ->required()
-        ->type_name("NAME");
+  void add_to(const Command& command) {
+    command.add_text("map", map, "A map: its name, or # and its id", "NAME").required();
     add_number(command, "--keyframes", frames, "Keyframes of each part");
     AtlasArguments::add_to(command);
     command.footer(
@@ -83,8 +78,8 @@ struct SplitArguments : AtlasArguments {
     json["parts"] = Json::array();
     for (const NodeId id : parts) {
       const AtlasNode& part = state.nodes.at(id);
-      common.console().print(fmt::format("{}: {} landmarks, {} keyframes\n", part.name,
-                                         with_commas(part.landmarks), part.frames));
+      common.console().print("{}: {} landmarks, {} keyframes\n", part.name,
+                             with_commas(part.landmarks), part.frames);
       json["parts"].push_back({{"id", id.value}, {"name", part.name}});
     }
     json["commit"] = state.commit.value;
@@ -98,10 +93,10 @@ struct UnlinkArguments : AtlasArguments {
   std::string b;
   std::string reason;
 
-  void add_to(CLI::App& command) {
-    command.add_option("a", a, "A map: its name, or # and its id")->required()->type_name("A");
-    command.add_option("b", b, "Another map")->required()->type_name("B");
-    add_text(command, "--reason", reason, "Reason, for the log", "TEXT");
+  void add_to(const Command& command) {
+    command.add_text("a", a, "A map: its name, or # and its id", "A").required();
+    command.add_text("b", b, "Another map", "B").required();
+    command.add_text("--reason", reason, "Reason, for the log", "TEXT");
     AtlasArguments::add_to(command);
     command.footer(
         "'cairn atlas link' does not try the pair again. The next 'cairn atlas optimize' updates "
@@ -120,7 +115,7 @@ struct UnlinkArguments : AtlasArguments {
     json["commit"] = atlas.store().last_commit().value;
     json["maps"] = {first.name, second.name};
     write_document(json, common);
-    common.console().print(fmt::format("unlinked {} and {}\n", first.name, second.name));
+    common.console().print("unlinked {} and {}\n", first.name, second.name);
     return kDone;
   }
 };
@@ -128,7 +123,7 @@ struct UnlinkArguments : AtlasArguments {
 struct LogArguments : AtlasArguments {
   bool all = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command.add_flag("--all", all, "List every commit of a command, not only one line per command");
     AtlasArguments::add_to(command);
     command.footer(
@@ -151,13 +146,12 @@ struct LogArguments : AtlasArguments {
         for (auto one = std::next(commit); one != log.rend() && one->run == commit->run; ++one) {
           ++others;
         }
-        console.print(fmt::format(
-            "{:>6}  {}  {}  {}: {}{}\n", commit->id.value, time_text(commit->time_ms),
-            commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
-            commit->verb, commit->text,
-            all || others == 0
-                ? ""
-                : fmt::format("; and {} {} before", others, others == 1 ? "commit" : "commits")));
+        console.print("{:>6}  {}  {}  {}: {}{}\n", commit->id.value, time_text(commit->time_ms),
+                      commit->host.empty() ? commit->author : commit->author + "@" + commit->host,
+                      commit->verb, commit->text,
+                      all || others == 0 ? ""
+                                         : fmt::format("; and {} {} before", others,
+                                                       others == 1 ? "commit" : "commits"));
       }
       json["commits"].push_back(
           {{"id", commit->id.value},
@@ -177,7 +171,7 @@ struct LogArguments : AtlasArguments {
 struct UndoArguments : AtlasArguments {
   std::optional<std::uint64_t> which;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     add_number(command, "--commit", which,
                "Undo the command of this commit (default: the last command that is not undone)");
     AtlasArguments::add_to(command);
@@ -192,7 +186,7 @@ struct UndoArguments : AtlasArguments {
     Atlas atlas = open();
     const CommitId undone = atlas.undo(which ? std::optional(CommitId{*which}) : std::nullopt);
     const std::vector<AtlasCommit> log = atlas.store().log();
-    common.console().print(fmt::format("undid {}\n", log.back().text));
+    common.console().print("undid {}\n", log.back().text);
     Json json = head("undo");
     json["undone"] = undone.value;
     json["commit"] = log.back().id.value;
@@ -207,14 +201,12 @@ struct DiffArguments : AtlasArguments {
   bool world = false;
   ChangeOptions changes;
 
-  void add_to(CLI::App& command) {
-    command.add_option("before", first, "First commit; with --world: first session or map")
-        ->required()
-        ->type_name("COMMIT");
-    command
-        .add_option("after", second,
-                    "Second commit (default: the last); with --world: second session or map")
-        ->type_name("COMMIT");
+  void add_to(const Command& command) {
+    command.add_text("before", first, "First commit; with --world: first session or map", "COMMIT")
+        .required();
+    command.add_text("after", second,
+                     "Second commit (default: the last); with --world: second session or map",
+                     "COMMIT");
     command.add_flag("--world", world,
                      "List things that appeared, vanished or moved between two sessions or maps");
     add_number(command, "--min-size", changes.min_size,
@@ -239,9 +231,7 @@ struct DiffArguments : AtlasArguments {
   }
 
   int compare_worlds() {
-    if (second.empty()) {
-      throw Error(ErrorKind::kMisuse, "--world", "one session or map", "two sessions or maps");
-    }
+    refuse_if(second.empty(), "--world", "one session or map", "two sessions or maps");
     changes.seed = common.seed;
     with_option_names({{"ChangeOptions.min_size", "--min-size"},
                        {"ChangeOptions.min_confidence", "--min-confidence"}},
@@ -264,10 +254,10 @@ struct DiffArguments : AtlasArguments {
     if (result.comparable_first + result.comparable_second == 0) {
       console.print("no comparable landmarks: no keyframe of one observed the area of the other\n");
     } else {
-      console.print(fmt::format(
+      console.print(
           "{} and {} landmarks are comparable, {} % of them were found again; in the frame of {}\n",
           with_commas(result.comparable_first), with_commas(result.comparable_second),
-          fixed(100.0 * result.repeated, 1), state.nodes.at(frame).name));
+          fixed(100.0 * result.repeated, 1), state.nodes.at(frame).name);
       const std::string text = changes_text(result, state.nodes.at(frame).length_unit);
       console.print(text.empty() ? "no changes found\n" : text);
     }
@@ -276,9 +266,7 @@ struct DiffArguments : AtlasArguments {
 
   int run() {
     if (world) return compare_worlds();
-    if (at) {
-      throw Error(ErrorKind::kMisuse, "--at", "given without --world", "two commits to compare");
-    }
+    refuse_if(at.has_value(), "--at", "given without --world", "two commits to compare");
     const auto before = parse_as<std::uint64_t>(first, "before");
     const auto after =
         second.empty() ? std::nullopt : std::optional(parse_as<std::uint64_t>(second, "after"));
@@ -294,7 +282,7 @@ struct DiffArguments : AtlasArguments {
                            const AtlasState& state) {
       json[key] = Json::array();
       for (const NodeId id : ids) {
-        console.print(fmt::format("{} {}\n", text, state.nodes.at(id).name));
+        console.print("{} {}\n", text, state.nodes.at(id).name);
         json[key].push_back(state.nodes.at(id).name);
       }
     };
@@ -303,8 +291,8 @@ struct DiffArguments : AtlasArguments {
       json[key] = Json::array();
       for (const LinkId id : ids) {
         const Link& link = state.links.at(id);
-        console.print(fmt::format("{} {} <- {} ({})\n", text, state.nodes.at(link.target).name,
-                                  state.nodes.at(link.source).name, link.status()));
+        console.print("{} {} <- {} ({})\n", text, state.nodes.at(link.target).name,
+                      state.nodes.at(link.source).name, link.status());
         json[key].push_back(to_json(link, state));
       }
     };
@@ -319,12 +307,11 @@ struct DiffArguments : AtlasArguments {
       const AtlasNode& node = now.nodes.at(moved.node);
       const NodeId frame = now.poses.at(moved.node).frame;
       if (moved.frame_changed) {
-        console.print(
-            fmt::format("moved {}: to the frame of {}\n", node.name, now.nodes.at(frame).name));
+        console.print("moved {}: to the frame of {}\n", node.name, now.nodes.at(frame).name);
       } else {
-        console.print(fmt::format("moved {}: by {} {}, {} deg\n", node.name, fixed(moved.shift, 4),
-                                  unit_symbol(now.nodes.at(frame).length_unit),
-                                  fixed(degrees(moved.turn_rad), 3)));
+        console.print("moved {}: by {} {}, {} deg\n", node.name, fixed(moved.shift, 4),
+                      unit_symbol(now.nodes.at(frame).length_unit),
+                      fixed(degrees(moved.turn_rad), 3));
       }
       json["moved"].push_back({{"map", node.name},
                                {"frame_changed", moved.frame_changed},
@@ -354,10 +341,10 @@ struct VerifyArguments : AtlasArguments {
     write_document(json, common);
     const Console console = common.console();
     for (const std::string& problem : result.problems) console.print(problem + "\n");
-    console.print(fmt::format("{}: {} commits, {} maps of {} MB, {} links, {} poses: {}\n", shown(),
-                              result.commits, result.maps,
-                              fixed(1e-6 * static_cast<double>(result.map_bytes), 1), result.links,
-                              result.poses, result.problems.empty() ? "sound" : "damaged"));
+    console.print("{}: {} commits, {} maps of {} MB, {} links, {} poses: {}\n", shown(),
+                  result.commits, result.maps,
+                  fixed(1e-6 * static_cast<double>(result.map_bytes), 1), result.links,
+                  result.poses, result.problems.empty() ? "sound" : "damaged");
     if (result.problems.empty()) return kDone;
     console.print("'cairn atlas salvage' copies the undamaged data to a new atlas\n");
     return kBadInput;
@@ -368,7 +355,7 @@ struct CompactArguments : AtlasArguments {
   std::uint64_t keep = kKeptCommits;
   bool yes = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     add_number(command, "--keep", keep, "Number of commits to keep, the latest ones");
     command.add_flag("--yes", yes, "Drop the data; without --yes, only list it");
     AtlasArguments::add_to(command);
@@ -392,10 +379,10 @@ struct CompactArguments : AtlasArguments {
     json["maps"] = result.maps;
     json["map_bytes"] = result.map_bytes;
     write_document(json, common);
-    common.console().print(fmt::format("{} {} commits, {} links, {} poses, and {} maps of {} MB\n",
-                                       yes ? "dropped" : "would drop", result.commits, result.links,
-                                       result.poses, result.maps,
-                                       fixed(1e-6 * static_cast<double>(result.map_bytes), 1)));
+    common.console().print("{} {} commits, {} links, {} poses, and {} maps of {} MB\n",
+                           yes ? "dropped" : "would drop", result.commits, result.links,
+                           result.poses, result.maps,
+                           fixed(1e-6 * static_cast<double>(result.map_bytes), 1));
     if (!yes) common.console().print("no data was dropped; add --yes to drop it\n");
     return kDone;
   }
@@ -404,8 +391,8 @@ struct CompactArguments : AtlasArguments {
 struct SalvageArguments : AtlasArguments {
   std::string output;
 
-  void add_to(CLI::App& command) {
-    add_text(command, "-o,--output", output, "Atlas to write. Required", "FILE");
+  void add_to(const Command& command) {
+    command.add_text("-o,--output", output, "Atlas to write. Required", "FILE");
     AtlasArguments::add_to(command);
     command.footer(
         "Copies undamaged maps, links and poses of the last commit to a new atlas, without the "
@@ -427,52 +414,29 @@ struct SalvageArguments : AtlasArguments {
     json["lost"] = result.lost;
     write_document(json, common);
     const Console console = common.console();
-    for (const std::string& lost : result.lost) console.print(fmt::format("lost {}\n", lost));
-    console.print(fmt::format("saved {} maps, {} links and {} poses\nwrote {}\n", result.maps,
-                              result.links, result.poses, output));
+    for (const std::string& lost : result.lost) console.print("lost {}\n", lost);
+    console.print("saved {} maps, {} links and {} poses\nwrote {}\n", result.maps, result.links,
+                  result.poses, output);
     return kDone;
   }
 };
 
 }  // namespace
 
-Run add_atlas_remove(CLI::App& atlas) {
-  return add_atlas_verb<RemoveArguments>(atlas, "remove", "Remove maps");
-}
-
-Run add_atlas_split(CLI::App& atlas) {
-  return add_atlas_verb<SplitArguments>(atlas, "split", "Split a map into several maps");
-}
-
-Run add_atlas_unlink(CLI::App& atlas) {
-  return add_atlas_verb<UnlinkArguments>(atlas, "unlink", "Remove the link between two maps");
-}
-
-Run add_atlas_log(CLI::App& atlas) {
-  return add_atlas_verb<LogArguments>(atlas, "log", "List the commits, latest first");
-}
-
-Run add_atlas_undo(CLI::App& atlas) {
-  return add_atlas_verb<UndoArguments>(atlas, "undo", "Undo a command");
-}
-
-Run add_atlas_diff(CLI::App& atlas) {
-  return add_atlas_verb<DiffArguments>(atlas, "diff", "Compare two commits, sessions or maps");
-}
-
-Run add_atlas_verify(CLI::App& atlas) {
-  return add_atlas_verb<VerifyArguments>(atlas, "verify", "Check all data",
-                                         "The exit code is 3 if the atlas is damaged.\n"
-                                         "Example: cairn atlas verify --atlas town.atlas");
-}
-
-Run add_atlas_compact(CLI::App& atlas) {
-  return add_atlas_verb<CompactArguments>(atlas, "compact", "Drop data that only old commits need");
-}
-
-Run add_atlas_salvage(CLI::App& atlas) {
-  return add_atlas_verb<SalvageArguments>(
-      atlas, "salvage", "Copy the undamaged data of a damaged atlas to a new one");
+void add_atlas_changes(const Command& atlas) {
+  add_verb<RemoveArguments>(atlas, "remove", "Remove maps");
+  add_verb<SplitArguments>(atlas, "split", "Split a map into several maps");
+  add_verb<UnlinkArguments>(atlas, "unlink", "Remove the link between two maps");
+  add_verb<LogArguments>(atlas, "log", "List the commits, latest first");
+  add_verb<UndoArguments>(atlas, "undo", "Undo a command");
+  add_verb<DiffArguments>(atlas, "diff", "Compare two commits, sessions or maps");
+  add_verb<VerifyArguments>(atlas, "verify", "Check all data")
+      .footer(
+          "The exit code is 3 if the atlas is damaged.\n"
+          "Example: cairn atlas verify --atlas town.atlas");
+  add_verb<CompactArguments>(atlas, "compact", "Drop data that only old commits need");
+  add_verb<SalvageArguments>(atlas, "salvage",
+                             "Copy the undamaged data of a damaged atlas to a new one");
 }
 
 }  // namespace cairn::cli

@@ -14,7 +14,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 
-#include "atlas_verbs.hpp"
+#include "commands.hpp"
 #include "support/adjustment.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
@@ -33,7 +33,7 @@ std::string counted(std::size_t count, const std::string& noun) {
 struct InitArguments : AtlasArguments {
   int run() {
     Atlas::create(location, store_options(false));
-    common.console().print(fmt::format("created {}\n", shown()));
+    common.console().print("created {}\n", shown());
     return kDone;
   }
 };
@@ -43,18 +43,17 @@ struct AddArguments : AtlasArguments {
   std::string name;
   std::string session;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command
-        .add_option(
-            "maps", paths,
-            "Maps: " + all_formats().titles_text() + "; or folders of .map and .cairn files")
-        ->required()
-        ->take_all()
-        ->type_name("MAP...");
-    add_text(command, "--name", name,
-             "Name of the map, if a single one is added (default: the file's name)", "NAME");
-    add_text(command, "--session", session, "Session of the maps (default: for a folder, its name)",
-             "NAME");
+        .add_words("maps", paths,
+                   "Maps: " + all_formats().titles_text() + "; or folders of .map and .cairn files",
+                   "MAP...")
+        .required();
+    command.add_text("--name", name,
+                     "Name of the map, if a single one is added (default: the file's name)",
+                     "NAME");
+    command.add_text("--session", session, "Session of the maps (default: for a folder, its name)",
+                     "NAME");
     AtlasArguments::add_to(command);
     command.footer(
         "The atlas keeps a copy of each map. A map that it already holds is not added again.\n"
@@ -65,10 +64,8 @@ struct AddArguments : AtlasArguments {
   int run() {
     std::vector<ListedMap> maps = listed_maps(paths);
     if (!name.empty()) {
-      if (maps.size() > 1) {
-        throw Error(ErrorKind::kMisuse, "--name", fmt::format("given for {} maps", maps.size()),
-                    "one map");
-      }
+      refuse_if(maps.size() > 1, "--name", fmt::format("given for {} maps", maps.size()),
+                "one map");
       maps.front().name = name;
     }
     Atlas atlas = open();
@@ -82,12 +79,12 @@ struct AddArguments : AtlasArguments {
           atlas.add(loaded.map, map.name, session.empty() ? map.session : session);
       ids.push_back(added.node);
       if (added.was_there) {
-        console.print(fmt::format("{} is in the atlas already, as {}\n", map.file,
-                                  atlas.state().nodes.at(added.node).name));
+        console.print("{} is in the atlas already, as {}\n", map.file,
+                      atlas.state().nodes.at(added.node).name);
       } else {
-        console.print(fmt::format("added {}: {}, {}\n", map.name,
-                                  counted(loaded.map.landmark_count(), "landmark"),
-                                  counted(loaded.map.frame_count(), "keyframe")));
+        console.print("added {}: {}, {}\n", map.name,
+                      counted(loaded.map.landmark_count(), "landmark"),
+                      counted(loaded.map.frame_count(), "keyframe"));
       }
       json["maps"].push_back({{"path", map.file},
                               {"id", added.node.value},
@@ -100,7 +97,7 @@ struct AddArguments : AtlasArguments {
       link.source = ids[link.source.value];
     }
     const std::size_t linked = links.empty() ? 0 : atlas.link_by_odometry(links);
-    if (linked > 0) console.print(fmt::format("linked {} by odometry\n", counted(linked, "pair")));
+    if (linked > 0) console.print("linked {} by odometry\n", counted(linked, "pair"));
     json["linked_by_odometry"] = linked;
     json["commit"] = atlas.store().last_commit().value;
     write_document(json, common);
@@ -116,9 +113,8 @@ void parse_shard(const std::string& text, AtlasLinkOptions& options) {
   const auto count = slash == std::string::npos
                          ? std::nullopt
                          : parse_unsigned(std::string_view(text).substr(slash + 1));
-  if (!number || !count || *number < 1 || *number > *count) {
-    throw Error(ErrorKind::kMisuse, "--shard", printable(text), "I/N with I from 1 to N, as 2/8");
-  }
+  refuse_if(!number || !count || *number < 1 || *number > *count, "--shard", printable(text),
+            "I/N with I from 1 to N, as 2/8");
   options.shard = *number - 1;
   options.shards = *count;
 }
@@ -134,38 +130,30 @@ struct LinkArguments : AtlasArguments {
   double sigma_deg = 0.5;
   std::optional<std::uint64_t> candidates;
 
-  void add_to(CLI::App& command) {
-    add_number(command, "--min-probability", options.links.min_probability,
-               "Least probability of an aligned pair, at least 0.5 and below 1");
-    add_number(command, "--prior-odds", options.links.prior_odds,
-               "Odds that two of the maps show the same place, before any evidence");
-    add_number(command, "--effort", options.links.effort,
-               "Work of the search, as a multiple of the default's, 1/16 to 64");
-    add_number(command, "--min-observations", options.links.points.min_observations,
-               "Align with landmarks of at least this many observations");
-    command.add_option("--only", only, "Try only pairs with one of these maps")
-        ->type_name("NAME...")
-        ->take_all();
+  void add_to(const Command& command) {
+    add_options(command, LinkOptions::table, &options.links);
+    command.add_words("--only", only, "Try only pairs with one of these maps", "NAME...");
     command.add_flag("--retry", options.retry,
                      "Also try pairs that were tried before and not aligned");
     add_number(command, "--candidates", candidates,
                fmt::format("Number of other maps to try each map with, the likeliest; 0: all "
                            "(default: all for up to {} maps, else {})",
                            kMapsTriedInFull, kDefaultCandidates));
-    add_text(command, "--shard", shard, "Try only part I of N of the pairs, for several processes",
-             "I/N");
-    command.add_option("--manual", manual, "Add a link with a known pose instead of aligning")
-        ->type_name("TARGET SOURCE")
-        ->expected(2);
-    add_text(
-        command, "--pose", pose,
+    command.add_text("--shard", shard, "Try only part I of N of the pairs, for several processes",
+                     "I/N");
+    command
+        .add_words("--manual", manual, "Add a link with a known pose instead of aligning",
+                   "TARGET SOURCE")
+        .words(2);
+    command.add_text(
+        "--pose", pose,
         "With --manual: target_from_source, 16 numbers, row-major, or the JSON of an alignment",
         "FILE");
     add_number(command, "--sigma-m", sigma_m,
                "With --manual: standard deviation of the translation, metres");
     add_number(command, "--sigma-deg", sigma_deg,
                "With --manual: standard deviation of the rotation, degrees");
-    add_text(command, "--reason", reason, "With --manual: reason, for the log", "TEXT");
+    command.add_text("--reason", reason, "With --manual: reason, for the log", "TEXT");
     AtlasArguments::add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
@@ -181,10 +169,8 @@ struct LinkArguments : AtlasArguments {
   int link_by_hand() {
     if (pose.empty())
       throw Error(ErrorKind::kMisuse, "--pose", "not given", "a file with the pose");
-    if (!(sigma_m > 0.0) || !(sigma_deg > 0.0)) {
-      throw Error(ErrorKind::kMisuse, sigma_m > 0.0 ? "--sigma-deg" : "--sigma-m",
-                  fmt::format("{}", sigma_m > 0.0 ? sigma_deg : sigma_m), "more than 0");
-    }
+    refuse_if(!(sigma_m > 0.0) || !(sigma_deg > 0.0), sigma_m > 0.0 ? "--sigma-deg" : "--sigma-m",
+              fmt::format("{}", sigma_m > 0.0 ? sigma_deg : sigma_m), "more than 0");
     const Similarity3 target_from_source = read_similarity_file(pose);
     Atlas atlas = open();
     const AtlasState state = atlas.state();
@@ -203,22 +189,17 @@ struct LinkArguments : AtlasArguments {
     json["commit"] = now.commit.value;
     json["links"] = Json::array({to_json(now.links.at(id), now)});
     write_document(json, common);
-    common.console().print(fmt::format("{} <- {} added by hand\n", target.name, source.name));
+    common.console().print("{} <- {} added by hand\n", target.name, source.name);
     return kDone;
   }
 
   int run() {
     if (!manual.empty()) return link_by_hand();
-    if (!pose.empty() || !reason.empty()) {
-      throw Error(ErrorKind::kMisuse, pose.empty() ? "--reason" : "--pose",
-                  "given without --manual", "--manual TARGET SOURCE");
-    }
+    refuse_if(!pose.empty() || !reason.empty(), pose.empty() ? "--reason" : "--pose",
+              "given without --manual", "--manual TARGET SOURCE");
     parse_shard(shard, options);
     if (candidates) options.links.candidates = static_cast<std::size_t>(*candidates);
-    with_option_names({{"AlignOptions.min_probability", "--min-probability"},
-                       {"PlaceOptions.prior_odds", "--prior-odds"},
-                       {"PlaceOptions.effort", "--effort"}},
-                      [&] { options.validate(); });
+    with_option_names({AlignOptions::table}, [&] { options.validate(); });
     Atlas atlas = open();
     const AtlasState before = atlas.state();
     for (const std::string& one : only) options.only.push_back(node_named(before, one, *this).id);
@@ -233,9 +214,9 @@ struct LinkArguments : AtlasArguments {
       links.back().erase("id");
       links.back().erase("agrees");
       if (!link.connects()) return;
-      console.print(fmt::format("{} <- {} {}\n", state.nodes.at(link.target).name,
-                                state.nodes.at(link.source).name,
-                                probability_text(link.probability.value_or(0.0))));
+      console.print("{} <- {} {}\n", state.nodes.at(link.target).name,
+                    state.nodes.at(link.source).name,
+                    probability_text(link.probability.value_or(0.0)));
     };
     const AtlasLinkResult result = atlas.link(options);
     Json json = head("link", {{"min_probability", options.links.min_probability},
@@ -269,7 +250,7 @@ struct LinkArguments : AtlasArguments {
 struct OptimizeArguments : AtlasArguments {
   bool update = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command.add_flag("--update", update,
                      "Compute only poses near the maps and links that were added since the last "
                      "'optimize'; all if anything else was changed");
@@ -287,21 +268,20 @@ struct OptimizeArguments : AtlasArguments {
     json["frames"] = Json::array();
     const Console console = common.console();
     for (const AtlasComponent& component : components_of(state)) {
-      console.print(fmt::format("{} in the frame of {}\n", counted(component.nodes.size(), "map"),
-                                state.nodes.at(component.frame).name));
+      console.print("{} in the frame of {}\n", counted(component.nodes.size(), "map"),
+                    state.nodes.at(component.frame).name);
       json["frames"].push_back(
           {{"frame", state.nodes.at(component.frame).name}, {"maps", component.nodes.size()}});
     }
     if (result.placed < state.nodes.size()) {
-      console.print(fmt::format("{} not placed: no link connects them\n",
-                                counted(state.nodes.size() - result.placed, "map")));
+      console.print("{} not placed: no link connects them\n",
+                    counted(state.nodes.size() - result.placed, "map"));
     }
     for (const auto& [id, agrees] : state.agrees) {
       if (agrees) continue;
       const Link& link = state.links.at(id);
-      console.print(fmt::format("not used: {} <- {}: other links contradict it\n",
-                                state.nodes.at(link.target).name,
-                                state.nodes.at(link.source).name));
+      console.print("not used: {} <- {}: other links contradict it\n",
+                    state.nodes.at(link.target).name, state.nodes.at(link.source).name);
     }
     write_document(json, common);
     return kDone;
@@ -313,13 +293,14 @@ struct MergeAtlasArguments : AtlasArguments {
   std::string frame;
   MergePlacedOptions options;
 
-  void add_to(CLI::App& command) {
-    add_text(command, "-o,--output", output,
-             "Map to write; its ending selects the format: " + all_formats().endings_text() +
-                 ". Required",
-             "FILE");
-    add_text(command, "--with", frame,
-             "Merge the maps in the frame of this one (default: the largest group)", "NAME");
+  void add_to(const Command& command) {
+    command.add_text("-o,--output", output,
+                     "Map to write; its ending selects the format: " +
+                         all_formats().endings_text() + ". Required",
+                     "FILE");
+    command.add_text("--with", frame,
+                     "Merge the maps in the frame of this one (default: the largest group)",
+                     "NAME");
     add_adjustment_to(command, options);
     AtlasArguments::add_to(command);
     common.add_threads_to(command);
@@ -333,9 +314,7 @@ struct MergeAtlasArguments : AtlasArguments {
   }
 
   int run() {
-    if (output.empty()) {
-      throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
-    }
+    refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
     require_map_path(output, "--output");
     Atlas atlas = open_to_read();
     const AtlasState state = atlas.state(commit());
@@ -380,8 +359,8 @@ struct MergeAtlasArguments : AtlasArguments {
                               {"bend", bend_json(map.bend)}});
       bends += bend_text(map.bend, node.name);
     }
-    console.print(fmt::format("merged {} of {}, in the frame of {}\n{}", merged.placed(),
-                              counted(state.nodes.size(), "map"), frame_name, left_out));
+    console.print("merged {} of {}, in the frame of {}\n{}", merged.placed(),
+                  counted(state.nodes.size(), "map"), frame_name, left_out);
     json["output"] = {{"path", output},
                       {"landmarks_before", before},
                       {"landmarks", merged.map->landmark_count()},
@@ -389,42 +368,44 @@ struct MergeAtlasArguments : AtlasArguments {
                       {"observations", merged.map->observation_count()}};
     json["adjustment"] = adjustment_json(merged.adjustment);
     write_document(json, common);
-    console.print(fmt::format("{} landmarks became {}{}\n{}wrote {}\n", with_commas(before),
-                              with_commas(merged.map->landmark_count()), bends,
-                              adjustment_text(merged.adjustment), output));
+    console.print("{} landmarks became {}{}\n{}wrote {}\n", with_commas(before),
+                  with_commas(merged.map->landmark_count()), bends,
+                  adjustment_text(merged.adjustment), output);
     return merged.placed() == state.nodes.size() ? kDone : kNoTrustworthyAlignment;
   }
 };
 
 }  // namespace
 
-Run add_atlas_init(CLI::App& atlas) {
-  return add_atlas_verb<InitArguments>(atlas, "init", "Create an empty atlas",
-                                       "Example: cairn atlas init --atlas town.atlas");
+void add_atlas_maps(const Command& atlas) {
+  add_verb<InitArguments>(atlas, "init", "Create an empty atlas")
+      .footer("Example: cairn atlas init --atlas town.atlas");
+  add_verb<AddArguments>(atlas, "add", "Add maps");
+  add_verb<LinkArguments>(atlas, "link", "Align the pairs of maps that were not tried yet");
+  add_verb<OptimizeArguments>(atlas, "optimize", "Compute the maps' poses from the links")
+      .footer(
+          "The frame of each group of linked maps is that of its "
+          "first map. Links that other links contradict\n"
+          "are named and not used.\n"
+          "Examples:\n"
+          "  cairn atlas optimize --atlas town.atlas\n"
+          "  cairn atlas optimize --atlas town.atlas --update");
+  add_verb<MergeAtlasArguments>(atlas, "merge", "Merge the placed maps into one map");
 }
 
-Run add_atlas_add(CLI::App& atlas) {
-  return add_atlas_verb<AddArguments>(atlas, "add", "Add maps");
-}
-
-Run add_atlas_link(CLI::App& atlas) {
-  return add_atlas_verb<LinkArguments>(atlas, "link",
-                                       "Align the pairs of maps that were not tried yet");
-}
-
-Run add_atlas_optimize(CLI::App& atlas) {
-  return add_atlas_verb<OptimizeArguments>(atlas, "optimize",
-                                           "Compute the maps' poses from the links",
-                                           "The frame of each group of linked maps is that of its "
-                                           "first map. Links that other links contradict\n"
-                                           "are named and not used.\n"
-                                           "Examples:\n"
-                                           "  cairn atlas optimize --atlas town.atlas\n"
-                                           "  cairn atlas optimize --atlas town.atlas --update");
-}
-
-Run add_atlas_merge(CLI::App& atlas) {
-  return add_atlas_verb<MergeAtlasArguments>(atlas, "merge", "Merge the placed maps into one map");
+void add_atlas(const Command& program) {
+  const Command atlas = program.add_group(
+      "atlas", "Keep maps, their links and their history in one file or database");
+  add_atlas_maps(atlas);
+  add_atlas_queries(atlas);
+  add_atlas_changes(atlas);
+  atlas.footer(
+      "Example: merge two sessions; the atlas can take more later\n"
+      "  cairn atlas init --atlas town.atlas\n"
+      "  cairn atlas add monday.map tuesday.map --atlas town.atlas\n"
+      "  cairn atlas link --atlas town.atlas\n"
+      "  cairn atlas optimize --atlas town.atlas\n"
+      "  cairn atlas merge --atlas town.atlas -o town.map");
 }
 
 }  // namespace cairn::cli

@@ -15,13 +15,13 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
-#include "atlas_verbs.hpp"
+#include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/atlas_report.hpp"
+#include "support/console.hpp"
 #include "support/map_lists.hpp"
 #include "support/reports.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -42,7 +42,7 @@ std::string status_of(const Link& link, const AtlasState& state) {
 struct ShowArguments : AtlasArguments {
   bool all = false;
 
-  void add_to(CLI::App& command) {
+  void add_to(const Command& command) {
     command.add_flag("--all", all, "Also list pairs that were tried and not aligned");
     common.add_report_to(command, "maps and links as a graph, a matrix and in 3D, and the log");
     AtlasArguments::add_to(command);
@@ -97,9 +97,9 @@ struct ShowArguments : AtlasArguments {
            std::string(cairn::to_string(link.kind))});
     }
     const Console console = common.console();
-    console.print(fmt::format(
-        "{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n", shown(),
-        state.commit.value, state.nodes.size(), state.poses.size(), state.links.size(), aligned));
+    console.print("{}: commit {}; maps: {}, {} placed; pairs tried or stated: {}, {} aligned\n",
+                  shown(), state.commit.value, state.nodes.size(), state.poses.size(),
+                  state.links.size(), aligned);
     if (!state.nodes.empty()) console.print("\n" + maps.text());
     if (aligned > 0 || (all && !state.links.empty())) console.print("\n" + table.text());
     Json json = head("show");
@@ -133,11 +133,9 @@ struct PathArguments : AtlasArguments {
   std::string target;
   std::string source;
 
-  void add_to(CLI::App& command) {
-    command.add_option("target", target, "A map: its name, or # and its id")
-        ->required()
-        ->type_name("A");
-    command.add_option("source", source, "Second map")->required()->type_name("B");
+  void add_to(const Command& command) {
+    command.add_text("target", target, "A map: its name, or # and its id", "A").required();
+    command.add_text("source", source, "Second map", "B").required();
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
@@ -161,7 +159,7 @@ struct PathArguments : AtlasArguments {
     const Console console = common.console();
     if (!route) {
       write_document(json, common);
-      console.print(fmt::format("no chain of links connects {} and {}\n", a.name, b.name));
+      console.print("no chain of links connects {} and {}\n", a.name, b.name);
       return kNoTrustworthyAlignment;
     }
     std::vector<std::string> names;
@@ -177,16 +175,16 @@ struct PathArguments : AtlasArguments {
         route->optimised ? to_json(route->optimised->matrix()) : Json(nullptr);
     write_document(json, common);
     const std::string unit = unit_symbol(a.length_unit);
-    console.print(fmt::format("{}\n", fmt::join(names, " <- ")));
-    console.print(fmt::format("along the links: {}\n", pose_text(route->target_from_source, unit)));
+    console.print("{}\n", fmt::join(names, " <- "));
+    console.print("along the links: {}\n", pose_text(route->target_from_source, unit));
     if (route->covariance) {
       const Matrix7d& c = *route->covariance;
-      console.print(fmt::format("standard deviation: {} {}, {} deg\n",
-                                fixed(std::sqrt(c(0, 0) + c(1, 1) + c(2, 2)), 4), unit,
-                                fixed(degrees(std::sqrt(c(3, 3) + c(4, 4) + c(5, 5))), 3)));
+      console.print("standard deviation: {} {}, {} deg\n",
+                    fixed(std::sqrt(c(0, 0) + c(1, 1) + c(2, 2)), 4), unit,
+                    fixed(degrees(std::sqrt(c(3, 3) + c(4, 4) + c(5, 5))), 3));
     }
     if (route->optimised) {
-      console.print(fmt::format("optimised:       {}\n", pose_text(*route->optimised, unit)));
+      console.print("optimised:       {}\n", pose_text(*route->optimised, unit));
     }
     return kDone;
   }
@@ -197,18 +195,20 @@ struct ExportArguments : AtlasArguments {
   std::string map;
   std::string with;
 
-  void add_to(CLI::App& command) {
-    add_text(command, "-o,--output", output,
-             "File or folder to write. .g2o, .json: graph of links and poses; .tum: keyframes of "
-             "the placed maps; .ply: their landmarks, not fused; .mcap: placed maps and links, for "
-             "Foxglove, Lichtblick and rerun; folder: every map as .cairn, and the graph. Required",
-             "FILE");
-    add_text(command, "--map", map, "Write only this map, in its own frame and any map format",
-             "NAME");
-    add_text(command, "--with", with,
-             "For .tum, .ply and .mcap: write the maps in the frame of this one (default: the "
-             "largest group)",
-             "NAME");
+  void add_to(const Command& command) {
+    command.add_text(
+        "-o,--output", output,
+        "File or folder to write. .g2o, .json: graph of links and poses; .tum: keyframes of "
+        "the placed maps; .ply: their landmarks, not fused; .mcap: placed maps and links, for "
+        "Foxglove, Lichtblick and rerun; folder: every map as .cairn, and the graph. Required",
+        "FILE");
+    command.add_text("--map", map, "Write only this map, in its own frame and any map format",
+                     "NAME");
+    command.add_text(
+        "--with", with,
+        "For .tum, .ply and .mcap: write the maps in the frame of this one (default: the "
+        "largest group)",
+        "NAME");
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer(
@@ -220,9 +220,7 @@ struct ExportArguments : AtlasArguments {
   }
 
   int run() {
-    if (output.empty()) {
-      throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of a file or folder");
-    }
+    refuse_if(output.empty(), "--output", "not given", "the name of a file or folder");
     if (!map.empty()) {
       require_map_path(output, "--output");
     } else if (export_of(output) != AtlasExport::kFolder) {
@@ -242,25 +240,19 @@ struct ExportArguments : AtlasArguments {
     json["commit"] = state.commit.value;
     json["output"] = output;
     write_document(json, common);
-    common.console().print(fmt::format("wrote {}\n", output));
+    common.console().print("wrote {}\n", output);
     return kDone;
   }
 };
 
 }  // namespace
 
-Run add_atlas_show(CLI::App& atlas) {
-  return add_atlas_verb<ShowArguments>(atlas, "show", "List maps and links");
-}
-
-Run add_atlas_path(CLI::App& atlas) {
-  return add_atlas_verb<PathArguments>(
-      atlas, "path", "Print the transform between two maps and its chain of links");
-}
-
-Run add_atlas_export(CLI::App& atlas) {
-  return add_atlas_verb<ExportArguments>(atlas, "export",
-                                         "Write the graph, keyframes, landmarks or maps to files");
+void add_atlas_queries(const Command& atlas) {
+  add_verb<ShowArguments>(atlas, "show", "List maps and links");
+  add_verb<PathArguments>(atlas, "path",
+                          "Print the transform between two maps and its chain of links");
+  add_verb<ExportArguments>(atlas, "export",
+                            "Write the graph, keyframes, landmarks or maps to files");
 }
 
 }  // namespace cairn::cli

@@ -1,36 +1,37 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <functional>
-
-#include <CLI/CLI.hpp>
+#include "support/command_line.hpp"
 
 namespace cairn::cli {
 
-/// Runs a verb after its arguments were parsed; returns the exit code.
-using Run = std::function<int()>;
-
-// Each adds its verb to the program; what it returns runs the verb.
-Run add_align(CLI::App& program);
-Run add_convert(CLI::App& program);
-Run add_demo(CLI::App& program);
-Run add_evaluate(CLI::App& program);
-Run add_experiment(CLI::App& program);
-Run add_locate(CLI::App& program);
-Run add_map(CLI::App& program);
-Run add_merge(CLI::App& program);
-Run add_info(CLI::App& program);
-Run add_report(CLI::App& program);
-Run add_simulate(CLI::App& program);
+// Each adds its verb.
+void add_align(const Command& program);
+void add_convert(const Command& program);
+void add_demo(const Command& program);
+void add_evaluate(const Command& program);
+void add_experiment(const Command& program);
+void add_locate(const Command& program);
+void add_map(const Command& program);
+void add_merge(const Command& program);
+void add_info(const Command& program);
+void add_report(const Command& program);
+void add_simulate(const Command& program);
+void add_atlas(const Command& program);
 
 // The verbs below evaluate.
-Run add_evaluate_alignment(CLI::App& evaluate);
-Run add_evaluate_map(CLI::App& evaluate);
-Run add_evaluate_trajectory(CLI::App& evaluate);
+void add_evaluate_alignment(const Command& evaluate);
+void add_evaluate_map(const Command& evaluate);
+void add_evaluate_trajectory(const Command& evaluate);
 
 // The verbs below experiment.
-Run add_experiment_merge(CLI::App& experiment);
-Run add_experiment_paper(CLI::App& experiment);
-Run add_experiment_sweep(CLI::App& experiment);
+void add_experiment_merge(const Command& experiment);
+void add_experiment_paper(const Command& experiment);
+void add_experiment_sweep(const Command& experiment);
+
+// The verbs below atlas.
+void add_atlas_changes(const Command& atlas);
+void add_atlas_maps(const Command& atlas);
+void add_atlas_queries(const Command& atlas);
 
 }  // namespace cairn::cli

@@ -33,7 +33,6 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/map_loading.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -57,7 +56,7 @@ struct ConvertArguments {
   std::string apply;
   MapLoading loading;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -80,37 +79,40 @@ FrameRange parse_frames(const std::string& text) {
   const auto begin = parse_unsigned(text.substr(0, colon));
   const auto end =
       colon == std::string::npos ? std::nullopt : parse_unsigned(text.substr(colon + 1));
-  if (!begin || !end || *begin >= *end) {
-    throw Error(ErrorKind::kMisuse, "--frames", printable(text),
-                "A:B, two frame ids with A below B");
-  }
+  refuse_if(!begin || !end || *begin >= *end, "--frames", printable(text),
+            "A:B, two frame ids with A below B");
   return {FrameId{*begin}, FrameId{*end}};
 }
 
-void ConvertArguments::add_to(CLI::App& command) {
-  add_text(command, "input", input,
-           "Map to read: " + all_formats().titles_text() +
-               "; - for stdin; or a trajectory in TUM, EuRoC or KITTI format; or a pose graph in "
-               "g2o or JSON")
-      ->required();
-  add_text(command, "output", output,
-           "Map to write; its ending selects the format: " + all_formats().endings_text() +
-               "; - for stdout, with --format")
-      ->required();
-  add_text(command, "--format", format,
-           "Output format, whatever the output's ending: " + all_formats().written_names_text() +
-               "; for a trajectory: tum (default), euroc (.csv) or kitti; for a pose graph, whose "
-               "poses have no times: kitti (default: .g2o or .json, by the ending)",
-           "FORMAT");
-  add_text(command, "--frames", frames,
-           "Cut out a mini-map: keep frames with ids from A to below B, and landmarks observed "
-           "only in these frames",
-           "A:B");
+void ConvertArguments::add_to(const Command& command) {
+  command
+      .add_text(
+          "input", input,
+          "Map to read: " + all_formats().titles_text() +
+              "; - for stdin; or a trajectory in TUM, EuRoC or KITTI format; or a pose graph in "
+              "g2o or JSON")
+      .required();
+  command
+      .add_text("output", output,
+                "Map to write; its ending selects the format: " + all_formats().endings_text() +
+                    "; - for stdout, with --format")
+      .required();
+  command.add_text(
+      "--format", format,
+      "Output format, whatever the output's ending: " + all_formats().written_names_text() +
+          "; for a trajectory: tum (default), euroc (.csv) or kitti; for a pose graph, whose "
+          "poses have no times: kitti (default: .g2o or .json, by the ending)",
+      "FORMAT");
+  command.add_text(
+      "--frames", frames,
+      "Cut out a mini-map: keep frames with ids from A to below B, and landmarks observed "
+      "only in these frames",
+      "A:B");
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks with fewer observations, after --frames");
   transform.add_to(command, "transform", "Transform the map by new_from_old");
-  add_text(
-      command, "--apply", apply,
+  command.add_text(
+      "--apply", apply,
       "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
       "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
       "cairn atlas show. The input is a map, a trajectory, or a PLY cloud or mesh, whose other "
@@ -119,19 +121,20 @@ void ConvertArguments::add_to(CLI::App& command) {
   command.add_flag(
       "--enu", enu,
       "Transform a map with a georeference into its ENU frame: metres to the east, north and up");
-  add_text(command, "--confidence", confidence,
-           "Add a column confidence_METRIC for each metric: " + confidence_help(), "METRIC,...");
-  add_text(command, "--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
-           "CAMERA");
+  command.add_text("--confidence", confidence,
+                   "Add a column confidence_METRIC for each metric: " + confidence_help(),
+                   "METRIC,...");
+  command.add_text("--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
+                   "CAMERA");
 #ifdef CAIRN_HAS_ADJUSTMENT
-  auto* const estimate = command.add_flag(
+  const Option estimate = command.add_flag(
       "--estimate-covariances", estimate_covariances,
       "Replace the covariances of landmarks and poses by estimates from their observations, with "
       "the first frame fixed; without depths, the distance to the farthest frame is fixed too");
   add_number(command, "--pixel-noise", pixel_noise,
              "With --estimate-covariances: standard deviation of an observation, in pixels "
              "(default: from the residuals)")
-      ->needs(estimate);
+      .needs(estimate);
 #endif
   add_number(
       command, "--format-version", format_version,
@@ -173,23 +176,17 @@ const MapFormat& ConvertArguments::output_format() const {
   }
   const MapFormat* const written =
       format.empty() ? all_formats().format_of_ending(output) : all_formats().find(format);
-  if (written == nullptr || !written->is_written()) {
-    throw Error(ErrorKind::kMisuse, "--format", printable(format),
-                all_formats().written_names_text());
-  }
+  refuse_if(written == nullptr || !written->is_written(), "--format", printable(format),
+            all_formats().written_names_text());
   if (!to_stdout) require_place_of(output, *written);
-  if (format_version && written->name != "text") {
-    throw Error(ErrorKind::kMisuse, "--format-version", output + " is not in the text format",
-                "an output that ends in .map or .txt");
-  }
+  refuse_if(format_version && written->name != "text", "--format-version",
+            output + " is not in the text format", "an output that ends in .map or .txt");
   if (format_version && (*format_version < 1 || *format_version > 3)) {
     throw Error(ErrorKind::kMisuse, "--format-version", std::to_string(*format_version),
                 "1, 2 or 3");
   }
-  if (ascii && written->name != "ply" && written->name != "pcd") {
-    throw Error(ErrorKind::kMisuse, "--ascii", output + " is neither PLY nor PCD",
-                "an output that ends in .ply or .pcd");
-  }
+  refuse_if(ascii && written->name != "ply" && written->name != "pcd", "--ascii",
+            output + " is neither PLY nor PCD", "an output that ends in .ply or .pcd");
   return *written;
 }
 
@@ -212,12 +209,11 @@ LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map,
           {"depth_noise", has_depths ? Json({{"floor_m", noise.depth_floor},
                                              {"quadratic_per_m", noise.depth_quadratic}})
                                      : Json(nullptr)}};
-  common.console().print(
-      fmt::format("covariances of {} of {} landmarks, by pixel noise of {:.3g} px{}\n",
-                  estimated.known, map.landmark_count(), noise.pixel_px,
-                  has_depths ? fmt::format(" and depth noise of {:.2g} + {:.2g} z^2 m",
-                                           noise.depth_floor, noise.depth_quadratic)
-                             : std::string()));
+  common.console().print("covariances of {} of {} landmarks, by pixel noise of {:.3g} px{}\n",
+                         estimated.known, map.landmark_count(), noise.pixel_px,
+                         has_depths ? fmt::format(" and depth noise of {:.2g} + {:.2g} z^2 m",
+                                                  noise.depth_floor, noise.depth_quadratic)
+                                    : std::string());
   return estimated.map;
 }
 #endif
@@ -230,7 +226,7 @@ bool ConvertArguments::move_points(std::string_view first) const {
   FileReader file(input);
   const Similarity3 new_from_old = read_similarity_file(apply);
   write_file(output, [&](const ByteSink& sink) { move_ply(file, new_from_old, sink); });
-  common.console().print(fmt::format("{}: moved\n", output));
+  common.console().print("{}: moved\n", output);
   return true;
 }
 
@@ -247,10 +243,7 @@ bool ConvertArguments::convert_trajectory(std::string_view first) const {
   TrajectoryFormat written = TrajectoryFormat::kTum;
   if (!format.empty()) {
     const auto named = trajectory_format(format);
-    if (!named) {
-      throw Error(ErrorKind::kMisuse, "--format", printable(format) + " of a trajectory",
-                  "tum, euroc or kitti");
-    }
+    refuse_if(!named, "--format", printable(format) + " of a trajectory", "tum, euroc or kitti");
     written = *named;
   } else if (std::filesystem::path(output).extension() == ".csv") {
     written = TrajectoryFormat::kEuroc;
@@ -264,8 +257,8 @@ bool ConvertArguments::convert_trajectory(std::string_view first) const {
   if (!apply.empty()) trajectory = transformed(trajectory, read_similarity_file(apply));
   if (transform.given()) trajectory = transformed(trajectory, transform.pose());
   write_file(output, [&](const ByteSink& sink) { write_trajectory(trajectory, written, sink); });
-  common.console().print(fmt::format("{}: {} poses{}\n", output, trajectory.size(),
-                                     apply.empty() && !transform.given() ? "" : ", moved"));
+  common.console().print("{}: {} poses{}\n", output, trajectory.size(),
+                         apply.empty() && !transform.given() ? "" : ", moved");
   return true;
 }
 
@@ -329,19 +322,16 @@ Trajectory poses_of(PoseGraph graph, const LogSink& log) {
 bool ConvertArguments::write_graph(std::string_view first) const {
   const auto graph = read_graph(first);
   if (!graph) return false;
-  if (!apply.empty() || transform.given()) {
-    throw Error(ErrorKind::kMisuse, apply.empty() ? "--transform" : "--apply", "of a pose graph",
-                "a map, a trajectory or a cloud");
-  }
+  refuse_if(!apply.empty() || transform.given(), apply.empty() ? "--transform" : "--apply",
+            "of a pose graph", "a map, a trajectory or a cloud");
   const std::filesystem::path path(output);
   const bool is_kitti = format == "kitti";
   const bool is_g2o_file = format.empty() && path.extension() == ".g2o";
-  if (!is_kitti && !is_g2o_file && !(format.empty() && path.extension() == ".json")) {
-    throw Error(ErrorKind::kMisuse, format.empty() ? "output" : "--format",
-                printable(format.empty() ? output : format) + " of a pose graph",
-                "an output that ends in .g2o or .json, or --format kitti: the poses by id, because "
-                "a graph has no times");
-  }
+  refuse_if(!is_kitti && !is_g2o_file && !(format.empty() && path.extension() == ".json"),
+            format.empty() ? "output" : "--format",
+            printable(format.empty() ? output : format) + " of a pose graph",
+            "an output that ends in .g2o or .json, or --format kitti: the poses by id, because "
+            "a graph has no times");
   write_file(output, [&](const ByteSink& sink) {
     if (is_kitti) {
       const LogSink log = strict_log(common.console().log(), loading.strict);
@@ -352,20 +342,17 @@ bool ConvertArguments::write_graph(std::string_view first) const {
       sink(pose_graph_text(*graph));
     }
   });
-  common.console().print(
-      fmt::format("{}: {} nodes, {} links\n", output, graph->nodes.size(), graph->links.size()));
+  common.console().print("{}: {} nodes, {} links\n", output, graph->nodes.size(),
+                         graph->links.size());
   return true;
 }
 
 int ConvertArguments::run() {
   loading.validate();
-  if (!apply.empty() && transform.given()) {
-    throw Error(ErrorKind::kMisuse, "--apply", "given with --transform", "one of them");
-  }
-  if (enu && (!apply.empty() || transform.given())) {
-    throw Error(ErrorKind::kMisuse, "--enu", "given with another transform of the map",
-                "one of them");
-  }
+  refuse_if(!apply.empty() && transform.given(), "--apply", "given with --transform",
+            "one of them");
+  refuse_if(enu && (!apply.empty() || transform.given()), "--enu",
+            "given with another transform of the map", "one of them");
   const std::string first = output == "-" ? std::string() : beginning_of(input);
   refuse_atlas(first);
   if (!apply.empty() && move_points(first)) return kDone;
@@ -385,10 +372,8 @@ int ConvertArguments::run() {
   const LoadedMap loaded = load_map(input, common, loading);
   LandmarkMap map = loaded.map;
   if (given_camera) map = with_camera(map, *given_camera);
-  if (range && !map.has_observations()) {
-    throw Error(ErrorKind::kInput, input, "has no observations",
-                "a map with observations, for --frames");
-  }
+  reject_if(range && !map.has_observations(), input, "has no observations",
+            "a map with observations, for --frames");
   if (range) {
     with_option_names({{"frames", "--frames"}},
                       [&] { map = cut_frames(map, range->begin, range->end); });
@@ -449,18 +434,16 @@ int ConvertArguments::run() {
   write_document(json, common);
   const std::string frame_text =
       has_frames ? fmt::format("{} frames, ", map.frame_count()) : std::string();
-  common.console().print(
-      fmt::format("{}: {}{} landmarks\n", output, frame_text, map.landmark_count()));
+  common.console().print("{}: {}{} landmarks\n", output, frame_text, map.landmark_count());
   return kDone;
 }
 
 }  // namespace
 
-Run add_convert(CLI::App& program) {
-  auto arguments = std::make_shared<ConvertArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "convert", "Convert a map to another format; optionally cut, filter or transform it"));
-  return [arguments] { return arguments->run(); };
+void add_convert(const Command& program) {
+  add_verb<ConvertArguments>(
+      program, "convert",
+      "Convert a map to another format; optionally cut, filter or transform it");
 }
 
 }  // namespace cairn::cli

@@ -11,14 +11,15 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
+#include "cairn/map/synthetic.hpp"
 
 #include "commands.hpp"
 #include "demo_pair.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/reports.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -29,6 +30,24 @@ constexpr bool kCanSimulate = true;
 constexpr bool kCanSimulate = false;
 #endif
 
+// Landmarks strewn over a desk and observed with noise; no images.
+DemoPair synthetic_demo(const CommonArguments& common) {
+  SyntheticPair pair = synthetic_pair({.seed = common.seed});
+  DemoPair demo;
+  demo.story = fmt::format(
+      "Two synthetic sessions over one desk: {} and {} landmarks, of which {} are the same "
+      "points.\n",
+      pair.source.landmark_count(), pair.target.landmark_count(), pair.shared.size());
+  demo.description = {{"landmarks",
+                       {{"source", pair.source.landmark_count()},
+                        {"target", pair.target.landmark_count()},
+                        {"shared", pair.shared.size()}}}};
+  demo.source = std::move(pair.source);
+  demo.target = std::move(pair.target);
+  demo.target_from_source = pair.target_from_source;
+  return demo;
+}
+
 struct DemoArguments {
   CommonArguments common;
   std::string displacement = "0.15 -0.1 0.05 3 -4 15";
@@ -36,7 +55,7 @@ struct DemoArguments {
   bool synthetic = false;
   std::size_t frames = 150;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -50,28 +69,29 @@ struct DemoArguments {
              const std::vector<StrategyResult>& alignments, const std::string& saved) const;
 };
 
-void DemoArguments::add_to(CLI::App& command) {
+void DemoArguments::add_to(const Command& command) {
   common.seed = 1;
   if (kCanSimulate) {
-    auto* const flag = command.add_flag(
+    const Option flag = command.add_flag(
         "--synthetic", synthetic, "Align maps of random landmarks, without images; takes a second");
     add_number(command, "--frames", frames, "Frames per session, along one orbit of the desk")
-        ->excludes(flag);
+        .excludes(flag);
   } else {
     command.add_flag(
         "--synthetic", synthetic,
         "Align maps of random landmarks; this build, without OpenCV, Ceres or Embree, always does");
   }
-  add_text(command, "--displacement", displacement,
-           "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
-           "and degrees",
-           "POSE")
-      ->capture_default_str();
-  add_text(command, "--save", save,
-           kCanSimulate ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
-                          "trajectories (.tum) to FOLDER"
-                        : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
-           "FOLDER");
+  command.add_text(
+      "--displacement", displacement,
+      "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
+      "and degrees",
+      "POSE");
+  command.add_text("--save", save,
+                   kCanSimulate
+                       ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
+                         "trajectories (.tum) to FOLDER"
+                       : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
+                   "FOLDER");
   common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
   common.add_to(command);
   common.add_threads_to(command);
@@ -106,10 +126,8 @@ void make_folder(const std::string& folder) {
 void DemoArguments::check() const {
   constexpr std::size_t kFewest = 10;
   constexpr std::size_t kMost = 10000;
-  if (frames < kFewest || frames > kMost) {
-    throw Error(ErrorKind::kMisuse, "--frames", fmt::format("{}", frames),
-                fmt::format("{} to {}", kFewest, kMost));
-  }
+  refuse_if(frames < kFewest || frames > kMost, "--frames", fmt::format("{}", frames),
+            fmt::format("{} to {}", kFewest, kMost));
 }
 
 DemoPair DemoArguments::make_pair() const {
@@ -173,21 +191,20 @@ void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
   console.print(pair.story);
   const StrategyResult& searched = alignments.back();
   console.print(
-      fmt::format("Pose of the second session in the first, found without an initial pose:\n"
-                  "\n"
-                  "{}: {}\n",
-                  status_of(searched.alignment), searched.alignment.reason));
+      "Pose of the second session in the first, found without an initial pose:\n"
+      "\n"
+      "{}: {}\n",
+      status_of(searched.alignment), searched.alignment.reason);
   if (searched.error) {
-    console.print(fmt::format("Its error is {:.2f} mm and {:.3f} degrees.\n",
-                              1e3 * searched.error->translation,
-                              degrees(searched.error->rotation_rad)));
+    console.print("Its error is {:.2f} mm and {:.3f} degrees.\n", 1e3 * searched.error->translation,
+                  degrees(searched.error->rotation_rad));
   }
   console.print(
-      fmt::format("\n"
-                  "The paper's ICP, from an initial pose {:.2f} m and {:.1f} degrees off and "
-                  "without a verdict:\n"
-                  "\n",
-                  start.translation, degrees(start.rotation_rad)));
+      "\n"
+      "The paper's ICP, from an initial pose {:.2f} m and {:.1f} degrees off and "
+      "without a verdict:\n"
+      "\n",
+      start.translation, degrees(start.rotation_rad));
   const std::vector<StrategyResult> by_icp(alignments.begin(), alignments.end() - 1);
   console.print(alignment_table(by_icp, LengthUnit::kMetres));
   console.print(
@@ -197,7 +214,7 @@ void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
       "it to\n"
       "the most confident of the k nearest: smallest covariance, most observations, closest "
       "observer.\n");
-  if (!saved.empty()) console.print(fmt::format("\nSaved to {}: {}\n", save, saved));
+  if (!saved.empty()) console.print("\nSaved to {}: {}\n", save, saved);
 }
 
 int DemoArguments::run() {
@@ -242,14 +259,12 @@ int DemoArguments::run() {
 
 }  // namespace
 
-Run add_demo(CLI::App& program) {
-  auto arguments = std::make_shared<DemoArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "demo",
+void add_demo(const Command& program) {
+  add_verb<DemoArguments>(
+      program, "demo",
       kCanSimulate
           ? "Simulate and map two sessions at one desk, then align the maps and judge the pose"
-          : "Align two synthetic maps of one desk with every strategy"));
-  return [arguments] { return arguments->run(); };
+          : "Align two synthetic maps of one desk with every strategy");
 }
 
 }  // namespace cairn::cli

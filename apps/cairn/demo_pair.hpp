@@ -30,9 +30,6 @@ struct DemoPair {
   Json description;   ///< fields for the document
 };
 
-/// Landmarks strewn over a desk and observed with noise; no images.
-DemoPair synthetic_demo(const CommonArguments& common);
-
 /// Renders two sessions with an RGB-D camera that goes round a desk once, some things moved in
 /// between, and maps them. Only where the tool was built with CAIRN_HAS_SIMULATED_SESSIONS.
 /// @param frames a session

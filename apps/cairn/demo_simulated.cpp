@@ -12,9 +12,9 @@
 #include "cairn/experiments/simulated_session/simulated_session.hpp"
 
 #include "demo_pair.hpp"
+#include "support/console.hpp"
 #include "support/interrupt.hpp"
 #include "support/statistics.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -26,10 +26,10 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
 #include "support/saved_results.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -66,7 +66,7 @@ struct EvaluateAlignmentArguments {
   double max_translation_m = 0.05;
   double max_scale_percent = 5.0;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -95,30 +95,30 @@ struct JudgedAlignment {
   bool fits_inverse = false;              ///< of the truth
 };
 
-void EvaluateAlignmentArguments::add_to(CLI::App& command) {
-  add_text(command, "result", result,
-           "JSON of 'cairn align --json'; not needed with --write-truth");
-  auto* const truth_file =
-      add_text(command, "--truth", truth,
-               "True target_from_source, 16 numbers or the JSON of an alignment", "FILE");
-  add_text(command, "--source-trajectory", source_trajectory,
-           "For a truth from trajectories: estimated trajectory of the source map's camera, in the "
-           "map's frame, TUM format",
-           "FILE");
-  add_text(command, "--source-truth", source_truth, "True trajectory of the same camera", "FILE");
-  add_text(command, "--target-trajectory", target_trajectory,
-           "Estimated trajectory of the target map's camera, in the map's frame", "FILE");
-  add_text(command, "--target-truth", target_truth,
-           "True trajectory of the same camera, in the world of --source-truth", "FILE");
+void EvaluateAlignmentArguments::add_to(const Command& command) {
+  command.add_text("result", result, "JSON of 'cairn align --json'; not needed with --write-truth");
+  const Option truth_file = command.add_text(
+      "--truth", truth, "True target_from_source, 16 numbers or the JSON of an alignment", "FILE");
+  command.add_text(
+      "--source-trajectory", source_trajectory,
+      "For a truth from trajectories: estimated trajectory of the source map's camera, in the "
+      "map's frame, TUM format",
+      "FILE");
+  command.add_text("--source-truth", source_truth, "True trajectory of the same camera", "FILE");
+  command.add_text("--target-trajectory", target_trajectory,
+                   "Estimated trajectory of the target map's camera, in the map's frame", "FILE");
+  command.add_text("--target-truth", target_truth,
+                   "True trajectory of the same camera, in the world of --source-truth", "FILE");
   command.add_flag("--hand-eye", hand_eye,
                    "The true trajectories are those of a body that carries the camera, such as "
                    "markers of motion capture: also estimate the transform between them and the "
                    "clock offset, of each pair of trajectories");
-  add_text(command, "--write-truth", truth_output,
-           "Write the truth from trajectories, target_from_source, as --truth reads it", "FILE");
-  add_text(command, "--source", source, "Source map (default: the path in the result)", "MAP");
-  add_text(command, "--target", target,
-           "Target map, for a verdict (default: the path in the result)", "MAP");
+  command.add_text("--write-truth", truth_output,
+                   "Write the truth from trajectories, target_from_source, as --truth reads it",
+                   "FILE");
+  command.add_text("--source", source, "Source map (default: the path in the result)", "MAP");
+  command.add_text("--target", target,
+                   "Target map, for a verdict (default: the path in the result)", "MAP");
   add_number(command, "--min-probability", min_probability,
              "Without a truth: least probability of an aligned pose, at least 0.5 and below 1 "
              "(default: that of the result)");
@@ -134,10 +134,10 @@ void EvaluateAlignmentArguments::add_to(CLI::App& command) {
   common.add_seed_to(command);
   for (const char* const name :
        {"--source-trajectory", "--source-truth", "--target-trajectory", "--target-truth"}) {
-    command.get_option(name)->excludes(truth_file);
+    command.option(name).excludes(truth_file);
   }
   for (const char* const name : {"--hand-eye", "--write-truth"}) {
-    command.get_option(name)->needs(command.get_option("--source-trajectory"));
+    command.option(name).needs(command.option("--source-trajectory"));
   }
   command.footer(
       "Without a truth, judges each pose as it is, with the prior odds, probability, gravity,\n"
@@ -162,9 +162,7 @@ std::string EvaluateAlignmentArguments::map_path(const std::string& given,
                                                  const SavedMap& saved) const {
   const std::string role = option.substr(2);
   if (!given.empty()) return given;
-  if (!saved.path) {
-    throw Error(ErrorKind::kInput, result, "does not name the " + role + " map", option + " MAP");
-  }
+  reject_if(!saved.path, result, "does not name the " + role + " map", option + " MAP");
   const std::filesystem::path here = *saved.path;
   const std::filesystem::path beside = std::filesystem::path(result).parent_path() / here;
   for (const auto& path : {here, beside}) {
@@ -192,10 +190,8 @@ bool EvaluateAlignmentArguments::has_trajectories() const {
                                                  &target_trajectory, &target_truth};
   const auto given =
       std::count_if(all.begin(), all.end(), [](const auto* path) { return !path->empty(); });
-  if (given != 0 && given != 4) {
-    throw Error(ErrorKind::kMisuse, "--source-trajectory", "not all four trajectories are given",
-                "--source-trajectory, --source-truth, --target-trajectory and --target-truth");
-  }
+  refuse_if(given != 0 && given != 4, "--source-trajectory", "not all four trajectories are given",
+            "--source-trajectory, --source-truth, --target-trajectory and --target-truth");
   return given == 4;
 }
 
@@ -207,17 +203,15 @@ MapInWorld EvaluateAlignmentArguments::map_in_world(const std::string& estimate_
   Trajectory truth_of_camera = read_trajectory(truth_path, log);
   if (hand_eye) {
     const HandEyeResult found = estimate_hand_eye(estimate, truth_of_camera);
-    if (!found.hand_eye) throw Error(ErrorKind::kInput, estimate_path, found.reason, "");
+    reject_if(!found.hand_eye, estimate_path, found.reason, "");
     truth_of_camera = corrected_truth(truth_of_camera, *found.hand_eye);
   }
   TrajectoryEvaluationOptions options;
   options.alignment = TrajectoryAlignment::kPoses;
   const TrajectoryEvaluation evaluation = evaluate_trajectory(estimate, truth_of_camera, options);
-  if (!evaluation.absolute) {
-    throw Error(ErrorKind::kInput, estimate_path,
-                "cannot be aligned with " + truth_path + ": " + evaluation.reason,
-                "trajectories with common times");
-  }
+  reject_if(!evaluation.absolute, estimate_path,
+            "cannot be aligned with " + truth_path + ": " + evaluation.reason,
+            "trajectories with common times");
   const AbsoluteError& absolute = *evaluation.absolute;
   return {absolute.truth_from_estimate.rigid(), evaluation.pairs.size(), absolute.rotation_rad.rmse,
           absolute.translation.rmse};
@@ -261,12 +255,11 @@ void EvaluateAlignmentArguments::print_truth(const TruePose& true_one) const {
   for (const auto& [role, map] :
        {std::pair{"source", &true_one.source}, {"target", &true_one.target}}) {
     if (!*map) continue;
-    console.print(
-        fmt::format("{} trajectory  {} poses, {} deg and {} m (rms) from the true one{}\n", role,
-                    (*map)->poses, fixed(degrees((*map)->rotation_rms_rad), 2),
-                    fixed((*map)->translation_rms, 4), hand_eye ? ", hand-eye corrected" : ""));
+    console.print("{} trajectory  {} poses, {} deg and {} m (rms) from the true one{}\n", role,
+                  (*map)->poses, fixed(degrees((*map)->rotation_rms_rad), 2),
+                  fixed((*map)->translation_rms, 4), hand_eye ? ", hand-eye corrected" : "");
   }
-  if (!truth_output.empty()) console.print(fmt::format("wrote {}\n", truth_output));
+  if (!truth_output.empty()) console.print("wrote {}\n", truth_output);
 }
 
 // How the error compares to the stated covariance.
@@ -407,8 +400,7 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
     json["results"].push_back(to_json(one, HistoryDetail::kNone));
     rows << one.confidence << std::string(status_of(one.alignment)) << one.alignment.probability;
     rows.end_row();
-    console.print(fmt::format("{}: {}: {}\n", one.confidence, status_of(one.alignment),
-                              one.alignment.reason));
+    console.print("{}: {}: {}\n", one.confidence, status_of(one.alignment), one.alignment.reason);
   }
   write_document(json, common);
   write_rows(rows, common);
@@ -422,9 +414,7 @@ int EvaluateAlignmentArguments::run() {
   for (const auto& [option, limit] : {std::pair{"--max-rotation-deg", max_rotation_deg},
                                       {"--max-translation-m", max_translation_m},
                                       {"--max-scale-percent", max_scale_percent}}) {
-    if (limit < 0.0) {
-      throw Error(ErrorKind::kMisuse, option, fmt::format("{}", limit), "0 or more");
-    }
+    refuse_if(limit < 0.0, option, fmt::format("{}", limit), "0 or more");
   }
   with_option_names({{"AlignOptions.min_probability", "--min-probability"}}, [&] {
     AlignOptions options;
@@ -434,10 +424,8 @@ int EvaluateAlignmentArguments::run() {
   has_trajectories();
   require_outputs(common);
   require_folder_of(truth_output);
-  if (result.empty() && truth_output.empty()) {
-    throw Error(ErrorKind::kMisuse, "result", "not given",
-                "the JSON of 'cairn align --json', or --write-truth");
-  }
+  refuse_if(result.empty() && truth_output.empty(), "result", "not given",
+            "the JSON of 'cairn align --json', or --write-truth");
   std::optional<SavedResult> saved;
   if (!result.empty()) saved = saved_result(read_file(result), result);
   const std::optional<TruePose> true_one = true_pose();
@@ -464,12 +452,10 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
   PointSetOptions point_options;
   point_options.min_observations = saved.min_observations;
   const PointSet points = point_set(source_map.map, std::nullopt, point_options);
-  if (points.positions.empty()) {
-    throw Error(ErrorKind::kInput, source_map.path,
-                fmt::format("has no landmarks with {} or more observations",
-                            point_options.min_observations),
-                "a map with landmarks, to measure translation at");
-  }
+  reject_if(
+      points.positions.empty(), source_map.path,
+      fmt::format("has no landmarks with {} or more observations", point_options.min_observations),
+      "a map with landmarks, to measure translation at");
 
   std::vector<JudgedAlignment> judged;
   std::optional<std::size_t> successes;  // of those in metres
@@ -517,27 +503,26 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
   print_truth(true_one);
   if (true_one.source) console.print("\n");
   console.print(table_of(judged, with_scale, with_ellipsoid));
-  console.print(
-      fmt::format("\ntranslation error  displacement of the centroid of {} source landmarks\n",
-                  points.positions.size()));
+  console.print("\ntranslation error  displacement of the centroid of {} source landmarks\n",
+                points.positions.size());
   if (successes) {
-    console.print(fmt::format(
+    console.print(
         "success            at most {:g} deg and {:g} m{}: {} of {}\n", max_rotation_deg,
         max_translation_m,
         with_scale ? fmt::format(", and {:g} % of the scale", max_scale_percent) : std::string(),
-        *successes, judged.size()));
+        *successes, judged.size());
   } else {
     console.print("success            unknown: the limits are in metres, the maps of free scale\n");
   }
   if (with_ellipsoid)
-    console.print(fmt::format(
+    console.print(
         "in ellipsoid       whether the truth lies in the 95 % ellipsoid of the stated "
         "covariance\n                   (squared error under it: at most {:.1f}, with a "
         "scale {:.1f})\n",
-        kNormalisedSquaredError95, kNormalisedSquaredErrorWithScale95));
+        kNormalisedSquaredError95, kNormalisedSquaredErrorWithScale95);
   if (std::any_of(judged.begin(), judged.end(),
                   [](const JudgedAlignment& entry) { return entry.fits_inverse; })) {
-    console.print(fmt::format("truth              {}\n", swapped_truth_text("the pose")));
+    console.print("truth              {}\n", swapped_truth_text("the pose"));
     console.remark(swapped_truth_text("the pose"));
   }
   return kDone;
@@ -545,11 +530,9 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
 
 }  // namespace
 
-Run add_evaluate_alignment(CLI::App& evaluate) {
-  auto arguments = std::make_shared<EvaluateAlignmentArguments>();
-  arguments->add_to(*evaluate.add_subcommand(
-      "alignment", "Compute the pose errors of alignments, or judge their poses"));
-  return [arguments] { return arguments->run(); };
+void add_evaluate_alignment(const Command& evaluate) {
+  add_verb<EvaluateAlignmentArguments>(
+      evaluate, "alignment", "Compute the pose errors of alignments, or judge their poses");
 }
 
 }  // namespace cairn::cli

@@ -25,9 +25,9 @@
 #ifdef CAIRN_HAS_ODOMETRY
 #include "support/depth_truth.hpp"
 #endif
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/statistics.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -47,9 +47,9 @@ struct EvaluateMapArguments {
   std::string truth_depth;
   std::size_t min_observations = 2;
   double max_time_difference_s = 0.02;
-  MapConsistencyOptions options;
+  double inlier_px = kInlierPx;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -61,30 +61,33 @@ struct EvaluateMapArguments {
              const std::optional<Calibration>& calibration) const;
 };
 
-void EvaluateMapArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input, "Map to evaluate: " + all_formats().titles_text())->required();
-  add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
-  add_text(command, "--truth-map", truth_map,
-           "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
-           "covariances",
-           "MAP");
-  add_text(command, "--truth-trajectory", truth_trajectory,
-           "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
-           "(TUM format)",
-           "FILE");
+void EvaluateMapArguments::add_to(const Command& command) {
+  command.add_text("map", input, "Map to evaluate: " + all_formats().titles_text()).required();
+  command.add_text("--camera", camera,
+                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                   "CAMERA");
+  command.add_text(
+      "--truth-map", truth_map,
+      "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
+      "covariances",
+      "MAP");
+  command.add_text(
+      "--truth-trajectory", truth_trajectory,
+      "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
+      "(TUM format)",
+      "FILE");
 #ifdef CAIRN_HAS_ODOMETRY
-  add_text(command, "--truth-depth", truth_depth,
-           "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
-           "images, as written by cairn simulate --no-depth-noise",
-           "FOLDER");
+  command.add_text(
+      "--truth-depth", truth_depth,
+      "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
+      "images, as written by cairn simulate --no-depth-noise",
+      "FOLDER");
 #endif
   add_number(command, "--max-time-difference", max_time_difference_s,
              "Largest time difference between a frame and its true pose, seconds");
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks with fewer observations");
-  add_number(command, "--inlier-px", options.inlier_px,
-             "Largest reprojection error of an inlier, pixels");
+  add_number(command, "--inlier-px", inlier_px, "Largest reprojection error of an inlier, pixels");
   common.add_csv_to(command, "landmark");
   common.add_to(command);
   command.footer(
@@ -94,19 +97,14 @@ void EvaluateMapArguments::add_to(CLI::App& command) {
 }
 
 void EvaluateMapArguments::check_options() const {
-  with_option_names({{"MapConsistencyOptions.inlier_px", "--inlier-px"}},
-                    [&] { options.validate(); });
-  if (!(max_time_difference_s > 0.0)) {
-    throw Error(ErrorKind::kMisuse, "--max-time-difference",
-                fmt::format("{}", max_time_difference_s), "a positive number");
-  }
-  if (!truth_trajectory.empty() && truth_map.empty()) {
-    throw Error(ErrorKind::kMisuse, "--truth-trajectory", "given without --truth-map",
-                "both, because a trajectory has no landmarks");
-  }
-  if (!truth_depth.empty() && !truth_map.empty()) {
-    throw Error(ErrorKind::kMisuse, "--truth-depth", "given with --truth-map", "one of them");
-  }
+  refuse_if(!kFinitePositive.contains(inlier_px), "--inlier-px", fmt::format("{}", inlier_px),
+            "a positive number");
+  refuse_if(!(max_time_difference_s > 0.0), "--max-time-difference",
+            fmt::format("{}", max_time_difference_s), "a positive number");
+  refuse_if(!truth_trajectory.empty() && truth_map.empty(), "--truth-trajectory",
+            "given without --truth-map", "both, because a trajectory has no landmarks");
+  refuse_if(!truth_depth.empty() && !truth_map.empty(), "--truth-depth", "given with --truth-map",
+            "one of them");
   require_outputs(common);
 }
 
@@ -132,14 +130,12 @@ Calibration EvaluateMapArguments::calibrate(const LandmarkMap& map,
   Calibration calibration;
   calibration.landmarks = estimates_in_first_keyframe(map, true_positions(map, truth));
   calibration.result = calibrate_covariances(calibration.landmarks);
-  if (!calibration.result.all) {
-    throw Error(ErrorKind::kInput, truth_map.empty() ? truth_depth : truth_map,
-                fmt::format("no landmark can be judged: of {}, {} without a true position in their "
-                            "first keyframe, {} without covariance, {} with a singular one",
-                            map.landmark_count(), calibration.result.without_truth,
-                            calibration.result.without_covariance, calibration.result.singular),
-                "landmarks and frames with the ids of " + input);
-  }
+  reject_if(!calibration.result.all, truth_map.empty() ? truth_depth : truth_map,
+            fmt::format("no landmark can be judged: of {}, {} without a true position in their "
+                        "first keyframe, {} without covariance, {} with a singular one",
+                        map.landmark_count(), calibration.result.without_truth,
+                        calibration.result.without_covariance, calibration.result.singular),
+            "landmarks and frames with the ids of " + input);
   return calibration;
 }
 
@@ -291,11 +287,11 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
                                  const std::optional<Calibration>& calibration) const {
   const Console console = common.console();
   const std::string unit = unit_symbol(kept.info().length_unit);
-  console.print(fmt::format("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
-                            kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
-                            kept.observation_count()));
+  console.print("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
+                kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
+                kept.observation_count());
   Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
-               fmt::format("below {:g} px", options.inlier_px)});
+               fmt::format("below {:g} px", inlier_px)});
   if (const auto& reprojection = consistency.reprojection) {
     add_statistics(table, "reprojection", "px", 3, reprojection->px, reprojection->inlier_share);
     for (const auto& [octave, statistics] : consistency.by_octave) {
@@ -306,20 +302,20 @@ void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kep
   if (consistency.depth) add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
   if (consistency.reprojection || consistency.depth) console.print(table.text());
   if (consistency.depth_bias) {
-    console.print(fmt::format("measured depths are {} {} {} than those of the map, on average\n",
-                              fixed(std::abs(*consistency.depth_bias), 5), unit,
-                              *consistency.depth_bias < 0.0 ? "shorter" : "longer"));
+    console.print("measured depths are {} {} {} than those of the map, on average\n",
+                  fixed(std::abs(*consistency.depth_bias), 5), unit,
+                  *consistency.depth_bias < 0.0 ? "shorter" : "longer");
   }
   if (consistency.observations_behind > 0) {
-    console.print(fmt::format("observations of landmarks behind their camera: {}\n",
-                              consistency.observations_behind));
+    console.print("observations of landmarks behind their camera: {}\n",
+                  consistency.observations_behind);
   }
   if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
-    console.print(fmt::format("no reprojection errors: the map has no {}{}\n", missing,
-                              missing.starts_with("cameras") ? "; add --camera" : ""));
+    console.print("no reprojection errors: the map has no {}{}\n", missing,
+                  missing.starts_with("cameras") ? "; add --camera" : "");
   }
   if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
-    console.print(fmt::format("no depth errors: the map has no {}\n", missing));
+    console.print("no depth errors: the map has no {}\n", missing);
   }
   if (calibration) console.print("\n" + calibration_text(calibration->result, unit));
 }
@@ -332,13 +328,11 @@ int EvaluateMapArguments::run() {
   const auto truth = truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
 
   LandmarkMap map = with_landmarks(loaded.map, landmarks_observed(loaded.map, min_observations));
-  if (map.landmark_count() == 0) {
-    throw Error(ErrorKind::kInput, input,
-                fmt::format("has no landmarks with {} or more observations", min_observations),
-                "landmarks, or a smaller --min-observations");
-  }
+  reject_if(map.landmark_count() == 0, input,
+            fmt::format("has no landmarks with {} or more observations", min_observations),
+            "landmarks, or a smaller --min-observations");
   if (given_camera) map = with_camera(map, *given_camera);
-  const MapConsistency consistency = map_consistency(map, options);
+  const MapConsistency consistency = map_consistency(map, inlier_px);
   if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {
     const std::string& pixels = consistency.missing_for_reprojection;
     const std::string& depths = consistency.missing_for_depth;
@@ -361,7 +355,7 @@ int EvaluateMapArguments::run() {
                        {{"camera", text_or_null(camera)},
                         {"truth_depth", text_or_null(truth_depth)},
                         {"min_observations", min_observations},
-                        {"inlier_px", options.inlier_px},
+                        {"inlier_px", inlier_px},
                         {"max_time_difference_s", max_time_difference_s}});
   json["length_unit"] = to_string(map.info().length_unit);
   json.update(json_of(consistency));
@@ -374,12 +368,10 @@ int EvaluateMapArguments::run() {
 
 }  // namespace
 
-Run add_evaluate_map(CLI::App& evaluate) {
-  auto arguments = std::make_shared<EvaluateMapArguments>();
-  arguments->add_to(*evaluate.add_subcommand(
-      "map",
-      "Compute reprojection and depth errors of a map, and the calibration of its covariances"));
-  return [arguments] { return arguments->run(); };
+void add_evaluate_map(const Command& evaluate) {
+  add_verb<EvaluateMapArguments>(
+      evaluate, "map",
+      "Compute reprojection and depth errors of a map, and the calibration of its covariances");
 }
 
 }  // namespace cairn::cli

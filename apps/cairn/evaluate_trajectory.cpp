@@ -19,10 +19,9 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/map_loading.hpp"
 #include "support/statistics.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -73,7 +72,7 @@ struct EvaluateTrajectoryArguments {
   bool hand_eye = false;
   HandEyeOptions hand_eye_options;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -85,28 +84,29 @@ struct EvaluateTrajectoryArguments {
   void print_hand_eye(const HandEye& found, const TrajectoryEvaluation& after) const;
 };
 
-void EvaluateTrajectoryArguments::add_to(CLI::App& command) {
-  add_text(
-      command, "estimate", estimate,
-      "Trajectory to evaluate: in TUM format (timestamp tx ty tz qx qy qz qw per line), EuRoC's "
-      "or KITTI's, or with a line that names such columns")
-      ->required();
-  add_text(command, "truth", truth, "True trajectory, in any of these formats")->required();
-  add_text(command, "--alignment", alignment,
-           "Alignment of the estimate with the truth: none, origin (first poses coincide), se3 "
-           "(least squares over all positions), sim3 (the same with scale) or poses (rotation from "
-           "the orientations, then translation)",
-           "KIND")
-      ->capture_default_str();
+void EvaluateTrajectoryArguments::add_to(const Command& command) {
+  command
+      .add_text("estimate", estimate,
+                "Trajectory to evaluate: in TUM format (timestamp tx ty tz qx qy qz qw per line), "
+                "EuRoC's "
+                "or KITTI's, or with a line that names such columns")
+      .required();
+  command.add_text("truth", truth, "True trajectory, in any of these formats").required();
+  command.add_text(
+      "--alignment", alignment,
+      "Alignment of the estimate with the truth: none, origin (first poses coincide), se3 "
+      "(least squares over all positions), sim3 (the same with scale) or poses (rotation from "
+      "the orientations, then translation)",
+      "KIND");
   add_number(command, "--max-time-difference", options.max_time_difference_s,
              "Largest time difference between compared poses, seconds");
-  auto* const with_hand_eye =
+  const Option with_hand_eye =
       command.add_flag("--hand-eye", hand_eye,
                        "Also estimate the transform between the camera and the body that the truth "
                        "tracks, and the clock offset; print the errors after both are corrected");
   add_number(command, "--max-clock-offset", hand_eye_options.max_clock_offset_s,
              "With --hand-eye: largest clock offset, seconds; 0: one clock")
-      ->needs(with_hand_eye);
+      .needs(with_hand_eye);
   command.add_flag("--strict", strict,
                    "Fail with exit code 3 if poses are left out: unknown numbers, or equal times");
   common.add_csv_to(command, "compared pose");
@@ -156,24 +156,23 @@ void EvaluateTrajectoryArguments::print(const LoadedTrajectory& estimated,
   const Console console = common.console();
   for (const auto& [role, loaded] : {std::pair{"estimate", &estimated}, {"truth   ", &true_one}}) {
     const Trajectory& trajectory = loaded->trajectory;
-    console.print(fmt::format("{}  {}: {} poses, {:.2f} s, {:.3f} m\n", role, loaded->path,
-                              trajectory.size(), trajectory.duration_s(), trajectory.length()));
+    console.print("{}  {}: {} poses, {:.2f} s, {:.3f} m\n", role, loaded->path, trajectory.size(),
+                  trajectory.duration_s(), trajectory.length());
   }
   const std::size_t pairs = evaluation.pairs.size();
   console.print(
-      fmt::format("matched   {} poses; without a partner within {:g} s: {} of the estimate, "
-                  "{} of the truth\n",
-                  pairs, options.max_time_difference_s, estimated.trajectory.size() - pairs,
-                  true_one.trajectory.size() - pairs));
+      "matched   {} poses; without a partner within {:g} s: {} of the estimate, "
+      "{} of the truth\n",
+      pairs, options.max_time_difference_s, estimated.trajectory.size() - pairs,
+      true_one.trajectory.size() - pairs);
   const AbsoluteError& absolute = *evaluation.absolute;
   const Rigid3& pose = absolute.truth_from_estimate.rigid();
   const Eigen::Vector3d angles = pose.roll_pitch_yaw();
   const Eigen::Vector3d& t = pose.translation();
-  console.print(
-      fmt::format("aligned   {}: x {} y {} z {} m, roll {} pitch {} yaw {} deg, scale {}\n\n",
-                  alignment, fixed(t.x(), 4), fixed(t.y(), 4), fixed(t.z(), 4),
-                  fixed(degrees(angles.x()), 3), fixed(degrees(angles.y()), 3),
-                  fixed(degrees(angles.z()), 3), fixed(absolute.truth_from_estimate.scale(), 6)));
+  console.print("aligned   {}: x {} y {} z {} m, roll {} pitch {} yaw {} deg, scale {}\n\n",
+                alignment, fixed(t.x(), 4), fixed(t.y(), 4), fixed(t.z(), 4),
+                fixed(degrees(angles.x()), 3), fixed(degrees(angles.y()), 3),
+                fixed(degrees(angles.z()), 3), fixed(absolute.truth_from_estimate.scale(), 6));
   print_errors(evaluation);
 }
 
@@ -213,7 +212,7 @@ HandEye EvaluateTrajectoryArguments::find_hand_eye(const Trajectory& estimated,
   HandEyeOptions how = hand_eye_options;
   how.with_scale = options.alignment == TrajectoryAlignment::kSim3;
   HandEyeResult result = estimate_hand_eye(estimated, true_one, how);
-  if (!result.hand_eye) throw Error(ErrorKind::kInput, estimate, result.reason, "");
+  reject_if(!result.hand_eye, estimate, result.reason, "");
   return *result.hand_eye;
 }
 
@@ -242,7 +241,7 @@ void EvaluateTrajectoryArguments::print_hand_eye(const HandEye& found,
   const Rigid3& pose = found.body_from_camera;
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Vector3d turn = rotation_log(pose.quaternion());
-  console.print(fmt::format(
+  console.print(
       "\n"
       "hand-eye  body_from_camera, from {} poses; +- one standard deviation\n"
       "          rotation {} +- {} deg (about x {} y {} z {}), translation {} +- {} m (x {} y {} z "
@@ -254,7 +253,7 @@ void EvaluateTrajectoryArguments::print_hand_eye(const HandEye& found,
       fixed(degrees(deviation_of(found.covariance, 3)), 3), fixed(degrees(turn.x()), 3),
       fixed(degrees(turn.y()), 3), fixed(degrees(turn.z()), 3), fixed(t.norm(), 4),
       fixed(deviation_of(found.covariance, 0), 4), fixed(t.x(), 4), fixed(t.y(), 4),
-      fixed(t.z(), 4), fixed(found.clock_offset_s, 4), fixed(found.clock_offset_deviation_s, 4)));
+      fixed(t.z(), 4), fixed(found.clock_offset_s, 4), fixed(found.clock_offset_deviation_s, 4));
   print_errors(after);
 }
 
@@ -285,9 +284,7 @@ int EvaluateTrajectoryArguments::run() {
   const LoadedTrajectory true_one = load_trajectory(truth, log);
   const TrajectoryEvaluation evaluation =
       evaluate_trajectory(estimated.trajectory, true_one.trajectory, options);
-  if (!evaluation.absolute) {
-    throw Error(ErrorKind::kInput, estimate, evaluation.reason, "");
-  }
+  reject_if(!evaluation.absolute, estimate, evaluation.reason, "");
 
   Json json = document("evaluate_trajectory", common,
                        {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
@@ -312,7 +309,7 @@ int EvaluateTrajectoryArguments::run() {
     found = find_hand_eye(estimated.trajectory, true_one.trajectory);
     after = evaluate_trajectory(estimated.trajectory, corrected_truth(true_one.trajectory, *found),
                                 options);
-    if (!after.absolute) throw Error(ErrorKind::kInput, estimate, after.reason, "");
+    reject_if(!after.absolute, estimate, after.reason, "");
     json["hand_eye"] = hand_eye_json(*found);
     json["hand_eye"].update(errors_json(after, options));
   }
@@ -325,11 +322,21 @@ int EvaluateTrajectoryArguments::run() {
 
 }  // namespace
 
-Run add_evaluate_trajectory(CLI::App& evaluate) {
-  auto arguments = std::make_shared<EvaluateTrajectoryArguments>();
-  arguments->add_to(*evaluate.add_subcommand(
-      "trajectory", "Compute the absolute and relative errors (ATE, RPE) of a trajectory"));
-  return [arguments] { return arguments->run(); };
+void add_evaluate_trajectory(const Command& evaluate) {
+  add_verb<EvaluateTrajectoryArguments>(
+      evaluate, "trajectory",
+      "Compute the absolute and relative errors (ATE, RPE) of a trajectory");
+}
+
+void add_evaluate(const Command& program) {
+  const Command evaluate = program.add_group(
+      "evaluate", "Compare a trajectory, an alignment or a map with ground truth");
+  add_evaluate_trajectory(evaluate);
+  add_evaluate_alignment(evaluate);
+  add_evaluate_map(evaluate);
+  evaluate.footer(
+      "Example: print the errors of a trajectory\n"
+      "  cairn evaluate trajectory estimate.txt groundtruth.txt");
 }
 
 }  // namespace cairn::cli

@@ -22,11 +22,11 @@
 #include "commands.hpp"
 #include "support/alignments.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
 #include "support/interrupt.hpp"
 #include "support/reports.hpp"
-#include "support/table.hpp"
 #include "support/trial_results.hpp"
 
 namespace cairn::cli {
@@ -41,7 +41,7 @@ struct PaperArguments {
   std::vector<std::string> images;
   PaperOptions options;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -51,12 +51,12 @@ struct PaperArguments {
   void print(const PaperResults& results, const ResultTable& successes, double seconds) const;
 };
 
-void PaperArguments::add_to(CLI::App& command) {
-  add_text(command, "source", source, "Map to move: " + all_formats().titles_text())->required();
-  add_text(command, "target", target, "Map to align it to")->required();
-  add_text(command, "-o,--output", output, "New folder for the results", "FOLDER")->required();
-  add_text(
-      command, "--truth", truth,
+void PaperArguments::add_to(const Command& command) {
+  command.add_text("source", source, "Map to move: " + all_formats().titles_text()).required();
+  command.add_text("target", target, "Map to align it to").required();
+  command.add_text("-o,--output", output, "New folder for the results", "FOLDER").required();
+  command.add_text(
+      "--truth", truth,
       "True target_from_source, 16 numbers or the JSON of an alignment; the runs start from it, "
       "displaced, and have pose errors",
       "FILE");
@@ -79,10 +79,9 @@ void PaperArguments::add_to(CLI::App& command) {
   add_number(command, "--min-observations", options.points.min_observations,
              "Leave out landmarks with fewer observations");
   command
-      .add_option("--images", images,
-                  "RGB-D sequences of source and target; adds the paper's Figure 1")
-      ->expected(2)
-      ->type_name("FOLDER FOLDER");
+      .add_words("--images", images,
+                 "RGB-D sequences of source and target; adds the paper's Figure 1", "FOLDER FOLDER")
+      .words(2);
   common.add_report_to(command, "one configuration in 3D at each iteration, figures and tables");
   common.add_to(command);
   common.add_threads_to(command);
@@ -251,11 +250,9 @@ int PaperArguments::run() {
 
 }  // namespace
 
-Run add_experiment_paper(CLI::App& experiment) {
-  auto arguments = std::make_shared<PaperArguments>();
-  arguments->add_to(*experiment.add_subcommand(
-      "paper", "Run the paper's 45 configurations with base ICP and three confidences"));
-  return [arguments] { return arguments->run(); };
+void add_experiment_paper(const Command& experiment) {
+  add_verb<PaperArguments>(experiment, "paper",
+                           "Run the paper's 45 configurations with base ICP and three confidences");
 }
 
 }  // namespace cairn::cli

@@ -40,7 +40,7 @@ struct SweepArguments {
   std::string shard_text;
   bool check_only = false;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -50,13 +50,15 @@ struct SweepArguments {
   MapPair simulated(const StudyPair& pair) const;
 };
 
-void SweepArguments::add_to(CLI::App& command) {
-  add_text(command, "study", study_path, "Study to run, a YAML file")->required();
-  add_text(command, "-o,--output", output,
-           "Folder for the results; continues a run of the same study that was stopped", "FOLDER")
-      ->required();
-  add_text(command, "--shard", shard_text,
-           "Run only part i of n; 'cairn experiment merge' joins the parts", "i/n");
+void SweepArguments::add_to(const Command& command) {
+  command.add_text("study", study_path, "Study to run, a YAML file").required();
+  command
+      .add_text("-o,--output", output,
+                "Folder for the results; continues a run of the same study that was stopped",
+                "FOLDER")
+      .required();
+  command.add_text("--shard", shard_text,
+                   "Run only part i of n; 'cairn experiment merge' joins the parts", "i/n");
   command.add_flag("--check", check_only,
                    "Run and write nothing; the exit code is 0 if all runs are in the folder and "
                    "sound, else 4");
@@ -217,19 +219,16 @@ struct MergeArguments {
   std::vector<std::string> shards;
   std::string output;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run() const;
 
  private:
   SavedStudy read_study() const;
 };
 
-void MergeArguments::add_to(CLI::App& command) {
-  command.add_option("folders", shards, "Folders of all shards, in any order")
-      ->required()
-      ->type_name("");
-  add_text(command, "-o,--output", output, "New folder for the joined results", "FOLDER")
-      ->required();
+void MergeArguments::add_to(const Command& command) {
+  command.add_words("folders", shards, "Folders of all shards, in any order").required();
+  command.add_text("-o,--output", output, "New folder for the joined results", "FOLDER").required();
   common.add_report_to(command, "findings, figures and tables");
   common.add_to(command);
   common.add_threads_to(command);
@@ -282,17 +281,13 @@ int MergeArguments::run() const {
 
 }  // namespace
 
-Run add_experiment_sweep(CLI::App& experiment) {
-  auto arguments = std::make_shared<SweepArguments>();
-  arguments->add_to(*experiment.add_subcommand(
-      "sweep", "Run a study: many pairs of maps, random initial poses and strategies"));
-  return [arguments] { return arguments->run(); };
+void add_experiment_sweep(const Command& experiment) {
+  add_verb<SweepArguments>(experiment, "sweep",
+                           "Run a study: many pairs of maps, random initial poses and strategies");
 }
 
-Run add_experiment_merge(CLI::App& experiment) {
-  auto arguments = std::make_shared<MergeArguments>();
-  arguments->add_to(*experiment.add_subcommand("merge", "Join the shards of a study"));
-  return [arguments] { return arguments->run(); };
+void add_experiment_merge(const Command& experiment) {
+  add_verb<MergeArguments>(experiment, "merge", "Join the shards of a study");
 }
 
 }  // namespace cairn::cli

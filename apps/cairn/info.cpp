@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -16,6 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/evaluation/map_defects.hpp"
 #include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/formats/g2o.hpp"
@@ -25,9 +25,8 @@
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/map_loading.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -38,19 +37,21 @@ struct InfoArguments {
   std::string camera;
   MapLoading loading;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run() const;
 
  private:
   bool describe_graph() const;
 };
 
-void InfoArguments::add_to(CLI::App& command) {
-  add_text(command, "map", input,
-           "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
-      ->required();
-  add_text(command, "--camera", camera,
-           fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp), "CAMERA");
+void InfoArguments::add_to(const Command& command) {
+  command
+      .add_text("map", input,
+                "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
+      .required();
+  command.add_text("--camera", camera,
+                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                   "CAMERA");
   loading.add_to(command);
   common.add_to(command);
   command.footer(
@@ -58,141 +59,8 @@ void InfoArguments::add_to(CLI::App& command) {
       "  cairn info desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"");
 }
 
-struct Quantiles {
-  double lowest = 0.0;
-  double median = 0.0;
-  double mean = 0.0;
-  double highest = 0.0;
-};
-
-// Root mean square of a keyframe's error, as the map states it.
-struct PoseUncertainty {
-  double length = 0.0;
-  double angle_rad = 0.0;
-};
-
-PoseUncertainty uncertainty_of(const Matrix6d& covariance) {
-  const auto root = [](double square) { return std::sqrt(std::max(square, 0.0)); };
-  return {root(covariance.diagonal().head<3>().sum()), root(covariance.diagonal().tail<3>().sum())};
-}
-
-// How uncertain keyframes are relative to the first, and where that grows most.
-struct PoseUncertainties {
-  FrameId worst;
-  PoseUncertainty of_worst;
-  // Neighbours between which the square of the angle's uncertainty grows most.
-  std::pair<FrameId, FrameId> step;
-  PoseUncertainty of_step;
-};
-
-std::optional<PoseUncertainties> pose_uncertainties(const LandmarkMap& map) {
-  const FrameTable& frames = map.frames();
-  if (frames.pose_covariances.empty()) return std::nullopt;
-  PoseUncertainties result;
-  std::optional<std::size_t> before;
-  for (std::size_t i = 0; i < frames.ids.size(); ++i) {
-    const std::optional<Matrix6d> covariance = frames.pose_covariances[i];
-    if (!covariance) continue;
-    const PoseUncertainty here = uncertainty_of(*covariance);
-    if (!before || here.angle_rad > result.of_worst.angle_rad) {
-      result.worst = frames.ids[i];
-      result.of_worst = here;
-    }
-    if (before) {
-      const PoseUncertainty grown =
-          uncertainty_of(Matrix6d(*covariance - *frames.pose_covariances[*before]));
-      if (grown.angle_rad >= result.of_step.angle_rad) {
-        result.step = {frames.ids[*before], frames.ids[i]};
-        result.of_step = grown;
-      }
-    }
-    before = i;
-  }
-  return result;
-}
-
-std::optional<Quantiles> quantiles(const std::vector<double>& values) {
-  const auto statistics = statistics_of(values);
-  if (!statistics) return std::nullopt;
-  return Quantiles{statistics->lowest, statistics->median, statistics->mean, statistics->highest};
-}
-
-Json to_json(const Quantiles& q) {
+Json to_json(const ErrorStatistics& q) {
   return {{"lowest", q.lowest}, {"median", q.median}, {"mean", q.mean}, {"highest", q.highest}};
-}
-
-std::size_t observed_exactly(const LandmarkMap& map, std::size_t count) {
-  std::size_t result = 0;
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    result += map.observation_count(LandmarkIndex{i}) == count ? 1 : 0;
-  }
-  return result;
-}
-
-// Landmarks beyond the first at each position.
-std::size_t repeated_positions(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks) {
-  std::vector<std::array<double, 3>> positions;
-  positions.reserve(landmarks.size());
-  for (const LandmarkIndex landmark : landmarks) {
-    const Eigen::Vector3d& x = map.landmarks().positions[landmark.value];
-    positions.push_back({x.x(), x.y(), x.z()});
-  }
-  std::sort(positions.begin(), positions.end());
-  const auto distinct = std::unique(positions.begin(), positions.end()) - positions.begin();
-  return positions.size() - static_cast<std::size_t>(distinct);
-}
-
-// The most common covariance and how many landmarks have it.
-std::size_t most_common_covariance(const LandmarkMap& map) {
-  std::vector<std::array<double, 9>> covariances;
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    const auto covariance = map.covariance(LandmarkIndex{i});
-    if (!covariance) continue;
-    auto& entry = covariances.emplace_back();
-    std::copy_n(covariance->data(), 9, entry.begin());
-  }
-  std::sort(covariances.begin(), covariances.end());
-  std::size_t most = 0;
-  for (std::size_t i = 0, run = 0; i < covariances.size(); ++i) {
-    run = i > 0 && covariances[i] == covariances[i - 1] ? run + 1 : 1;
-    most = std::max(most, run);
-  }
-  return most;
-}
-
-std::size_t unobserving_frames(const LandmarkMap& map) {
-  std::vector<bool> observes(map.frame_count(), false);
-  for (const FrameIndex frame : map.observations().frames) observes[frame.value] = true;
-  return static_cast<std::size_t>(std::count(observes.begin(), observes.end(), false));
-}
-
-std::vector<std::string> warnings(const LandmarkMap& map) {
-  std::vector<std::string> result;
-  const std::size_t count = map.landmark_count();
-  if (count == 0) result.emplace_back("the map has no landmarks");
-  if (!map.has_observations()) {
-    result.emplace_back(
-        "the map has no observations: confidences observations, distance, parallax and "
-        "reprojection cannot be had");
-  } else if (count > 0) {
-    if (const auto none = observed_exactly(map, 0); none > 0) {
-      result.push_back(fmt::format("landmarks without any observation: {}", none));
-    }
-    if (const auto idle = unobserving_frames(map); idle > 0) {
-      result.push_back(fmt::format("frames that observe no landmark: {}", idle));
-    }
-  }
-  const auto kept = landmarks_observed(map, 2);
-  if (const auto repeated = repeated_positions(map, kept); repeated > 0) {
-    result.push_back(fmt::format(
-        "landmarks, observed twice or more, that lie exactly where another does: {}", repeated));
-  }
-  if (count > 0 && !map.has_covariances()) {
-    result.emplace_back("the map has no covariances: confidence covariance cannot be had");
-  } else if (const auto alike = most_common_covariance(map); count > 1 && alike * 2 > count) {
-    result.push_back(fmt::format("landmarks that share one and the same covariance: {}", alike));
-  }
-  return result;
 }
 
 // What the verb finds out beside what the map itself says. `kept`: with two or more observations,
@@ -200,21 +68,21 @@ std::vector<std::string> warnings(const LandmarkMap& map) {
 struct Findings {
   std::vector<LandmarkIndex> kept;
   std::optional<std::size_t> unobserved;
-  std::optional<Quantiles> observations_each;  // of kept
-  Eigen::AlignedBox3d extent;                  // of kept, or of all if none is
-  std::optional<Quantiles> reprojection_px;
+  std::optional<ErrorStatistics> observations_each;  // of kept
+  Eigen::AlignedBox3d extent;                        // of kept, or of all if none is
+  std::optional<ErrorStatistics> reprojection_px;
   ConventionCheck conventions;
-  std::vector<std::pair<std::string, std::optional<Quantiles>>> confidences;  // of kept
+  std::vector<std::pair<std::string, std::optional<ErrorStatistics>>> confidences;  // of kept
   std::vector<std::string> warnings;
 };
 
-std::optional<Quantiles> confidence_quantiles(const LandmarkMap& map, const char* metric,
-                                              std::span<const LandmarkIndex> landmarks) {
+std::optional<ErrorStatistics> confidence_quantiles(const LandmarkMap& map, const char* metric,
+                                                    std::span<const LandmarkIndex> landmarks) {
   try {
     const std::vector<double> all = metric_named(metric).evaluate(map);
     std::vector<double> values;
     for (const LandmarkIndex landmark : landmarks) values.push_back(all[landmark.value]);
-    return quantiles(values);
+    return statistics_of(values);
   } catch (const Error&) {
     return std::nullopt;  // the map lacks the metric's input
   }
@@ -232,17 +100,16 @@ Findings examine(const LandmarkMap& map) {
     counts.push_back(static_cast<double>(map.observation_count(landmark)));
   }
   if (map.has_observations()) {
-    findings.unobserved = observed_exactly(map, 0);
-    findings.observations_each = quantiles(counts);
+    findings.unobserved = map.landmark_count() - landmarks_observed(map, 1).size();
+    findings.observations_each = statistics_of(counts);
   }
   if (const auto reprojection = map_consistency(map).reprojection) {
-    findings.reprojection_px = Quantiles{reprojection->px.lowest, reprojection->px.median,
-                                         reprojection->px.mean, reprojection->px.highest};
+    findings.reprojection_px = reprojection->px;
   }
   for (const char* name : {"covariance", "observations", "distance", "parallax", "reprojection"}) {
     findings.confidences.emplace_back(name, confidence_quantiles(map, name, findings.kept));
   }
-  findings.warnings = warnings(map);
+  findings.warnings = map_defects(map);
   return findings;
 }
 
@@ -333,9 +200,9 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
     add("GNSS positions",
         fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
   }
-  if (const auto poses = pose_uncertainties(map)) {
+  if (const auto poses = keyframe_uncertainties(map)) {
     const std::string unit(unit_symbol(map.info().length_unit));
-    const auto text = [&](const PoseUncertainty& one) {
+    const auto text = [&](const KeyframeUncertainty& one) {
       return fmt::format("{:.2g} deg and {:.2g} {}", degrees(one.angle_rad), one.length, unit);
     };
     add("pose uncertainty", fmt::format("up to {}, of keyframe {} to the first",
@@ -363,7 +230,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
   const LandmarkMap& map = loaded.map;
   console.print(loaded.path + "\n");
   for (const auto& [name, value] : properties(map, findings)) {
-    console.print(fmt::format("  {:<22}  {}\n", name, value));
+    console.print("  {:<22}  {}\n", name, value);
   }
   if (map.landmark_count() > 0) {
     Table table({"confidence", "lowest", "median", "mean", "highest"});
@@ -379,7 +246,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
     }
   }
   if (findings.conventions.verdict != ConventionVerdict::kNotChecked) {
-    console.print(fmt::format("\nconventions: {}\n", findings.conventions.sentence));
+    console.print("\nconventions: {}\n", findings.conventions.sentence);
   }
   if (!findings.warnings.empty()) console.print("\n");
   for (const std::string& warning : findings.warnings) {
@@ -406,7 +273,7 @@ Json to_json(const ConventionCheck& check) {
 }
 
 void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) {
-  const auto quantiles_json = [](const std::optional<Quantiles>& q) {
+  const auto quantiles_json = [](const std::optional<ErrorStatistics>& q) {
     return q ? to_json(*q) : Json(nullptr);
   };
   json["observed_twice_or_more"] =
@@ -429,8 +296,8 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["gnss_positions"] = std::count(gnss.begin(), gnss.end(), 1);
   json["control_points"] = map.info().control_points.size();
   json["pose_uncertainty"] = nullptr;
-  if (const auto poses = pose_uncertainties(map)) {
-    const auto to_object = [](const PoseUncertainty& one) {
+  if (const auto poses = keyframe_uncertainties(map)) {
+    const auto to_object = [](const KeyframeUncertainty& one) {
       return Json{{"rotation_rad", one.angle_rad}, {"translation", one.length}};
     };
     json["pose_uncertainty"] = {{"greatest", to_object(poses->of_worst)},
@@ -486,7 +353,7 @@ bool InfoArguments::describe_graph() const {
   json["length_unit"] = nullptr;
   write_document(json, common);
   const auto line = [&](std::string_view name, std::string_view value) {
-    console.print(fmt::format("  {:<22}  {}\n", name, value));
+    console.print("  {:<22}  {}\n", name, value);
   };
   console.print(input + "\n");
   line("pose graph", has_g2o ? "g2o" : "JSON of Cairn");
@@ -528,11 +395,8 @@ int InfoArguments::run() const {
 
 }  // namespace
 
-Run add_info(CLI::App& program) {
-  auto arguments = std::make_shared<InfoArguments>();
-  arguments->add_to(
-      *program.add_subcommand("info", "Print what a map holds, its quality and its defects"));
-  return [arguments] { return arguments->run(); };
+void add_info(const Command& program) {
+  add_verb<InfoArguments>(program, "info", "Print what a map holds, its quality and its defects");
 }
 
 }  // namespace cairn::cli

@@ -42,7 +42,7 @@ struct LocateArguments {
   std::optional<double> depth_units;
   LocateOptions options;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -53,31 +53,36 @@ struct LocateArguments {
   void write_trajectory(const std::vector<ImageLocation>& found) const;
 };
 
-void LocateArguments::add_to(CLI::App& command) {
-  add_text(command, "map", map,
-           "Map with ORB descriptors: " + all_formats().titles_text() +
-               "; or an atlas, whose placed maps count as one")
-      ->required();
-  command.add_option("images", images, "Images to locate, JPEG or PNG; each is located separately")
-      ->required()
-      ->type_name("IMAGE");
-  add_text(command, "--camera", camera,
-           fmt::format("Camera of the images: {} (default: the map's only camera)", kCameraHelp),
-           "CAMERA");
-  add_text(command, "--depth", depth,
-           "Depth image (PNG, 16 bit) of the same view, for a single image; makes the pose more "
-           "accurate",
-           "FILE");
+void LocateArguments::add_to(const Command& command) {
+  command
+      .add_text("map", map,
+                "Map with ORB descriptors: " + all_formats().titles_text() +
+                    "; or an atlas, whose placed maps count as one")
+      .required();
+  command
+      .add_words("images", images, "Images to locate, JPEG or PNG; each is located separately",
+                 "IMAGE")
+      .required();
+  command.add_text(
+      "--camera", camera,
+      fmt::format("Camera of the images: {} (default: the map's only camera)", kCameraHelp),
+      "CAMERA");
+  command.add_text(
+      "--depth", depth,
+      "Depth image (PNG, 16 bit) of the same view, for a single image; makes the pose more "
+      "accurate",
+      "FILE");
   add_number(command, "--depth-units", depth_units,
              "Depth image units per metre (default: from the camera file, else 5000)");
   add_number(command, "--features", options.features.count,
              "Number of corners to detect in an image");
   add_number(command, "--min-probability", options.min_probability,
              "Least probability of a located image, at least 0.5 and below 1");
-  add_text(command, "--trajectory", trajectory,
-           "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
-           "are the images' names if all are numbers, else 0, 1, ...",
-           "FILE");
+  command.add_text(
+      "--trajectory", trajectory,
+      "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
+      "are the images' names if all are numbers, else 0, 1, ...",
+      "FILE");
   common.add_to(command);
   common.add_threads_to(command);
   common.add_seed_to(command);
@@ -201,10 +206,8 @@ int LocateArguments::run() {
   with_option_names({{"LocateOptions.min_probability", "--min-probability"},
                      {"FeatureOptions.count", "--features"}},
                     [&] { options.validate(); });
-  if (!depth.empty() && images.size() != 1) {
-    throw Error(ErrorKind::kMisuse, "--depth", fmt::format("given for {} images", images.size()),
-                "one image");
-  }
+  refuse_if(!depth.empty() && images.size() != 1, "--depth",
+            fmt::format("given for {} images", images.size()), "one image");
   require_outputs(common);
   require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
   if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
@@ -213,9 +216,7 @@ int LocateArguments::run() {
   const CameraFile file = load_camera_of(loaded.map);
   const double units = depth_units.value_or(
       file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));
-  if (!(units > 0.0)) {
-    throw Error(ErrorKind::kMisuse, "--depth-units", fmt::format("{}", units), "a positive number");
-  }
+  refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
   std::optional<ImageLocator> locator;
   const std::string descriptors = map + ": descriptors";
   with_option_names({{"descriptors", descriptors}},
@@ -245,12 +246,8 @@ int LocateArguments::run() {
 
 }  // namespace
 
-Run add_locate(CLI::App& program) {
-  CLI::App* const command =
-      program.add_subcommand("locate", "Find the pose of an image in a map, and judge it");
-  const auto arguments = std::make_shared<LocateArguments>();
-  arguments->add_to(*command);
-  return [arguments] { return arguments->run(); };
+void add_locate(const Command& program) {
+  add_verb<LocateArguments>(program, "locate", "Find the pose of an image in a map, and judge it");
 }
 
 }  // namespace cairn::cli

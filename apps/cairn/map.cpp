@@ -29,9 +29,9 @@
 #include "commands.hpp"
 #include "support/adjustment.hpp"
 #include "support/arguments.hpp"
+#include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -78,7 +78,7 @@ struct MapArguments {
   bool skip_unreadable = false;
   int features = FeatureOptions().count;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -108,63 +108,68 @@ struct MapArguments {
   void run_at_poses(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
 };
 
-void MapArguments::add_to(CLI::App& command) {
-  add_text(
-      command, "sequence", sequence,
-      "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that they list")
-      ->required();
-  add_text(command, "-o,--output", output,
-           "Map to write; its ending selects the format: " + all_formats().endings_text() +
-               "; with --mini-map-length a folder. Required",
-           "FILE");
-  add_text(
-      command, "--trajectory", trajectory,
+void MapArguments::add_to(const Command& command) {
+  command
+      .add_text("sequence", sequence,
+                "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that "
+                "they list")
+      .required();
+  command.add_text("-o,--output", output,
+                   "Map to write; its ending selects the format: " + all_formats().endings_text() +
+                       "; with --mini-map-length a folder. Required",
+                   "FILE");
+  command.add_text(
+      "--trajectory", trajectory,
       "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy qz qw per line",
       "FILE");
-  add_text(command, "--camera", camera,
-           fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
-           "CAMERA");
+  command.add_text("--camera", camera,
+                   fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
+                   "CAMERA");
   add_number(command, "--depth-units", depth_units,
              "Depth image units per metre (default: from the camera file, else 5000)");
-  auto* const rolling = add_number(
+  const Option rolling = add_number(
       command, "--readout", readout,
       "Readout time of a rolling shutter, from the first image row to the last, seconds; 0: global "
       "shutter (default: from the camera file, else 0). Not with --poses");
   add_number(command, "--max-time-difference", max_time_difference,
              "Largest time difference between a colour image and its depth image, seconds");
-  auto* const pose = add_text(command, "--start-pose", start_pose,
-                              "Pose of the first camera, world_from_camera (default: the identity)",
-                              "\"tx ty tz qw qx qy qz\"");
-  auto* const from = add_text(command, "--start-from", start_from,
-                              "Take the first camera's pose from a trajectory in TUM format, at "
-                              "the time of the first frame",
-                              "FILE")
-                         ->excludes(pose);
-  auto* const length = add_text(
-      command, "--mini-map-length", mini_map_length,
+  const Option pose =
+      command.add_text("--start-pose", start_pose,
+                       "Pose of the first camera, world_from_camera (default: the identity)",
+                       "\"tx ty tz qw qx qy qz\"");
+  const Option from =
+      command
+          .add_text("--start-from", start_from,
+                    "Take the first camera's pose from a trajectory in TUM format, at "
+                    "the time of the first frame",
+                    "FILE")
+          .excludes(pose);
+  const Option length = command.add_text(
+      "--mini-map-length", mini_map_length,
       "Cut into mini-maps of this many metres of path or frames, each in its own frame", "1m|50f");
-  auto* const loops = command.add_flag(
+  const Option loops = command.add_flag(
       "--close-loops", close_loops,
       "Close the loops of the session: cut it into mini-maps, align these with each other, and "
       "adjust them as one map. --trajectory then writes every frame, corrected");
-  loops->excludes(length);
+  loops.excludes(length);
   command
       .add_flag("--refine-intrinsics", refine_intrinsics,
                 "With --close-loops: also adjust the camera's parameters")
-      ->needs(loops);
-  add_text(command, "--poses", poses,
-           "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
-           "estimated, in that world",
-           "FILE")
-      ->excludes(pose)
-      ->excludes(from)
-      ->excludes(rolling)
-      ->excludes(length)
-      ->excludes(loops);
-  add_text(command, "--covariance", covariance,
-           "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
-           "(from the whole least-squares problem)")
-      ->capture_default_str();
+      .needs(loops);
+  command
+      .add_text("--poses", poses,
+                "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
+                "estimated, in that world",
+                "FILE")
+      .excludes(pose)
+      .excludes(from)
+      .excludes(rolling)
+      .excludes(length)
+      .excludes(loops);
+  command.add_text(
+      "--covariance", covariance,
+      "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
+      "(from the whole least-squares problem)");
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks with fewer observations");
   add_number(command, "--features", features, "Number of corners to detect in an image");
@@ -190,10 +195,8 @@ CameraFile MapArguments::load_camera() const {
   if (!camera.empty()) return cli::load_camera(camera);
   const fs::path beside = fs::path(sequence) / "camera.yaml";
   std::error_code ignored;
-  if (!fs::is_regular_file(beside, ignored)) {
-    throw Error(ErrorKind::kMisuse, "--camera", "not given, and there is no " + beside.string(),
-                kCameraHelp);
-  }
+  refuse_if(!fs::is_regular_file(beside, ignored), "--camera",
+            "not given, and there is no " + beside.string(), kCameraHelp);
   FileReader file(beside);
   return read_camera_file(file);
 }
@@ -214,25 +217,19 @@ MiniMapLength parse_length(const std::string& text) {
     const auto frames = parse_unsigned(number);
     if (frames && *frames >= 2) length.frames = *frames;
   }
-  if (!length.metres && !length.frames) {
-    throw Error(ErrorKind::kMisuse, "--mini-map-length", printable(text),
-                "metres of path such as 1m, or at least 2 frames such as 50f");
-  }
+  refuse_if(!length.metres && !length.frames, "--mini-map-length", printable(text),
+            "metres of path such as 1m, or at least 2 frames such as 50f");
   return length;
 }
 
 Rigid3 parse_start_pose(const std::string& text) {
   constexpr std::string_view kExpected = "\"tx ty tz qw qx qy qz\", the quaternion of norm 1";
   const std::vector<double> n = parse_numbers(text, "--start-pose", kExpected);
-  if (n.size() != 7) {
-    throw Error(ErrorKind::kMisuse, "--start-pose", fmt::format("{} numbers", n.size()), kExpected);
-  }
+  refuse_if(n.size() != 7, "--start-pose", fmt::format("{} numbers", n.size()), kExpected);
   const Eigen::Quaterniond rotation(n[3], n[4], n[5], n[6]);
   constexpr double kTolerance = 1e-3;
-  if (!(std::abs(rotation.norm() - 1.0) <= kTolerance)) {
-    throw Error(ErrorKind::kMisuse, "--start-pose",
-                fmt::format("the quaternion's norm is {}", rotation.norm()), kExpected);
-  }
+  refuse_if(!(std::abs(rotation.norm() - 1.0) <= kTolerance), "--start-pose",
+            fmt::format("the quaternion's norm is {}", rotation.norm()), kExpected);
   return {rotation, {n[0], n[1], n[2]}};
 }
 
@@ -462,9 +459,7 @@ void MapArguments::print(const MappedSequence& mapped, const LandmarkCounts& lan
 
 int MapArguments::run() {
   // Not CLI11's own check, which would come before that of options it does not know.
-  if (output.empty()) {
-    throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
-  }
+  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
   require_folder_of(common.json_path);
   if (!trajectory.empty()) require_folder_of(trajectory);
   if (mini_map_length.empty()) {
@@ -569,11 +564,9 @@ void MapArguments::run_odometry(const CameraFile& camera_file,
   }
   const MappedSequence& mapped = closed.mapped;
   const double seconds = watch.seconds();
-  if (mapped.maps.empty()) {
-    throw Error(ErrorKind::kInput, sequence,
-                fmt::format("none of {} frames could be tracked", mapped.frames),
-                "frames with depth and texture");
-  }
+  reject_if(mapped.maps.empty(), sequence,
+            fmt::format("none of {} frames could be tracked", mapped.frames),
+            "frames with depth and texture");
   write(mapped);
   const LandmarkCounts landmarks = count_landmarks(mapped.maps);
   Json json = describe(mapped, landmarks, camera_file);
@@ -661,11 +654,9 @@ void MapArguments::run_at_poses(const CameraFile& camera_file,
 
 }  // namespace
 
-Run add_map(CLI::App& program) {
-  auto arguments = std::make_shared<MapArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "map", "Build a landmark map and the camera's trajectory from an RGB-D sequence"));
-  return [arguments] { return arguments->run(); };
+void add_map(const Command& program) {
+  add_verb<MapArguments>(program, "map",
+                         "Build a landmark map and the camera's trajectory from an RGB-D sequence");
 }
 
 }  // namespace cairn::cli

@@ -34,13 +34,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct MergeArguments {
+struct MergeMapsArguments {
   CommonArguments common;
   std::vector<std::string> paths;
   std::string output;
   MergeOptions options;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -49,27 +49,19 @@ struct MergeArguments {
   Json options_json() const;
 };
 
-void MergeArguments::add_to(CLI::App& command) {
+void MergeMapsArguments::add_to(const Command& command) {
   command
-      .add_option("maps", paths,
-                  "Maps of one place: " + all_formats().titles_text() +
-                      "; or folders of .map and .cairn files")
-      ->required()
-      ->take_all()
-      ->type_name("MAP...");
-  add_text(
-      command, "-o,--output", output,
+      .add_words("maps", paths,
+                 "Maps of one place: " + all_formats().titles_text() +
+                     "; or folders of .map and .cairn files",
+                 "MAP...")
+      .required();
+  command.add_text(
+      "-o,--output", output,
       "Map to write; its ending selects the format: " + all_formats().endings_text() + ". Required",
       "FILE");
-  add_number(command, "--min-probability", options.links.min_probability,
-             "Least probability of an aligned pair, at least 0.5 and below 1");
-  add_number(command, "--prior-odds", options.links.prior_odds,
-             "Odds that two of the maps show the same place, before any evidence");
-  add_number(command, "--effort", options.links.effort,
-             "Work of the search, as a multiple of the default's, 1/16 to 64");
+  add_options(command, LinkOptions::table, &options.links);
   add_adjustment_to(command, options.placed);
-  add_number(command, "--min-observations", options.links.points.min_observations,
-             "Align with landmarks of at least this many observations; all landmarks are merged");
   common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
   common.add_to(command);
   common.add_threads_to(command);
@@ -86,11 +78,8 @@ void MergeArguments::add_to(CLI::App& command) {
       "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
 }
 
-void MergeArguments::check_options() const {
-  with_option_names({{"AlignOptions.min_probability", "--min-probability"},
-                     {"PlaceOptions.prior_odds", "--prior-odds"},
-                     {"PlaceOptions.effort", "--effort"}},
-                    [&] { options.validate(); });
+void MergeMapsArguments::check_options() const {
+  with_option_names({AlignOptions::table}, [&] { options.validate(); });
 }
 
 bool is_same_file(const std::string& a, const std::string& b) {
@@ -98,13 +87,12 @@ bool is_same_file(const std::string& a, const std::string& b) {
   return fs::equivalent(a, b, ignored);
 }
 
-std::vector<ListedMap> MergeArguments::listed() const {
+std::vector<ListedMap> MergeMapsArguments::listed() const {
   std::vector<ListedMap> maps = listed_maps(paths);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     const std::string& file = maps[i].file;
-    if (is_same_file(file, output)) {
-      throw Error(ErrorKind::kMisuse, "--output", output + " is one of the maps", "another file");
-    }
+    refuse_if(is_same_file(file, output), "--output", output + " is one of the maps",
+              "another file");
     for (std::size_t j = 0; j < i; ++j) {
       const std::string& other = maps[j].file;
       if (!is_same_file(file, other)) continue;
@@ -114,14 +102,11 @@ std::vector<ListedMap> MergeArguments::listed() const {
           "each map once; a repeated map would count as independent evidence");
     }
   }
-  if (maps.size() < 2) {
-    throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} given", maps.size()),
-                "at least two maps");
-  }
+  refuse_if(maps.size() < 2, "maps", fmt::format("{} given", maps.size()), "at least two maps");
   return maps;
 }
 
-Json MergeArguments::options_json() const {
+Json MergeMapsArguments::options_json() const {
   return {{"min_probability", options.links.min_probability},
           {"prior_odds", options.links.prior_odds},
           {"effort", options.links.effort},
@@ -188,12 +173,10 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
   return text + "\n";
 }
 
-int MergeArguments::run() {
+int MergeMapsArguments::run() {
   // What the command line says is checked before any file is read.
   // Not CLI11's own check, which would come before that of options it does not know.
-  if (output.empty()) {
-    throw Error(ErrorKind::kMisuse, "--output", "not given", "the name of the map to write");
-  }
+  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
   require_map_path(output, "--output");
   require_outputs(common);
   check_options();
@@ -248,7 +231,7 @@ int MergeArguments::run() {
   console.print(placement_text(result, names));
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (result.maps[i].placed) continue;
-    console.print(fmt::format("left out {}: {}\n", names[i], result.maps[i].reason));
+    console.print("left out {}: {}\n", names[i], result.maps[i].reason);
   }
   // Two maps may share their likeliest link, whose reason is long.
   std::set<std::size_t> likeliest;
@@ -257,8 +240,8 @@ int MergeArguments::run() {
   }
   for (const std::size_t index : likeliest) {
     const Link& link = result.links[index];
-    console.print(fmt::format("{}: {} <- {}: {}\n", link.status(), names[link.target.value],
-                              names[link.source.value], link.reason));
+    console.print("{}: {} <- {}: {}\n", link.status(), names[link.target.value],
+                  names[link.source.value], link.reason);
   }
   if (!likeliest.empty()) {
     console.print(
@@ -271,8 +254,8 @@ int MergeArguments::run() {
                               result.maps[link.target.value].placed &&
                               result.maps[link.source.value].placed;
     if (!contradicted) continue;
-    console.print(fmt::format("not used: {} <- {} {}: other links contradict it\n",
-                              names[link.target.value], names[link.source.value], sureness(link)));
+    console.print("not used: {} <- {} {}: other links contradict it\n", names[link.target.value],
+                  names[link.source.value], sureness(link));
   }
   if (result.map) {
     std::string text = fmt::format("{} landmarks became {}", with_commas(before),
@@ -282,9 +265,9 @@ int MergeArguments::run() {
     }
     console.print(text + "\n");
     console.print(adjustment_text(result.adjustment));
-    console.print(fmt::format("wrote {}\n", output));
+    console.print("wrote {}\n", output);
   } else {
-    console.print(fmt::format("{} is not written: no two maps are aligned\n", output));
+    console.print("{} is not written: no two maps are aligned\n", output);
   }
   if (!common.report_path.empty()) {
     report::Report report = begin_report(file_name(output), common);
@@ -299,11 +282,8 @@ int MergeArguments::run() {
 
 }  // namespace
 
-Run add_merge(CLI::App& program) {
-  auto* const command = program.add_subcommand("merge", "Merge maps of one place into one");
-  auto arguments = std::make_shared<MergeArguments>();
-  arguments->add_to(*command);
-  return [arguments] { return arguments->run(); };
+void add_merge(const Command& program) {
+  add_verb<MergeMapsArguments>(program, "merge", "Merge maps of one place into one");
 }
 
 }  // namespace cairn::cli

@@ -32,7 +32,7 @@
 namespace cairn::cli {
 namespace {
 
-constexpr std::string_view kExpected =
+constexpr std::string_view kExpectedResult =
     "the JSON of 'cairn align' or 'cairn demo', the folder of an experiment, or a map";
 
 struct ReportArguments {
@@ -43,25 +43,16 @@ struct ReportArguments {
   std::string source_sequence;
   std::string target_sequence;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 };
 
-void ReportArguments::add_to(CLI::App& command) {
-  const auto refuse_none = [](const std::string& word) {
-    if (word.empty() || word.starts_with("--")) {
-      throw Error(ErrorKind::kMisuse, "result", printable(word), "a file");
-    }
-    return std::string();
-  };
+void ReportArguments::add_to(const Command& command) {
   command
-      .add_option("result", results,
-                  "JSON of 'cairn align --json', folders of experiments, or maps")
-      ->required()
-      ->type_name("")
-      ->check(refuse_none);
-  add_text(command, "-o,--output", common.report_path, "HTML file to write. Required", "FILE");
-  add_text(command, "--title", title, "Title of the report", "TEXT");
+      .add_words("result", results, "JSON of 'cairn align --json', folders of experiments, or maps")
+      .required();
+  command.add_text("-o,--output", common.report_path, "HTML file to write. Required", "FILE");
+  command.add_text("--title", title, "Title of the report", "TEXT");
   add_sequence_to(command, "--sequence", sequence, "a map that is shown alone");
   add_sequence_to(command, "--source-sequence", source_sequence, "the source map of one result");
   add_sequence_to(command, "--target-sequence", target_sequence, "the target map of one result");
@@ -131,7 +122,7 @@ class Assembly {
 
   void add_alignment(const std::string& text, const std::string& path);
   void add_experiment(const std::string& folder);
-  void add_paper_experiment(const Json& document, const std::string& folder,
+  void add_paper_experiment(const std::string& text, const std::string& folder,
                             std::vector<TrialResult> runs);
   // @return what a document says of the map
   Json add_single_map(const std::string& path);
@@ -204,7 +195,7 @@ void Assembly::add_file(const std::string& path) {
   }
   if (!std::filesystem::is_regular_file(path, ignored)) {
     const FileReader says_why_it_cannot_be_read(path);
-    throw Error(ErrorKind::kInput, path, "no file", kExpected);
+    throw Error(ErrorKind::kInput, path, "no file", kExpectedResult);
   }
   inputs_.push_back(describe_file(path, common_));
   if (!looks_like_json(path)) {
@@ -219,17 +210,14 @@ void Assembly::add_file(const std::string& path) {
     return;
   }
   refuse_sequence(path);
-  const std::optional<Json> parsed = detail::parse_json<Json>(text, path);
-  if (!parsed) throw Error(ErrorKind::kInput, path, "is not valid JSON", kExpected);
-  const Json& document = *parsed;
-  const Json::json_pointer place("/schema/name");
-  const bool named = document.contains(place) && document.at(place).is_string();
-  const std::string schema = named ? document.at(place).get<std::string>() : "";
+  const std::optional<Json> parsed = Json::parse(text, path);
+  reject_if(!parsed, path, "is not valid JSON", kExpectedResult);
+  const std::string* const named = parsed->at("schema").at("name").text();
+  const std::string schema = named != nullptr ? *named : "";
   const Reader reader = reader_of(schema);
-  if (reader == nullptr) {
-    throw Error(ErrorKind::kInput, path,
-                named ? "schema.name is " + printable(schema) : "has no schema.name", kExpected);
-  }
+  reject_if(reader == nullptr, path,
+            named != nullptr ? "schema.name is " + printable(schema) : "has no schema.name",
+            kExpectedResult);
   add_input(role("result"), inputs_.back());
   (this->*reader)(text, path);
 }
@@ -285,7 +273,7 @@ std::optional<LoadedMap> Assembly::reload(const SavedMap& saved, std::string_vie
       continue;
     }
     LoadedMap loaded = load_map(path.string(), common_, true);
-    if (is_folder && differs(loaded.description.at("hash").get<std::string>())) {
+    if (is_folder && differs(*loaded.description.at("hash").text())) {
       changed = true;
       continue;
     }
@@ -334,18 +322,18 @@ void Assembly::add_experiment(const std::string& folder) {
   const auto text_of = [&](const char* name) { return read_file(path_of(name)); };
   const std::string path = path_of("experiment.json");
   std::error_code failure;  // the reader explains it
-  if (!std::filesystem::exists(path, failure) && !failure) {
-    throw Error(ErrorKind::kInput, folder,
-                "holds no experiment.json: no experiment was completed here", kExpected);
-  }
-  const Json document = detail::parse_json<Json>(text_of("experiment.json"), path).value_or(Json());
-  const Json kind = document.is_object() ? document.value("experiment", Json()) : Json();
+  reject_if(!std::filesystem::exists(path, failure) && !failure, folder,
+            "holds no experiment.json: no experiment was completed here", kExpectedResult);
+  const std::string text = text_of("experiment.json");
+  const Json document = Json::parse(text, path).value_or(Json());
+  const std::string* const named = document.at("experiment").text();
+  const std::string kind = named != nullptr ? *named : "";
   const std::string title = report_.title;
   inputs_.push_back(describe_file(path, common_));
   add_input(role("experiment"), inputs_.back());
   std::vector<TrialResult> runs = parse_runs(text_of("runs.csv"), path_of("runs.csv"));
   if (kind == "paper") {
-    add_paper_experiment(document, folder, std::move(runs));
+    add_paper_experiment(text, folder, std::move(runs));
   } else if (kind == "sweep") {
     const Study study = parse_study(text_of("study.yaml"), path_of("study.yaml"));
     const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common_.executor()});
@@ -353,7 +341,7 @@ void Assembly::add_experiment(const std::string& folder) {
               report::study_sections(study, analysis, runs), prefix());
   } else {
     throw Error(ErrorKind::kInput, path, "its experiment is neither 'paper' nor 'sweep'",
-                kExpected);
+                kExpectedResult);
   }
   if (document.contains("options")) options_[folder] = document.at("options");
   if (several_) {  // no one of them speaks for all
@@ -362,17 +350,15 @@ void Assembly::add_experiment(const std::string& folder) {
   }
 }
 
-void Assembly::add_paper_experiment(const Json& document, const std::string& folder,
+void Assembly::add_paper_experiment(const std::string& text, const std::string& folder,
                                     std::vector<TrialResult> runs) {
   const std::string path = (std::filesystem::path(folder) / "experiment.json").string();
-  const SavedPaper saved = saved_paper(document, path);
+  const SavedPaper saved = saved_paper(text, path);
   PaperResults results;
   results.runs = std::move(runs);
   const std::size_t expected = published_experiments().size() * kPaperStrategies.size();
-  if (results.runs.size() != expected || saved.agreement.agrees.size() != expected) {
-    throw Error(ErrorKind::kInput, folder, fmt::format("{} runs", results.runs.size()),
-                fmt::format("{}", expected));
-  }
+  reject_if(results.runs.size() != expected || saved.agreement.agrees.size() != expected, folder,
+            fmt::format("{} runs", results.runs.size()), fmt::format("{}", expected));
   results.has_truth = saved.truth.has_value();
   results.success_score = saved.success_score;
   results.agreement = saved.agreement;
@@ -403,7 +389,7 @@ void Assembly::add_paper_experiment(const Json& document, const std::string& fol
 void Assembly::finish() {
   if (report_.title.empty()) report_.title = fmt::format("{} results", count_);
   if (!options_.empty()) {
-    report_.provenance.options_json = options_.dump(-1, ' ', false, Json::error_handler_t::replace);
+    report_.provenance.options_json = options_.dump(-1);
   }
   if (remarks_.empty()) return;
   std::string text;
@@ -413,9 +399,7 @@ void Assembly::finish() {
 }
 
 int ReportArguments::run() {
-  if (common.report_path.empty()) {
-    throw Error(ErrorKind::kMisuse, "--output", "not given", "the HTML file to write");
-  }
+  refuse_if(common.report_path.empty(), "--output", "not given", "the HTML file to write");
   require_outputs(common);
   Assembly assembly(begin_report(title, common), common,
                     {sequence, source_sequence, target_sequence}, results.size() > 1);
@@ -432,11 +416,10 @@ int ReportArguments::run() {
 
 }  // namespace
 
-Run add_report(CLI::App& program) {
-  auto arguments = std::make_shared<ReportArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "report", "Write results as one HTML page that works offline: 3D view, charts, tables"));
-  return [arguments] { return arguments->run(); };
+void add_report(const Command& program) {
+  add_verb<ReportArguments>(
+      program, "report",
+      "Write results as one HTML page that works offline: 3D view, charts, tables");
 }
 
 }  // namespace cairn::cli

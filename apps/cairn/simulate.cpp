@@ -45,7 +45,7 @@ struct SimulateArguments {
   std::string color_format = "jpeg";
   double depth_units_per_metre = 5000.0;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   int run();
 
  private:
@@ -57,50 +57,32 @@ struct SimulateArguments {
   Json options_json() const;
 };
 
-void SimulateArguments::add_to(CLI::App& command) {
+void SimulateArguments::add_to(const Command& command) {
   common.seed = 1;
-  add_text(command, "folder", folder, "Folder for the sequence; created if it does not exist", "")
-      ->required();
-  add_text(command, "--environment", environment,
-           fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME")
-      ->capture_default_str();
-  add_text(command, "--path", path,
-           "Path of the camera: sweep, orbit, walk, or a trajectory file in TUM format",
-           "NAME|FILE")
-      ->capture_default_str();
-  CLI::Option* const frame_option = add_number(
+  command.add_text("folder", folder, "Folder for the sequence; created if it does not exist", "")
+      .required();
+  command.add_text("--environment", environment,
+                   fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME");
+  command.add_text("--path", path,
+                   "Path of the camera: sweep, orbit, walk, or a trajectory file in TUM format",
+                   "NAME|FILE");
+  const Option frame_option = add_number(
       command, "--frames", frames, "Number of frames (default: 300, or the whole trajectory)");
   add_number(command, "--duration", duration_s, "Duration in seconds, instead of --frames")
-      ->excludes(frame_option);
-  add_number(command, "--rate", path_options.rate_hz, "Frames per second");
+      .excludes(frame_option);
+  add_options(command, PathOptions::table, &path_options);
   add_number(command, "--layout", layout,
              "Layout of the place: 1 as designed, others stretched or mirrored, with other "
              "furniture. Places with one layout and different seeds look similar (default: the "
              "seed; 1 with a trajectory file)");
-  add_number(command, "--session", environment_options.session,
-             "Session number: sessions with one seed share place and world frame; path, noise and "
-             "changes differ");
-  add_number(command, "--changed", environment_options.changed_fraction,
-             "Share of the movable objects that are moved or removed in this session, 0 to 1");
-  add_text(
-      command, "--camera", camera,
+  add_options(command, EnvironmentOptions::table, &environment_options);
+  command.add_text(
+      "--camera", camera,
       fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
       "CAMERA");
-  add_number(command, "--exposure", options.sensor.exposure, "Brightness factor");
-  add_number(command, "--motion-blur", options.shutter_s,
-             "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower");
-  add_number(command, "--readout", options.readout_s,
-             "Readout time of a rolling shutter, from the first image row to the last, seconds");
-  add_number(command, "--noise", options.sensor.color_noise,
-             "Standard deviation of the colour noise, grey levels");
-  add_number(
-      command, "--depth-noise", options.sensor.depth_noise_m,
-      "Standard deviation of the depth at 1 m, metres; it grows with the square of the depth");
-  add_number(command, "--max-depth", options.sensor.max_depth_m, "Largest measured depth, metres");
-  command.add_flag("--no-depth-noise", options.sensor.ideal_depth,
-                   "Write exact depth: no noise, quantisation, holes or limits");
-  add_text(command, "--color-format", color_format, "png or jpeg (quality 95)", "FORMAT")
-      ->capture_default_str();
+  add_options(command, SimulatorOptions::table, &options);
+  add_options(command, SensorOptions::table, &options.sensor);
+  command.add_text("--color-format", color_format, "png or jpeg (quality 95)", "FORMAT");
   common.add_to(command);
   common.add_threads_to(command);
   common.add_seed_to(command);
@@ -125,39 +107,31 @@ void SimulateArguments::check() {
         std::clamp(std::round(*duration_s * path_options.rate_hz), 1.0, 1e7));
   }
   if (frames || !path_is_file()) path_options.frames = frames.value_or(path_options.frames);
-  if (color_format != "png" && color_format != "jpeg") {
-    throw Error(ErrorKind::kMisuse, "--color-format", printable(color_format), "png or jpeg");
-  }
+  refuse_if(color_format != "png" && color_format != "jpeg", "--color-format",
+            printable(color_format), "png or jpeg");
   environment_options.seed = common.seed;
   // A given trajectory knows one plan alone.
   environment_options.layout = layout ? layout : path_is_file() ? 1 : common.seed;
   const SessionSeeds seeds = session_seeds(common.seed, environment_options.session);
   path_options.seed = seeds.path;
   options.seed = seeds.noise;
-  with_option_names({{"PathOptions.frames", "--frames"},
-                     {"PathOptions.rate_hz", "--rate"},
-                     {"EnvironmentOptions.changed_fraction", "--changed"},
-                     {"SensorOptions.exposure", "--exposure"},
-                     {"SensorOptions.color_noise", "--noise"},
-                     {"SensorOptions.depth_noise_m", "--depth-noise"},
-                     {"SensorOptions.max_depth_m", "--max-depth"},
-                     {"SimulatorOptions.shutter_s", "--motion-blur"},
-                     {"SimulatorOptions.readout_s", "--readout"}},
-                    [&] {
-                      path_options.validate();
-                      environment_options.validate();
-                      options.validate();
-                    });
+  with_option_names({{"PathOptions.frames", "--frames"}}, [&] {
+    with_option_names({PathOptions::table, EnvironmentOptions::table, SensorOptions::table,
+                       SimulatorOptions::table},
+                      [&] {
+                        path_options.validate();
+                        environment_options.validate();
+                        options.validate();
+                      });
+  });
 }
 
 void SimulateArguments::refuse_existing() const {
   if (SequenceWriter::is_unfinished(folder)) return;
   for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
     std::error_code ignored;  // writing explains it
-    if (std::filesystem::exists(std::filesystem::path(folder) / name, ignored)) {
-      throw Error(ErrorKind::kMisuse, folder, fmt::format("holds {} already", name),
-                  "a new folder");
-    }
+    refuse_if(std::filesystem::exists(std::filesystem::path(folder) / name, ignored), folder,
+              fmt::format("holds {} already", name), "a new folder");
   }
 }
 
@@ -173,9 +147,9 @@ Trajectory SimulateArguments::make_trajectory(const Environment& place) const {
       });
   if (near > 0) {
     common.console().remark(
-        fmt::format("{}: {} of {} poses lie less than {} cm from something in "
-                    "the {}",
-                    path, near, result.size(), 100.0 * kTouching, environment));
+        "{}: {} of {} poses lie less than {} cm from something in "
+        "the {}",
+        path, near, result.size(), 100.0 * kTouching, environment);
   }
   return result;
 }
@@ -299,7 +273,7 @@ int SimulateArguments::run() {
   const auto seconds = [](auto duration) {
     return std::chrono::duration<double>(duration).count();
   };
-  common.console().print(fmt::format(
+  common.console().print(
       "{}: {} frames of {} x {}, {:.1f} s along {:.1f} m of path\n"
       "  {} objects, of which {} movable and {} moved\n"
       "  made in {:.1f} s and {:.1f} s to set up: {:.0f} frames a second\n",
@@ -307,17 +281,15 @@ int SimulateArguments::run() {
       simulator.trajectory().duration_s(), simulator.trajectory().length(), objects.size(),
       count_of(&SceneObject::movable), count_of(&SceneObject::moved), seconds(end - ready),
       seconds(ready - start),
-      static_cast<double>(simulator.frame_count()) / std::max(seconds(end - ready), 1e-9)));
+      static_cast<double>(simulator.frame_count()) / std::max(seconds(end - ready), 1e-9));
   return kDone;
 }
 
 }  // namespace
 
-Run add_simulate(CLI::App& program) {
-  auto arguments = std::make_shared<SimulateArguments>();
-  arguments->add_to(*program.add_subcommand(
-      "simulate", "Write a simulated RGB-D sequence with ground truth, in TUM's layout"));
-  return [arguments] { return arguments->run(); };
+void add_simulate(const Command& program) {
+  add_verb<SimulateArguments>(
+      program, "simulate", "Write a simulated RGB-D sequence with ground truth, in TUM's layout");
 }
 
 }  // namespace cairn::cli

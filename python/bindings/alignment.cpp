@@ -53,29 +53,8 @@ void add_verdict_keywords(Keywords<AlignKeywords>& keywords) {
            })
       .add("scale", py::none(), set_scale)
       .add("gravity", [](auto& c) -> auto& { return c.gravity; })
-      .add("min_probability", [](auto& c) -> auto& { return c.options.min_probability; })
-      .add("prior_odds", [](auto& c) -> auto& { return c.options.prior_odds; })
-      .add("effort", [](auto& c) -> auto& { return c.options.effort; })
-      .add("time_limit_s", [](auto& c) -> auto& { return c.options.time_limit_s; })
-      .add("min_observations", [](auto& c) -> auto& { return c.options.points.min_observations; })
-      .add("overlap_radius", [](auto& c) -> auto& { return c.options.overlap_radius; })
-      .add("seed", [](auto& c) -> auto& { return c.options.seed; })
-      .add("trace", [](auto& c) -> auto& { return c.options.trace; });
-}
-
-// The parts of IcpOptions that align() and icp() share.
-template <class Options, class Icp>
-void add_icp_keywords(Keywords<Options>& keywords, const Icp& icp) {
-  keywords.add("k", [icp](auto& o) -> auto& { return icp(o).k; })
-      .add("max_iterations", [icp](auto& o) -> auto& { return icp(o).max_iterations; })
-      .add("mse_change_threshold", [icp](auto& o) -> auto& { return icp(o).mse_change_threshold; })
-      .add("stop_at_repetition", [icp](auto& o) -> auto& { return icp(o).stop_at_repetition; })
-      .add("coarse_to_fine", [icp](auto& o) -> auto& { return icp(o).coarse_to_fine; })
-      .add("max_distance", [icp](auto& o) -> auto& { return icp(o).max_distance; })
-      .add("reciprocal", [icp](auto& o) -> auto& { return icp(o).reciprocal; })
-      .add("trimmed_fraction", [icp](auto& o) -> auto& { return icp(o).trimmed_fraction; })
-      .add("weight_by_source_confidence",
-           [icp](auto& o) -> auto& { return icp(o).weight_by_source_confidence; });
+      .add_table(AlignOptions::table, [](auto& c) -> auto& { return c.options; },
+                 {"one_to_one", "scale_where_free", "deformation", "judge"});
 }
 
 Keywords<AlignKeywords> make_align_keywords() {
@@ -104,7 +83,8 @@ Keywords<AlignKeywords> make_align_keywords() {
       .add("one_to_one", [](auto& c) -> auto& { return c.options.one_to_one; })
       .add("judge", [](auto& c) -> auto& { return c.options.judge; });
   add_verdict_keywords(keywords);
-  add_icp_keywords(keywords, [](auto& c) -> auto& { return c.options.icp; });
+  keywords.add_table(IcpOptions::table, [](auto& c) -> auto& { return c.options.icp; },
+                     {"overlap_radius", "trace"});
   return keywords;
 }
 
@@ -239,9 +219,7 @@ const Keywords<IcpKeywords>& icp_keywords() {
         .add("target_confidences", py::none(),
              numbers(&IcpKeywords::target_confidences, "target_confidences"))
         .add("min_observations", [](auto& c) -> auto& { return c.points.min_observations; })
-        .add("overlap_radius", [](auto& c) -> auto& { return c.options.overlap_radius; })
-        .add("trace", [](auto& c) -> auto& { return c.options.trace; });
-    add_icp_keywords(keywords, [](auto& c) -> auto& { return c.options; });
+        .add_table(IcpOptions::table, [](auto& c) -> auto& { return c.options; });
     return keywords;
   }();
   return table;

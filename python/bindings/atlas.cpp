@@ -253,12 +253,7 @@ const Keywords<Lintable>& link_keywords() {
         .add("candidates", [](auto& c) -> auto& { return c.options.links.candidates; })
         .add("shard", [](auto& c) -> auto& { return c.options.shard; })
         .add("shards", [](auto& c) -> auto& { return c.options.shards; })
-        .add("min_probability", [](auto& c) -> auto& { return c.options.links.min_probability; })
-        .add("prior_odds", [](auto& c) -> auto& { return c.options.links.prior_odds; })
-        .add("effort", [](auto& c) -> auto& { return c.options.links.effort; })
-        .add("min_observations",
-             [](auto& c) -> auto& { return c.options.links.points.min_observations; })
-        .add("seed", [](auto& c) -> auto& { return c.options.links.seed; });
+        .add_table(LinkOptions::table, [](auto& c) -> auto& { return c.options.links; });
     return keywords;
   }();
   return table;
@@ -606,7 +601,7 @@ struct MergeKeywords : Selection {
   MergePlacedOptions placed;
 };
 
-const Keywords<MergeKeywords>& merge_keywords() {
+const Keywords<MergeKeywords>& atlas_merge_keywords() {
   static const auto table = [] {
     Keywords<MergeKeywords> keywords("merge");
     keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
@@ -619,7 +614,7 @@ const Keywords<MergeKeywords>& merge_keywords() {
 
 Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   CallOptions call;
-  const MergeKeywords keywords = merge_keywords().read(given, &call);
+  const MergeKeywords keywords = atlas_merge_keywords().read(given, &call);
   keywords.placed.validate();
   Merged merged;
   std::vector<std::string> remarks;
@@ -931,7 +926,7 @@ void bind_reading(AtlasClass& atlas) {
            "The chain of aligned links between two maps with the most certain transform; None if "
            "no chain\nconnects them.")
       .def("merge", &merge_atlas,
-           kept(merge_keywords().signature("$self") +
+           kept(atlas_merge_keywords().signature("$self") +
                 "Merges the maps of one group into one map, in the frame of the first. Does not "
                 "change the atlas.\n"
                 "The result also describes the maps that were left out.\n\n"

@@ -10,6 +10,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/evaluation/map_defects.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"
 #include "cairn/formats/trajectory_file.hpp"
@@ -347,7 +348,7 @@ void bind_pose_error(py::module_& module) {
       "map or its landmarks (n, 3); the translation error is measured at their centroid.");
 }
 
-py::object with_nan(const std::vector<std::optional<double>>& values) {
+py::object nan_where_unknown(const std::vector<std::optional<double>>& values) {
   std::vector<double> numbers;
   for (const auto& value : values) numbers.push_back(value.value_or(std::nan("")));
   return copied(numbers);
@@ -377,30 +378,32 @@ void bind_map_evaluation(py::module_& module) {
       .def_readonly("missing_for_depth", &MapConsistency::missing_for_depth)
       .def_property_readonly(
           "reprojection_px",
-          [](const MapConsistency& self) { return with_nan(self.reprojection_px); },
+          [](const MapConsistency& self) { return nan_where_unknown(self.reprojection_px); },
           "(o,), NaN where unknown; empty if the map lacks the input.")
-      .def_property_readonly("depth_errors",
-                             [](const MapConsistency& self) { return with_nan(self.depth_errors); })
+      .def_property_readonly(
+          "depth_errors",
+          [](const MapConsistency& self) { return nan_where_unknown(self.depth_errors); })
       .def("__repr__", [](const MapConsistency& self) {
         if (!self.reprojection)
           return "<MapConsistency: without " + self.missing_for_reprojection + ">";
         return fmt::format("<MapConsistency: median {:.4g} px, {:.1f} % inliers>",
                            self.reprojection->px.median, 100.0 * self.reprojection->inlier_share);
       });
-  static const auto consistency_table = [] {
-    Keywords<MapConsistencyOptions> keywords("map_consistency");
-    keywords.add("inlier_px", [](auto& o) -> auto& { return o.inlier_px; });
-    return keywords;
-  }();
   module.def(
       "map_consistency",
-      [](const SharedMap& map, const py::kwargs& given) {
-        const MapConsistencyOptions options = consistency_table.read(given);
-        return unlocked([&] { return map_consistency(*map, options); });
+      [](const SharedMap& map, double inlier_px) {
+        return unlocked([&] { return map_consistency(*map, inlier_px); });
       },
+      py::arg("map"), py::kw_only(), py::arg("inlier_px") = kInlierPx,
+      kept(fmt::format(
+          "map_consistency(map, *, inlier_px={:.1f})\n--\n\n"
+          "Computes reprojection and depth errors of a map's own observations. Needs no truth.",
+          kInlierPx)));
+  module.def(
+      "map_defects",
+      [](const SharedMap& map) { return unlocked([&] { return map_defects(*map); }); },
       py::arg("map"),
-      kept(consistency_table.signature("map", false) +
-           "Computes reprojection and depth errors of a map's own observations. Needs no truth."));
+      "map_defects(map)\n--\n\nWhat is wrong with a map or missing from it, one sentence each.");
 
   py::class_<CovarianceCalibration>(module, "CovarianceCalibration",
                                     "Calibration of landmark covariances. If they match the actual "
@@ -423,7 +426,7 @@ void bind_map_evaluation(py::module_& module) {
           },
           "Share of landmarks within the 95 % ellipsoid.")
       .def_property_readonly(
-          "nees", [](const CovarianceCalibration& self) { return with_nan(self.nees); },
+          "nees", [](const CovarianceCalibration& self) { return nan_where_unknown(self.nees); },
           "(n,), NaN for a landmark that could not be evaluated.")
       .def_readonly("without_truth", &CovarianceCalibration::without_truth)
       .def_readonly("without_covariance", &CovarianceCalibration::without_covariance)

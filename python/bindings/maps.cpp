@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <limits>
 #include <numeric>
+#include <span>
 
 #include <fmt/format.h>
 
@@ -363,10 +364,28 @@ SharedMap from_arrays(
   return unlocked([&] { return std::make_shared<LandmarkMap>(std::move(tables)); });
 }
 
-py::array positions(const SharedMap& map) {
-  const auto& column = map->landmarks().positions;
-  return view(reinterpret_cast<const double*>(column.data()),
-              {static_cast<py::ssize_t>(column.size()), 3}, py::cast(map));
+// A view of a column whose entries are one or several numbers: (n,) or (n, width).
+template <class Number, class Entry>
+py::object rows(const std::vector<Entry>& column, const SharedMap& map) {
+  constexpr py::ssize_t kWidth = sizeof(Entry) / sizeof(Number);
+  std::vector<py::ssize_t> shape = {static_cast<py::ssize_t>(column.size())};
+  if (kWidth > 1) shape.push_back(kWidth);
+  return view(reinterpret_cast<const Number*>(column.data()), std::move(shape), py::cast(map));
+}
+
+// A copy of a column of which `fill` writes the known entries, of this shape; NaN elsewhere. None if it is empty.
+template <class Column, class Fill>
+py::object rows_or_nan(const Column& column, std::vector<py::ssize_t> shape, const Fill& fill) {
+  if (column.empty()) return py::none();
+  const auto count = static_cast<py::ssize_t>(column.size());
+  shape.insert(shape.begin(), count);
+  py::array_t<double> array(std::move(shape));
+  double* at = array.mutable_data();
+  std::fill_n(at, array.size(), std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t i = 0; i < column.size(); ++i, at += array.size() / count) {
+    if (const auto entry = column[i]) fill(*entry, at);
+  }
+  return array;
 }
 
 py::object covariances(const SharedMap& map) {
@@ -377,56 +396,18 @@ py::object covariances(const SharedMap& map) {
               {static_cast<py::ssize_t>(column.size()), 3, 3}, py::cast(map), {72, 8, 24});
 }
 
-template <class Id>
-py::array id_view(const std::vector<Id>& ids, const SharedMap& map) {
-  using Value = typename Id::representation;
-  static_assert(sizeof(Id) == sizeof(Value));
-  return view(reinterpret_cast<const Value*>(ids.data()), {static_cast<py::ssize_t>(ids.size())},
-              py::cast(map));
-}
-
-py::object colors(const SharedMap& map) {
-  return masked<std::uint8_t>(map->landmarks().colors, py::cast(map));
-}
-
-py::object descriptors(const SharedMap& map) {
-  const auto& column = map->landmarks().descriptors;
-  if (!column) return py::none();
-  return view(column->bytes.data(),
-              {static_cast<py::ssize_t>(map->landmark_count()),
-               static_cast<py::ssize_t>(column->bytes_each)},
-              py::cast(map));
-}
-
-py::object known_descriptors(const SharedMap& map) {
-  const auto& column = map->landmarks().descriptors;
-  if (!column) return py::none();
-  const py::array bytes =
-      view(column->known.data(), {static_cast<py::ssize_t>(column->known.size())}, py::cast(map));
-  return bytes.attr("view")("bool");
-}
-
-py::object further_descriptors(const SharedMap& map) {
-  const auto& column = map->landmarks().descriptors;
-  if (!column || !column->has_further()) return py::none();
-  return view(column->further.data(),
-              {static_cast<py::ssize_t>(column->further_offsets.back()),
-               static_cast<py::ssize_t>(column->bytes_each)},
-              py::cast(map));
-}
-
-py::object further_descriptor_offsets(const SharedMap& map) {
-  const auto& column = map->landmarks().descriptors;
-  if (!column || !column->has_further()) return py::none();
-  return view(column->further_offsets.data(),
-              {static_cast<py::ssize_t>(column->further_offsets.size())}, py::cast(map));
+// (n, bytes each).
+py::object descriptor_rows(const SharedMap& map, const std::vector<std::uint8_t>& bytes,
+                           std::size_t bytes_each) {
+  const auto width = static_cast<py::ssize_t>(bytes_each);
+  const auto count = bytes_each == 0 ? 0 : static_cast<py::ssize_t>(bytes.size()) / width;
+  return view(bytes.data(), {count, width}, py::cast(map));
 }
 
 py::dict named_columns(const SharedMap& map) {
   py::dict result;
   for (const NamedColumn& column : map->landmarks().columns) {
-    result[py::str(column.name)] =
-        view(column.values.data(), {static_cast<py::ssize_t>(column.values.size())}, py::cast(map));
+    result[py::str(column.name)] = rows<double>(column.values, map);
   }
   return result;
 }
@@ -438,14 +419,7 @@ py::array frame_poses(const SharedMap& map) {
   return pose_arrays(poses);
 }
 
-py::object observation_offsets(const SharedMap& map) {
-  if (!map->has_observations()) return py::none();
-  const auto& offsets = map->observations().offsets;
-  return view(offsets.data(), {static_cast<py::ssize_t>(offsets.size())}, py::cast(map));
-}
-
 py::object observation_counts(const SharedMap& map) {
-  if (!map->has_observations()) return py::none();
   std::vector<std::int64_t> counts;
   for (std::uint32_t i = 0; i < map->landmark_count(); ++i) {
     counts.push_back(static_cast<std::int64_t>(map->observation_count(LandmarkIndex{i})));
@@ -454,25 +428,12 @@ py::object observation_counts(const SharedMap& map) {
 }
 
 py::object observed_landmarks(const SharedMap& map) {
-  if (!map->has_observations()) return py::none();
   std::vector<std::uint32_t> landmarks;
   landmarks.reserve(map->observation_count());
   for (std::uint32_t i = 0; i < map->landmark_count(); ++i) {
     landmarks.insert(landmarks.end(), map->observation_count(LandmarkIndex{i}), i);
   }
   return copied(landmarks);
-}
-
-py::object observing_frames(const SharedMap& map) {
-  if (!map->has_observations()) return py::none();
-  return id_view(map->observations().frames, map);
-}
-
-py::object pixels(const SharedMap& map) {
-  if (!map->has_observations()) return py::none();
-  const auto& column = map->observations().pixels;
-  return view(reinterpret_cast<const double*>(column.data()),
-              {static_cast<py::ssize_t>(column.size()), 2}, py::cast(map));
 }
 
 std::string described(const SharedMap& map) {
@@ -485,13 +446,13 @@ std::string described(const SharedMap& map) {
   return text + (map->info().length_unit == LengthUnit::kMetres ? ", metres" : ", free scale");
 }
 
-py::bytes packed(const SharedMap& map) {
+py::bytes packed_map(const SharedMap& map) {
   std::string bytes;
   unlocked([&] { write_binary(*map, [&](std::string_view piece) { bytes += piece; }); });
   return bytes;
 }
 
-SharedMap unpacked(const py::bytes& bytes) {
+SharedMap unpacked_map(const py::bytes& bytes) {
   const std::string_view text = bytes;
   return unlocked([&] {
     MemoryReader reader(text, "pickled LandmarkMap");
@@ -690,6 +651,244 @@ void bind_synthetic(py::module_& module) {
            "Two synthetic sessions of one scene, each in its own world frame, with the truth."));
 }
 
+using MapClass = py::class_<LandmarkMap, SharedMap>;
+
+struct MapProperty {
+  const char* name;
+  py::object (*value)(const SharedMap& map);
+  const char* what;
+};
+
+constexpr MapProperty kProperties[] = {
+    {"positions", [](const SharedMap& m) { return rows<double>(m->landmarks().positions, m); },
+     "(n, 3), in the world frame; a view."},
+    {"covariances", [](const SharedMap& m) { return covariances(m); },
+     "(n, 3, 3), NaN where unknown; a view, or None if absent."},
+    {"ids", [](const SharedMap& m) { return rows<std::uint64_t>(m->landmarks().ids, m); },
+     "(n,) uint64; a view."},
+    {"colors",
+     [](const SharedMap& m) { return masked<std::uint8_t>(m->landmarks().colors, py::cast(m)); },
+     "(n, 3) uint8, masked where unknown; or None."},
+    {"columns", [](const SharedMap& m) -> py::object { return named_columns(m); },
+     "Named columns, (n,) each; views."},
+    {"cameras",
+     [](const SharedMap& m) -> py::object {
+       return py::cast(std::vector<Camera>(m->cameras().begin(), m->cameras().end()));
+     },
+     ""},
+    {"frame_ids", [](const SharedMap& m) { return rows<std::uint64_t>(m->frames().ids, m); },
+     "(f,) uint64; a view."},
+    {"frame_poses", [](const SharedMap& m) -> py::object { return frame_poses(m); },
+     "(f, 4, 4), world_from_camera; a copy."},
+    {"frame_positions",
+     [](const SharedMap& m) { return rows<double>(m->frames().translations, m); },
+     "(f, 3), camera centres; a view."},
+    {"frame_quaternions",
+     [](const SharedMap& m) { return rows<double>(m->frames().quaternions, m); },
+     "(f, 4), world_from_camera as stored, w x y z; a view."},
+    {"timestamps_s",
+     [](const SharedMap& m) { return with_nan(m->frames().timestamps_s, py::cast(m)); },
+     "(f,), NaN where unknown; or None."},
+    {"frame_cameras",
+     [](const SharedMap& m) { return masked<std::uint32_t>(m->frames().cameras, py::cast(m)); },
+     "(f,) indices of cameras, masked where unknown; or None."},
+    {"image_names",
+     [](const SharedMap& m) -> py::object {
+       if (m->frames().image_names.empty()) return py::none();
+       return decoded(m->frames().image_names);
+     },
+     "One per frame, '' where unknown; or None."},
+    {"gnss_positions",
+     [](const SharedMap& m) {
+       return rows_or_nan(m->frames().gnss, {4}, [](const auto& fix, double* row) {
+         row[0] = fix.position.latitude_deg;
+         row[1] = fix.position.longitude_deg;
+         row[2] = fix.position.altitude_m;
+         if (fix.accuracy_m) row[3] = *fix.accuracy_m;
+       });
+     },
+     "(f, 4) latitude and longitude in degrees, altitude and accuracy in metres, NaN where "
+     "unknown; or None."},
+    {"pose_covariances",
+     [](const SharedMap& m) {
+       return rows_or_nan(m->frames().pose_covariances, {6, 6}, [](const Matrix6d& c, double* row) {
+         Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>{row} = c;
+       });
+     },
+     "(f, 6, 6) covariances of the keyframes' poses, translation then rotation about the "
+     "map's axes, relative to the first keyframe; NaN where unknown; or None."},
+    {"keypoints",
+     [](const SharedMap& m) {
+       return masked<std::uint32_t>(m->observations().keypoints, py::cast(m));
+     },
+     "(o,), masked where unknown; or None."},
+    {"depths", [](const SharedMap& m) { return with_nan(m->observations().depths, py::cast(m)); },
+     "(o,), measured along the optical axis, NaN where unknown; or None."},
+    {"octaves",
+     [](const SharedMap& m) {
+       return masked<std::int32_t>(m->observations().octaves, py::cast(m));
+     },
+     "(o,), masked where unknown; or None."},
+    {"sigmas_px",
+     [](const SharedMap& m) { return with_nan(m->observations().sigmas_px, py::cast(m)); },
+     "(o,), standard deviations of the pixels, NaN where unknown; or None."},
+    {"length_unit",
+     [](const SharedMap& m) -> py::object {
+       return py::cast(std::string(to_string(m->info().length_unit)));
+     },
+     "'metres' or 'free'."},
+    {"world_frame", [](const SharedMap& m) { return decoded_or_none(m->info().world_frame); }, ""},
+    {"gravity", [](const SharedMap& m) -> py::object { return matrix_or_none(m->info().gravity); },
+     "(3,), downward direction in the world frame; or None."},
+    {"georeference",
+     [](const SharedMap& m) -> py::object { return py::cast(m->info().georeference); },
+     "GeoReference of the map; or None."},
+    {"uuid", [](const SharedMap& m) { return decoded_or_none(m->info().uuid); }, ""},
+    {"provenance", [](const SharedMap& m) -> py::object { return decoded(m->info().provenance); },
+     "History of the map, oldest entry first."},
+};
+
+// None without observations.
+constexpr MapProperty kPropertiesOfObservations[] = {
+    {"observation_offsets",
+     [](const SharedMap& m) { return rows<std::uint64_t>(m->observations().offsets, m); },
+     "(n + 1,): landmark i's observations are [offsets[i], offsets[i + 1]); a view, or None."},
+    {"observation_counts", [](const SharedMap& m) -> py::object { return observation_counts(m); },
+     "(n,); or None."},
+    {"observed_landmarks", [](const SharedMap& m) -> py::object { return observed_landmarks(m); },
+     "(o,), landmark index of each observation; or None."},
+    {"observing_frames",
+     [](const SharedMap& m) { return rows<std::uint32_t>(m->observations().frames, m); },
+     "(o,), frame index of each observation; a view, or None."},
+    {"pixels", [](const SharedMap& m) { return rows<double>(m->observations().pixels, m); },
+     "(o, 2); a view, or None."},
+};
+
+// None without descriptors.
+constexpr MapProperty kPropertiesOfDescriptors[] = {
+    {"descriptors",
+     [](const SharedMap& m) -> py::object {
+       return descriptor_rows(m, m->landmarks().descriptors->bytes,
+                              m->landmarks().descriptors->bytes_each);
+     },
+     "(n, bytes) uint8, zero where unknown; a view, or None."},
+    {"known_descriptors",
+     [](const SharedMap& m) -> py::object {
+       return rows<std::uint8_t>(m->landmarks().descriptors->known, m).attr("view")("bool");
+     },
+     "(n,) bool; a view, or None."},
+    {"descriptor_kind",
+     [](const SharedMap& m) -> py::object { return py::cast(m->landmarks().descriptors->kind); },
+     "E.g. 'ORB'; None if absent."},
+};
+
+// None without further descriptors.
+constexpr MapProperty kPropertiesOfFurtherDescriptors[] = {
+    {"further_descriptors",
+     [](const SharedMap& m) -> py::object {
+       return descriptor_rows(m, m->landmarks().descriptors->further,
+                              m->landmarks().descriptors->bytes_each);
+     },
+     "(m, bytes) uint8, of further views of the landmarks, those of one landmark after another; a "
+     "view, or None."},
+    {"further_descriptor_offsets",
+     [](const SharedMap& m) {
+       return rows<std::uint64_t>(m->landmarks().descriptors->further_offsets, m);
+     },
+     "(n + 1,) uint64: landmark i has the rows from offset i to below offset i + 1 of "
+     "further_descriptors; a view, or None."},
+};
+
+bool has_descriptors(const LandmarkMap& map) {
+  return map.landmarks().descriptors.has_value();
+}
+
+bool has_further_descriptors(const LandmarkMap& map) {
+  return has_descriptors(map) && map.landmarks().descriptors->has_further();
+}
+
+// @param has whether a map has the properties, which are None otherwise; null: it has
+void add_properties(MapClass& map, std::span<const MapProperty> properties,
+                    bool (*has)(const LandmarkMap&)) {
+  for (const MapProperty& property : properties) {
+    map.def_property_readonly(
+        property.name,
+        [has, value = property.value](const SharedMap& self) -> py::object {
+          if (has != nullptr && !has(*self)) return py::none();
+          return value(self);
+        },
+        property.what);
+  }
+}
+
+// The map that `make` returns, made without the GIL.
+template <class Make>
+SharedMap derived(const Make& make) {
+  return unlocked([&] { return std::make_shared<LandmarkMap>(make()); });
+}
+
+void bind_operations(MapClass& map) {
+  map.def(
+         "transformed",
+         [](const SharedMap& self, const py::object& new_from_old) {
+           const Similarity3 pose = similarity_of(new_from_old, "new_from_old");
+           return derived([&] { return transformed(*self, pose); });
+         },
+         py::arg("new_from_old"),
+         "transformed($self, new_from_old)\n--\n\nThe map in another world frame, by a 4x4 "
+         "matrix.")
+      .def(
+          "in_enu_frame",
+          [](const SharedMap& self) { return derived([&] { return in_enu_frame(*self); }); },
+          "in_enu_frame($self)\n--\n\nThe map in the frame of its georeference: metres to the "
+          "east, to the\nnorth and up.")
+      .def(
+          "select",
+          [](const SharedMap& self, const py::object& landmarks) {
+            const auto indices = landmark_indices(*self, landmarks);
+            return derived([&] { return with_landmarks(*self, indices); });
+          },
+          py::arg("landmarks"),
+          "select($self, landmarks)\n--\n\nThe map with only these landmarks (indices or a mask) "
+          "and all frames.")
+      .def(
+          "with_column",
+          [](const SharedMap& self, const std::string& name, const py::object& values) {
+            const auto array =
+                real_array(values, "values", {static_cast<py::ssize_t>(self->landmark_count())},
+                           Masked::kUnknown);
+            return derived([&] {
+              return with_column(*self, name, {array.data(), array.data() + array.size()});
+            });
+          },
+          py::arg("name"), py::arg("values"),
+          "with_column($self, name, values)\n--\n\nThe map with a named column added or replaced.")
+      .def(
+          "with_camera",
+          [](const SharedMap& self, const Camera& camera) {
+            return derived([&] { return with_camera(*self, camera); });
+          },
+          py::arg("camera"),
+          "with_camera($self, camera)\n--\n\nThe map with one camera, for all frames.")
+      .def(
+          "with_length_unit",
+          [](const SharedMap& self, const std::string& length_unit) {
+            const LengthUnit unit = length_unit_of(length_unit);
+            return derived([&] { return with_length_unit(*self, unit); });
+          },
+          py::arg("length_unit"),
+          "with_length_unit($self, length_unit)\n--\n\nThe map with the same numbers and length "
+          "unit 'metres' or 'free'.")
+      .def(
+          "cut_frames",
+          [](const SharedMap& self, std::uint64_t begin, std::uint64_t end) {
+            return derived([&] { return cut_frames(*self, FrameId{begin}, FrameId{end}); });
+          },
+          py::arg("begin"), py::arg("end"),
+          "cut_frames($self, begin, end)\n--\n\n"
+          "The frames with ids in [begin, end), and the landmarks that only these observed.");
+}
+
 }  // namespace
 
 Keywords<MapWriteOptions> write_keywords() {
@@ -704,7 +903,7 @@ Keywords<MapWriteOptions> write_keywords() {
 void bind_maps(py::module_& module) {
   bind_camera(module);
   const auto none = py::none();
-  py::class_<LandmarkMap, SharedMap> map(
+  MapClass map(
       module, "LandmarkMap",
       "A landmark map: keyframes, landmarks and observations. Immutable.\n\n"
       "Columns are NumPy arrays: read-only views of the map's memory, which they keep alive, or "
@@ -732,236 +931,21 @@ void bind_maps(py::module_& module) {
                     "Warns of data that the format cannot hold.";
            }()))
       .def("__len__", &LandmarkMap::landmark_count)
-      .def_property_readonly("positions", &positions, "(n, 3), in the world frame; a view.")
-      .def_property_readonly("covariances", &covariances,
-                             "(n, 3, 3), NaN where unknown; a view, or None if absent.")
-      .def_property_readonly(
-          "ids", [](const SharedMap& self) { return id_view(self->landmarks().ids, self); },
-          "(n,) uint64; a view.")
-      .def_property_readonly("colors", &colors, "(n, 3) uint8, masked where unknown; or None.")
-      .def_property_readonly("descriptors", &descriptors,
-                             "(n, bytes) uint8, zero where unknown; a view, or None.")
-      .def_property_readonly("known_descriptors", &known_descriptors, "(n,) bool; a view, or None.")
-      .def_property_readonly(
-          "descriptor_kind",
-          [](const SharedMap& self) {
-            const auto& column = self->landmarks().descriptors;
-            return column ? std::optional(column->kind) : std::nullopt;
-          },
-          "E.g. 'ORB'; None if absent.")
-      .def_property_readonly("further_descriptors", &further_descriptors,
-                             "(m, bytes) uint8, of further views of the landmarks, those of one "
-                             "landmark after another; a view, or None.")
-      .def_property_readonly("further_descriptor_offsets", &further_descriptor_offsets,
-                             "(n + 1,) uint64: landmark i has the rows from offset i to below "
-                             "offset i + 1 of further_descriptors; a view, or None.")
-      .def_property_readonly("columns", &named_columns, "Named columns, (n,) each; views.")
-      .def_property_readonly("cameras",
-                             [](const SharedMap& self) {
-                               return std::vector<Camera>(self->cameras().begin(),
-                                                          self->cameras().end());
-                             })
-      .def_property_readonly(
-          "frame_ids", [](const SharedMap& self) { return id_view(self->frames().ids, self); },
-          "(f,) uint64; a view.")
-      .def_property_readonly("frame_poses", &frame_poses, "(f, 4, 4), world_from_camera; a copy.")
-      .def_property_readonly(
-          "frame_positions",
-          [](const SharedMap& self) {
-            const auto& column = self->frames().translations;
-            return view(reinterpret_cast<const double*>(column.data()),
-                        {static_cast<py::ssize_t>(column.size()), 3}, py::cast(self));
-          },
-          "(f, 3), camera centres; a view.")
-      .def_property_readonly(
-          "frame_quaternions",
-          [](const SharedMap& self) {
-            const auto& column = self->frames().quaternions;
-            return view(reinterpret_cast<const double*>(column.data()),
-                        {static_cast<py::ssize_t>(column.size()), 4}, py::cast(self));
-          },
-          "(f, 4), world_from_camera as stored, w x y z; a view.")
-      .def_property_readonly(
-          "timestamps_s",
-          [](const SharedMap& self) {
-            return with_nan(self->frames().timestamps_s, py::cast(self));
-          },
-          "(f,), NaN where unknown; or None.")
-      .def_property_readonly(
-          "frame_cameras",
-          [](const SharedMap& self) {
-            return masked<std::uint32_t>(self->frames().cameras, py::cast(self));
-          },
-          "(f,) indices of cameras, masked where unknown; or None.")
-      .def_property_readonly(
-          "image_names",
-          [](const SharedMap& self) -> py::object {
-            if (self->frames().image_names.empty()) return py::none();
-            return decoded(self->frames().image_names);
-          },
-          "One per frame, '' where unknown; or None.")
-      .def_property_readonly(
-          "gnss_positions",
-          [](const SharedMap& self) -> py::object {
-            const auto& gnss = self->frames().gnss;
-            if (gnss.empty()) return py::none();
-            py::array_t<double> rows({static_cast<py::ssize_t>(gnss.size()), py::ssize_t{4}});
-            auto row = rows.mutable_unchecked<2>();
-            constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-            for (py::ssize_t i = 0; i < row.shape(0); ++i) {
-              const auto fix = gnss[static_cast<std::size_t>(i)];
-              row(i, 0) = fix ? fix->position.latitude_deg : kNan;
-              row(i, 1) = fix ? fix->position.longitude_deg : kNan;
-              row(i, 2) = fix ? fix->position.altitude_m : kNan;
-              row(i, 3) = fix ? fix->accuracy_m.value_or(kNan) : kNan;
-            }
-            return rows;
-          },
-          "(f, 4) latitude and longitude in degrees, altitude and accuracy in metres, NaN where "
-          "unknown; or None.")
-      .def_property_readonly(
-          "pose_covariances",
-          [](const SharedMap& self) -> py::object {
-            const auto& covariances = self->frames().pose_covariances;
-            if (covariances.empty()) return py::none();
-            py::array_t<double> rows(
-                {static_cast<py::ssize_t>(covariances.size()), py::ssize_t{6}, py::ssize_t{6}});
-            auto row = rows.mutable_unchecked<3>();
-            constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-            for (py::ssize_t i = 0; i < row.shape(0); ++i) {
-              const auto covariance = covariances[static_cast<std::size_t>(i)];
-              for (py::ssize_t k = 0; k < 36; ++k) {
-                row(i, k / 6, k % 6) =
-                    covariance ? (*covariance)(static_cast<int>(k / 6), static_cast<int>(k % 6))
-                               : kNan;
-              }
-            }
-            return rows;
-          },
-          "(f, 6, 6) covariances of the keyframes' poses, translation then rotation about the "
-          "map's axes, relative to the first keyframe; NaN where unknown; or None.")
-      .def_property_readonly(
-          "observation_offsets", &observation_offsets,
-          "(n + 1,): landmark i's observations are [offsets[i], offsets[i + 1]); a view, or None.")
-      .def_property_readonly("observation_counts", &observation_counts, "(n,); or None.")
-      .def_property_readonly("observed_landmarks", &observed_landmarks,
-                             "(o,), landmark index of each observation; or None.")
-      .def_property_readonly("observing_frames", &observing_frames,
-                             "(o,), frame index of each observation; a view, or None.")
-      .def_property_readonly("pixels", &pixels, "(o, 2); a view, or None.")
-      .def_property_readonly(
-          "keypoints",
-          [](const SharedMap& self) {
-            return masked<std::uint32_t>(self->observations().keypoints, py::cast(self));
-          },
-          "(o,), masked where unknown; or None.")
-      .def_property_readonly(
-          "depths",
-          [](const SharedMap& self) {
-            return with_nan(self->observations().depths, py::cast(self));
-          },
-          "(o,), measured along the optical axis, NaN where unknown; or None.")
-      .def_property_readonly(
-          "octaves",
-          [](const SharedMap& self) {
-            return masked<std::int32_t>(self->observations().octaves, py::cast(self));
-          },
-          "(o,), masked where unknown; or None.")
-      .def_property_readonly(
-          "sigmas_px",
-          [](const SharedMap& self) {
-            return with_nan(self->observations().sigmas_px, py::cast(self));
-          },
-          "(o,), standard deviations of the pixels, NaN where unknown; or None.")
-      .def_property_readonly(
-          "length_unit",
-          [](const SharedMap& self) { return std::string(to_string(self->info().length_unit)); },
-          "'metres' or 'free'.")
-      .def_property_readonly(
-          "world_frame",
-          [](const SharedMap& self) { return decoded_or_none(self->info().world_frame); })
-      .def_property_readonly(
-          "gravity", [](const SharedMap& self) { return matrix_or_none(self->info().gravity); },
-          "(3,), downward direction in the world frame; or None.")
-      .def_property_readonly(
-          "georeference", [](const SharedMap& self) { return self->info().georeference; },
-          "GeoReference of the map; or None.")
-      .def_property_readonly(
-          "uuid", [](const SharedMap& self) { return decoded_or_none(self->info().uuid); })
-      .def_property_readonly(
-          "provenance", [](const SharedMap& self) { return decoded(self->info().provenance); },
-          "History of the map, oldest entry first.")
-      .def(
-          "transformed",
-          [](const SharedMap& self, const py::object& new_from_old) {
-            const Similarity3 pose = similarity_of(new_from_old, "new_from_old");
-            return unlocked(
-                [&] { return std::make_shared<LandmarkMap>(transformed(*self, pose)); });
-          },
-          py::arg("new_from_old"),
-          "transformed($self, new_from_old)\n--\n\nThe map in another world frame, by a 4x4 "
-          "matrix.")
-      .def(
-          "in_enu_frame",
-          [](const SharedMap& self) {
-            return unlocked([&] { return std::make_shared<LandmarkMap>(in_enu_frame(*self)); });
-          },
-          "in_enu_frame($self)\n--\n\nThe map in the frame of its georeference: metres to the "
-          "east, to the\nnorth and up.")
-      .def(
-          "select",
-          [](const SharedMap& self, const py::object& landmarks) {
-            const auto indices = landmark_indices(*self, landmarks);
-            return unlocked(
-                [&] { return std::make_shared<LandmarkMap>(with_landmarks(*self, indices)); });
-          },
-          py::arg("landmarks"),
-          "select($self, landmarks)\n--\n\nThe map with only these landmarks (indices or a mask) "
-          "and all frames.")
-      .def(
-          "with_column",
-          [](const SharedMap& self, const std::string& name, const py::object& values) {
-            const auto array =
-                real_array(values, "values", {static_cast<py::ssize_t>(self->landmark_count())},
-                           Masked::kUnknown);
-            return std::make_shared<LandmarkMap>(
-                with_column(*self, name, {array.data(), array.data() + array.size()}));
-          },
-          py::arg("name"), py::arg("values"),
-          "with_column($self, name, values)\n--\n\nThe map with a named column added or replaced.")
-      .def(
-          "with_camera",
-          [](const SharedMap& self, const Camera& camera) {
-            return std::make_shared<LandmarkMap>(with_camera(*self, camera));
-          },
-          py::arg("camera"),
-          "with_camera($self, camera)\n--\n\nThe map with one camera, for all frames.")
-      .def(
-          "with_length_unit",
-          [](const SharedMap& self, const std::string& length_unit) {
-            return std::make_shared<LandmarkMap>(
-                with_length_unit(*self, length_unit_of(length_unit)));
-          },
-          py::arg("length_unit"),
-          "with_length_unit($self, length_unit)\n--\n\nThe map with the same numbers and length "
-          "unit 'metres' or 'free'.")
-      .def(
-          "cut_frames",
-          [](const SharedMap& self, std::uint64_t begin, std::uint64_t end) {
-            return std::make_shared<LandmarkMap>(cut_frames(*self, FrameId{begin}, FrameId{end}));
-          },
-          py::arg("begin"), py::arg("end"),
-          "cut_frames($self, begin, end)\n--\n\n"
-          "The frames with ids in [begin, end), and the landmarks that only these observed.")
       .def("__repr__",
            [](const SharedMap& self) { return "<LandmarkMap: " + described(self) + ">"; })
       .def("__copy__", [](const SharedMap& self) { return self; })
       .def(
           "__deepcopy__", [](const SharedMap& self, const py::dict&) { return self; },
           py::arg("memo"));
+  add_properties(map, kProperties, nullptr);
+  add_properties(map, kPropertiesOfObservations,
+                 [](const LandmarkMap& one) { return one.has_observations(); });
+  add_properties(map, kPropertiesOfDescriptors, &has_descriptors);
+  add_properties(map, kPropertiesOfFurtherDescriptors, &has_further_descriptors);
+  bind_operations(map);
   make_picklable(
       module, map, "restored_map",
-      [](const py::object& self) { return packed(self.cast<SharedMap>()); }, &unpacked);
+      [](const py::object& self) { return packed_map(self.cast<SharedMap>()); }, &unpacked_map);
 
   module.def(
       "read_map", &read, py::arg("path"),

@@ -18,10 +18,7 @@ struct MergedPart {
 const Keywords<MergeOptions>& merge_keywords() {
   static const auto table = [] {
     Keywords<MergeOptions> keywords("merge");
-    keywords.add("min_probability", [](auto& o) -> auto& { return o.links.min_probability; })
-        .add("prior_odds", [](auto& o) -> auto& { return o.links.prior_odds; })
-        .add("effort", [](auto& o) -> auto& { return o.links.effort; })
-        .add("min_observations", [](auto& o) -> auto& { return o.links.points.min_observations; });
+    keywords.add_table(LinkOptions::table, [](auto& o) -> auto& { return o.links; }, {"seed"});
     add_merge_placed_to(keywords, [](auto& o) -> auto& { return o.placed; });
     keywords.add("seed", [](auto& o) -> auto& { return o.seed; });
     return keywords;

@@ -46,26 +46,20 @@ void add_odometry_keywords(Keywords<Options>& keywords, const Part& part) {
       .add("depth_noise_floor_m", [part](auto& o) -> auto& { return part(o).noise.depth_floor_m; })
       .add("depth_noise_quadratic",
            [part](auto& o) -> auto& { return part(o).noise.depth_quadratic; })
-      .add("readout_s", [part](auto& o) -> auto& { return part(o).readout_s; })
-      .add("min_tracked", [part](auto& o) -> auto& { return part(o).min_tracked; })
-      .add("adjusted_keyframes", [part](auto& o) -> auto& { return part(o).adjusted_keyframes; })
-      .add("final_iterations", [part](auto& o) -> auto& { return part(o).final_iterations; });
+      .add_table(OdometryOptions::table, part);
 }
 
 template <class Options, class Part>
 void add_map_keywords(Keywords<Options>& keywords, const Part& part) {
-  keywords.add("min_observations", [part](auto& o) -> auto& { return part(o).min_observations; })
-      .add("covariance", py::str("recursive"),
-           [part](Options& options, py::handle value) {
-             std::string text;
-             from_python(value, "covariance", text);
-             part(options).covariance =
-                 word<LandmarkCovariance>(text, "covariance",
-                                          {{"recursive", LandmarkCovariance::kRecursive},
-                                           {"marginal", LandmarkCovariance::kMarginal}});
-           })
-      .add("descriptors", [part](auto& o) -> auto& { return part(o).descriptors; })
-      .add("descriptors_each", [part](auto& o) -> auto& { return part(o).descriptors_each; });
+  keywords.add_table(MapOptions::table, part)
+      .add("covariance", py::str("recursive"), [part](Options& options, py::handle value) {
+        std::string text;
+        from_python(value, "covariance", text);
+        part(options).covariance =
+            word<LandmarkCovariance>(text, "covariance",
+                                     {{"recursive", LandmarkCovariance::kRecursive},
+                                      {"marginal", LandmarkCovariance::kMarginal}});
+      });
 }
 
 struct OdometryKeywords {

@@ -29,20 +29,15 @@ const Keywords<SimulateKeywords>& simulate_keywords() {
   static const auto table = [] {
     Keywords<SimulateKeywords> keywords("simulate");
     keywords.add("seed", [](auto& o) -> auto& { return o.seed; })
-        .add("session", [](auto& o) -> auto& { return o.environment.session; })
         .add("layout", [](auto& o) -> auto& { return o.environment.layout; })
-        .add("changed_fraction", [](auto& o) -> auto& { return o.environment.changed_fraction; })
-        .add("texture_scale", [](auto& o) -> auto& { return o.environment.texture_scale; })
+        .add_table(EnvironmentOptions::table, [](auto& o) -> auto& { return o.environment; })
         .add("path", py::str("sweep"),
              [](auto& options, py::handle value) {
                std::string text;
                from_python(value, "path", text);
                options.path.kind = path_kind(text);
              })
-        .add("frames", [](auto& o) -> auto& { return o.path.frames; })
-        .add("rate_hz", [](auto& o) -> auto& { return o.path.rate_hz; })
-        .add("pace", [](auto& o) -> auto& { return o.path.pace; })
-        .add("shake", [](auto& o) -> auto& { return o.path.shake; })
+        .add_table(PathOptions::table, [](auto& o) -> auto& { return o.path; }, {"clearance_m"})
         .add("camera", py::none(),
              [](auto& options, py::handle value) {
                if (value.is_none()) return;
@@ -51,11 +46,9 @@ const Keywords<SimulateKeywords>& simulate_keywords() {
                options.simulator.camera = value.cast<const Camera&>();
              })
         .add("shutter_s", [](auto& o) -> auto& { return o.simulator.shutter_s; })
-        .add("exposure", [](auto& o) -> auto& { return o.simulator.sensor.exposure; })
-        .add("color_noise", [](auto& o) -> auto& { return o.simulator.sensor.color_noise; })
-        .add("ideal_depth", [](auto& o) -> auto& { return o.simulator.sensor.ideal_depth; })
-        .add("depth_noise_m", [](auto& o) -> auto& { return o.simulator.sensor.depth_noise_m; })
-        .add("max_depth_m", [](auto& o) -> auto& { return o.simulator.sensor.max_depth_m; });
+        .add_table(SensorOptions::table, [](auto& o) -> auto& { return o.simulator.sensor; },
+                   {"depth_step_m", "min_depth_m", "baseline_m", "max_incidence_rad", "edge_holes",
+                    "dropout"});
     return keywords;
   }();
   return table;

@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include <pybind11/numpy.h>
@@ -20,6 +23,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/execution.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -243,6 +247,23 @@ class Keywords {
     return add(name, to_python(field(defaults)), [field, name](Options& options, py::handle value) {
       from_python(value, name, field(options));
     });
+  }
+  /// Adds the fields of a table, with its names, but for those in `but`.
+  /// @param part returns a reference to the struct that has the table
+  template <class Part>
+  Keywords& add_table(const OptionTable& table, const Part& part,
+                      std::initializer_list<std::string_view> but = {}) {
+    Options defaults;
+    for (const OptionField& field : table.fields) {
+      if (std::find(but.begin(), but.end(), field.name) != but.end()) continue;
+      const std::string name(field.name);
+      const auto at = [part, get = field.value](Options& options) { return get(&part(options)); };
+      const auto shown = [](const auto* value) { return to_python(*value); };
+      add(name, std::visit(shown, at(defaults)), [at, name](Options& options, py::handle given) {
+        std::visit([&](auto* value) { from_python(given, name, *value); }, at(options));
+      });
+    }
+    return *this;
   }
   /// @param initial the default value in Python
   Keywords& add(const std::string& name, const py::object& initial, Set set) {

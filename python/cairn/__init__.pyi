@@ -732,7 +732,7 @@ class Odometry:
         image_name: str = ...,
     ) -> FrameReport: ...
     def complete(self) -> None: ...
-    def map(self, *, min_observations: int = ..., covariance: str = ..., descriptors: bool = ..., descriptors_each: int = ...) -> LandmarkMap: ...
+    def map(self, *, min_observations: int = ..., descriptors: bool = ..., descriptors_each: int = ..., covariance: str = ...) -> LandmarkMap: ...
     def trajectory(self) -> Trajectory: ...
     @property
     def last_pose(self) -> Optional[_Floats]: ...
@@ -867,8 +867,6 @@ def icp(
     source_confidences: Optional[ArrayLike] = ...,
     target_confidences: Optional[ArrayLike] = ...,
     min_observations: int = ...,
-    overlap_radius: Optional[float] = ...,
-    trace: bool = ...,
     k: int = ...,
     max_iterations: int = ...,
     mse_change_threshold: float = ...,
@@ -878,6 +876,8 @@ def icp(
     reciprocal: bool = ...,
     trimmed_fraction: float = ...,
     weight_by_source_confidence: bool = ...,
+    overlap_radius: Optional[float] = ...,
+    trace: bool = ...,
     threads: int = ...,
     progress: _Progress = ...,
 ) -> Registration: ...
@@ -911,6 +911,7 @@ def evaluate_trajectory(
 ) -> TrajectoryEvaluation: ...
 def pose_error(estimate: ArrayLike, truth: ArrayLike, source: Union[LandmarkMap, ArrayLike]) -> PoseError: ...
 def map_consistency(map: LandmarkMap, *, inlier_px: float = ...) -> MapConsistency: ...
+def map_defects(map: LandmarkMap) -> List[str]: ...
 def calibrate_covariances(
     map: LandmarkMap,
     truth: LandmarkMap,
@@ -946,8 +947,8 @@ def simulate(
     environment: str = ...,
     *,
     seed: int = ...,
-    session: int = ...,
     layout: Optional[int] = ...,
+    session: int = ...,
     changed_fraction: float = ...,
     texture_scale: float = ...,
     path: str = ...,
@@ -985,9 +986,9 @@ def map_sequence(
     adjusted_keyframes: int = ...,
     final_iterations: int = ...,
     min_observations: int = ...,
-    covariance: str = ...,
     descriptors: bool = ...,
     descriptors_each: int = ...,
+    covariance: str = ...,
     threads: int = ...,
     progress: _Progress = ...,
 ) -> MappedSequence: ...

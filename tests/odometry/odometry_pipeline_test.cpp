@@ -348,7 +348,7 @@ TEST(OdometryPipeline, LinksOfMiniMapsAreTheTrueRelativePoses) {
     const Vector6d off = truth.difference_to(mapped.links[i].target_from_source->rigid());
     EXPECT_LT(off.head<3>().norm(), 0.008) << i;
     EXPECT_LT(off.tail<3>().norm(), 0.006) << i;
-    const Matrix6d& covariance = mapped.links[i].covariance;
+    const Matrix6d& covariance = *mapped.links[i].covariance;
     const double normalised = off.dot(covariance.inverse() * off);
     RecordProperty("normalised_" + std::to_string(i), std::to_string(normalised));
     EXPECT_GT(covariance.determinant(), 0.0);

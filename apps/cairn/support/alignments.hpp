@@ -41,6 +41,14 @@ std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const Landma
 /// One row a strategy, and what the columns mean.
 std::string alignment_table(const std::vector<StrategyResult>& results, LengthUnit unit);
 
+/// The verdict and reason of one result, its pose if that is an answer, the directions that are open, and candidates.
+/// @param with_parts also the poses of the maps' parts
+std::string alignment_text(const StrategyResult& result, LengthUnit unit, bool with_scale,
+                           bool with_parts);
+
+/// Of the two quaternions of a rotation the one with qw >= 0.
+Eigen::Quaterniond shown_quaternion(const Rigid3& pose);
+
 /// One entry of a document's `results`.
 Json to_json(const StrategyResult& result, HistoryDetail history);
 

@@ -144,29 +144,17 @@ Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer
 
 }  // namespace
 
-CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& text,
-                      const std::string& what, const std::string& type) {
-  const auto refuse_none = [option = long_name(name)](const std::string& word) {
-    if (word.empty() || word.starts_with("--")) {
-      throw Error(ErrorKind::kMisuse, option, printable(word), "a value");
-    }
-    return std::string();
-  };
-  return command.add_option(name, text, what)->type_name(type)->check(refuse_none);
-}
+namespace {
 
-std::string long_name(const std::string& name) {
-  return name.substr(name.find_last_of(',') + 1);
-}
+using Renaming = std::pair<std::string, std::string>;  // a name in the library, an option
 
-void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
-                       const std::function<void()>& call) {
+void with_renamings(const std::vector<Renaming>& renamings, const std::function<void()>& call) {
   try {
     call();
   } catch (const Error& error) {
     const std::string_view message = error.what();
-    for (const auto& [name, option] : options) {
-      const std::string start = fmt::format("{}: ", name);
+    for (const auto& [name, option] : renamings) {
+      const std::string start = name + ": ";
       if (message.starts_with(start)) {
         throw Error(error.kind(), option, message.substr(start.size()), "");
       }
@@ -175,49 +163,87 @@ void with_option_names(std::initializer_list<std::pair<std::string_view, std::st
   }
 }
 
+}  // namespace
+
+void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
+                       const std::function<void()>& call) {
+  with_renamings({options.begin(), options.end()}, call);
+}
+
+void with_option_names(std::initializer_list<OptionTable> tables,
+                       const std::function<void()>& call) {
+  std::vector<Renaming> renamings;
+  for (const OptionTable& table : tables) {
+    for (const OptionField& field : table.fields) {
+      if (field.flag.empty()) continue;
+      const std::string name = long_name(std::string(field.flag));
+      renamings.emplace_back(fmt::format("{}.{}", table.options, field.name),
+                             name.substr(name.front() == '!' ? 1 : 0));
+    }
+  }
+  with_renamings(renamings, call);
+}
+
+std::vector<Option> add_options(const Command& command, const OptionTable& table, void* options) {
+  std::vector<Option> added;
+  for (const OptionField& field : table.fields) {
+    if (field.flag.empty()) continue;
+    const auto add = [&](auto* value) {
+      const std::string name(field.flag);
+      const std::string help(field.help);
+      if constexpr (std::is_same_v<decltype(value), bool*>) {
+        return command.add_flag(name, *value, help);
+      } else {
+        return add_number(command, name, *value, help);
+      }
+    };
+    added.push_back(std::visit(add, field.value(options)));
+  }
+  return added;
+}
+
 double parse_real(const std::string& word, const std::string& option) {
   const auto number = parse_number(word);
-  if (!number) throw Error(ErrorKind::kMisuse, option, printable(word), "a finite decimal number");
+  refuse_if(!number, option, printable(word), "a finite decimal number");
   return *number;
 }
 
 std::uint64_t parse_whole(const std::string& word, const std::string& option,
                           std::uint64_t largest) {
   const auto number = parse_unsigned(word);
-  if (!number) throw Error(ErrorKind::kMisuse, option, printable(word), "a whole number");
-  if (*number > largest) {
-    throw Error(ErrorKind::kMisuse, option, word, fmt::format("at most {}", largest));
-  }
+  refuse_if(!number, option, printable(word), "a whole number");
+  refuse_if(*number > largest, option, word, fmt::format("at most {}", largest));
   return *number;
 }
 
-void CommonArguments::add_to(CLI::App& command) {
-  add_text(command, "--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
-           "FILE|-")
-      ->group(kCommonOptions);
+void CommonArguments::add_to(const Command& command) {
+  command
+      .add_text("--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
+                "FILE|-")
+      .under(kCommonOptions);
   command.add_flag("--quiet", quiet, "Print no remarks and no progress on stderr")
-      ->group(kCommonOptions);
+      .under(kCommonOptions);
 }
 
-void CommonArguments::add_threads_to(CLI::App& command) {
+void CommonArguments::add_threads_to(const Command& command) {
   add_number(command, "--threads", threads,
              "Largest number of threads; 0: one per core. The results do not depend on it")
-      ->group(kCommonOptions);
+      .under(kCommonOptions);
 }
 
-void CommonArguments::add_seed_to(CLI::App& command) {
-  add_number(command, "--seed", seed, "Seed of the random numbers")->group(kCommonOptions);
+void CommonArguments::add_seed_to(const Command& command) {
+  add_number(command, "--seed", seed, "Seed of the random numbers").under(kCommonOptions);
 }
 
-void CommonArguments::add_csv_to(CLI::App& command, const std::string& row) {
-  add_text(command, "--csv", csv_path,
-           "Write a CSV table with a row for each " + row + " to FILE, or to stdout for -",
-           "FILE|-");
+void CommonArguments::add_csv_to(const Command& command, const std::string& row) {
+  command.add_text("--csv", csv_path,
+                   "Write a CSV table with a row for each " + row + " to FILE, or to stdout for -",
+                   "FILE|-");
 }
 
-void CommonArguments::add_report_to(CLI::App& command, const std::string& what) {
-  add_text(command, "--report", report_path, "Write an HTML page that works offline: " + what,
-           "FILE");
+void CommonArguments::add_report_to(const Command& command, const std::string& what) {
+  command.add_text("--report", report_path, "Write an HTML page that works offline: " + what,
+                   "FILE");
 }
 
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,
@@ -225,9 +251,7 @@ std::vector<double> parse_numbers(std::string_view text, std::string_view option
   std::vector<double> numbers;
   for (const std::string_view word : words_of(text, kSeparators)) {
     const auto number = parse_number(word);
-    if (!number) {
-      throw Error(ErrorKind::kMisuse, option, printable(word) + " is no number", expected);
-    }
+    refuse_if(!number, option, printable(word) + " is no number", expected);
     numbers.push_back(*number);
   }
   return numbers;
@@ -236,14 +260,10 @@ std::vector<double> parse_numbers(std::string_view text, std::string_view option
 Rigid3 parse_pose(const std::string& text, std::string_view option) {
   constexpr std::string_view kExpected = "6, in one quoted argument: \"x y z roll pitch yaw\"";
   const std::vector<double> n = parse_numbers(text, option, kExpected);
-  if (n.size() != 6) {
-    throw Error(ErrorKind::kMisuse, option, fmt::format("{} numbers", n.size()), kExpected);
-  }
+  refuse_if(n.size() != 6, option, fmt::format("{} numbers", n.size()), kExpected);
   const std::string_view defect = coordinate_defect({n[0], n[1], n[2]});
-  if (!defect.empty()) {
-    throw Error(ErrorKind::kMisuse, option, fmt::format("the translation {}", defect),
-                kExpectedCoordinates);
-  }
+  refuse_if(!defect.empty(), option, fmt::format("the translation {}", defect),
+            kExpectedCoordinates);
   return Rigid3::from_roll_pitch_yaw({n[0], n[1], n[2]}, radians(n[3]), radians(n[4]),
                                      radians(n[5]));
 }
@@ -256,18 +276,22 @@ Rigid3 read_pose_file(const std::string& path) {
   return read_transform<Rigid3>(path);
 }
 
-void PoseArguments::add_to(CLI::App& command, const std::string& name, const std::string& what) {
+void PoseArguments::add_to(const Command& command, const std::string& name,
+                           const std::string& what) {
   name_ = "--" + name;
-  auto* const as_text = add_text(command, name_, text,
-                                 what +
-                                     ": \"x y z roll pitch yaw\", lengths in the map's unit, "
-                                     "angles in degrees, R = Rz(yaw)*Ry(pitch)*Rx(roll)",
-                                 "POSE");
-  add_text(command, name_ + "-matrix", file,
-           "Read that pose from a file: 16 numbers, row-major, or the JSON of an alignment (its "
-           "first result)",
-           "FILE")
-      ->excludes(as_text);
+  const Option as_text =
+      command.add_text(name_, text,
+                       what +
+                           ": \"x y z roll pitch yaw\", lengths in the map's unit, "
+                           "angles in degrees, R = Rz(yaw)*Ry(pitch)*Rx(roll)",
+                       "POSE");
+  command
+      .add_text(
+          name_ + "-matrix", file,
+          "Read that pose from a file: 16 numbers, row-major, or the JSON of an alignment (its "
+          "first result)",
+          "FILE")
+      .excludes(as_text);
 }
 
 Similarity3 PoseArguments::guess(bool with_scale) const {
@@ -318,10 +342,8 @@ CameraFile load_camera(const std::string& text) {
   }
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
   std::error_code failure;  // the reader explains it
-  if (!std::filesystem::exists(text, failure) && !failure) {
-    throw Error(ErrorKind::kInput, "--camera", printable(text) + " is no camera and no file",
-                kCameraHelp);
-  }
+  reject_if(!std::filesystem::exists(text, failure) && !failure, "--camera",
+            printable(text) + " is no camera and no file", kCameraHelp);
   FileReader file(text);
   return read_camera_file(file);
 }
@@ -337,17 +359,14 @@ Camera parse_camera(const std::string& text) {
     const std::vector<double> numbers = parse_numbers(rest, "--camera", kExpected);
     constexpr double kLargest = 1e6;
     const auto is_size = [&](double n) { return n >= 1.0 && n <= kLargest && n == std::floor(n); };
-    if (numbers.size() < 2 || !is_size(numbers[0]) || !is_size(numbers[1])) {
-      throw Error(ErrorKind::kMisuse, "--camera", "no image size", kExpected);
-    }
+    refuse_if(numbers.size() < 2 || !is_size(numbers[0]) || !is_size(numbers[1]), "--camera",
+              "no image size", kExpected);
     camera.width = static_cast<std::uint32_t>(numbers[0]);
     camera.height = static_cast<std::uint32_t>(numbers[1]);
     camera.parameters.assign(numbers.begin() + 2, numbers.end());
   }
   const std::string defect = camera_defect(camera);
-  if (!defect.empty()) {
-    throw Error(ErrorKind::kMisuse, "--camera", defect, kExpected);
-  }
+  refuse_if(!defect.empty(), "--camera", defect, kExpected);
   return camera;
 }
 

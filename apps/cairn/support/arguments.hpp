@@ -13,17 +13,18 @@
 #include <utility>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/executor.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/experiments/run.hpp"
 #include "cairn/formats/camera_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
+#include "support/command_line.hpp"
 #include "support/console.hpp"
 
 namespace cairn::cli {
@@ -37,18 +38,14 @@ enum ExitCode {
   kNoTrustworthyAlignment = 4,
 };
 
-/// Adds an argument or option that takes text. Refused is empty text, as of an unset shell
-/// variable, and what must be the next option.
-CLI::Option* add_text(CLI::App& command, const std::string& name, std::string& text,
-                      const std::string& what, const std::string& type = "");
-
-/// "--name" of "-n,--name".
-std::string long_name(const std::string& name);
-
 /// The library names its own parameters and fields; people know the options. Calls `call`; of an
 /// Error about one of the library's names ("IcpOptions.k") the message names its option instead.
 /// @param options (name in the library, option)
 void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
+                       const std::function<void()>& call);
+
+/// The same for the fields of these tables.
+void with_option_names(std::initializer_list<OptionTable> tables,
                        const std::function<void()>& call);
 
 /// Number from a word of the command line; `option` is for the message.
@@ -69,28 +66,29 @@ Number parse_as(const std::string& word, const std::string& option) {
 
 /// Adds an option that takes a number: a finite decimal, or a whole number that fits.
 template <class Number>
-CLI::Option* add_number(CLI::App& command, const std::string& name, std::optional<Number>& number,
-                        const std::string& what) {
-  const auto parse = [&number, option = long_name(name)](const CLI::results_t& words) {
-    number = parse_as<Number>(words.back(), option);
-    return true;
-  };
-  return command.add_option(name, parse, what)->type_name(std::integral<Number> ? "N" : "X");
+Option add_number(const Command& command, const std::string& name, std::optional<Number>& number,
+                  const std::string& what) {
+  return command.add_value(name, what, std::integral<Number> ? "N" : "X",
+                           [&number, option = long_name(name)](const std::string& word) {
+                             number = parse_as<Number>(word, option);
+                           });
 }
 
 /// The same; the help shows the number's value before parsing as the default.
 template <class Number>
-CLI::Option* add_number(CLI::App& command, const std::string& name, Number& number,
-                        const std::string& what) {
-  const auto parse = [&number, option = long_name(name)](const CLI::results_t& words) {
-    number = parse_as<Number>(words.back(), option);
-    return true;
-  };
-  CLI::Option* const added =
-      command.add_option(name, parse, what)->type_name(std::integral<Number> ? "N" : "X");
-  if (std::integral<Number> || std::isfinite(number)) added->default_str(fmt::format("{}", number));
+Option add_number(const Command& command, const std::string& name, Number& number,
+                  const std::string& what) {
+  const Option added =
+      command.add_value(name, what, std::integral<Number> ? "N" : "X",
+                        [&number, option = long_name(name)](const std::string& word) {
+                          number = parse_as<Number>(word, option);
+                        });
+  if (std::integral<Number> || std::isfinite(number)) added.shows(fmt::format("{}", number));
   return added;
 }
+
+/// Adds the flags of an options struct, which must live as long as the program; in the table's order.
+std::vector<Option> add_options(const Command& command, const OptionTable& table, void* options);
 
 /// What every verb takes.
 struct CommonArguments {
@@ -102,15 +100,15 @@ struct CommonArguments {
   unsigned threads = 0;
   std::uint64_t seed = 0;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   /// Adds --threads; of verbs whose work several threads share.
-  void add_threads_to(CLI::App& command);
+  void add_threads_to(const Command& command);
   /// Adds --seed; of verbs whose work draws random numbers.
-  void add_seed_to(CLI::App& command);
+  void add_seed_to(const Command& command);
   /// Adds --csv; `row` says what each row is, e.g. "landmark".
-  void add_csv_to(CLI::App& command, const std::string& row);
+  void add_csv_to(const Command& command, const std::string& row);
   /// Adds --report; `what` says what the page shows.
-  void add_report_to(CLI::App& command, const std::string& what);
+  void add_report_to(const Command& command, const std::string& what);
   /// Answers for people go to stdout unless a file goes there.
   Console console() const {
     if (json_path == "-" || csv_path == "-") return {quiet, Console::Answer::kNowhere};
@@ -136,7 +134,7 @@ struct PoseArguments {
   std::string file;
 
   /// Adds --NAME and --NAME-matrix; `what` says what the pose is.
-  void add_to(CLI::App& command, const std::string& name, const std::string& what);
+  void add_to(const Command& command, const std::string& name, const std::string& what);
   bool given() const { return !text.empty() || !file.empty(); }
   /// @throws Error for the JSON of an alignment that was rejected, or whose pose has a scale
   Rigid3 pose() const;

@@ -19,9 +19,10 @@
 #include "support/link_documents.hpp"
 
 namespace cairn::cli {
-void AtlasArguments::add_to(CLI::App& command) {
-  add_text(command, "--atlas", location,
-           "Atlas: path of its file, or postgresql://user@host/database. Required", "FILE|URL");
+void AtlasArguments::add_to(const Command& command) {
+  command.add_text("--atlas", location,
+                   "Atlas: path of its file, or postgresql://user@host/database. Required",
+                   "FILE|URL");
   command.add_flag("--insist", insist,
                    "Use the atlas even on a network file system, where locks may fail, or on a "
                    "server that confirms writes before they are on disk");
@@ -30,17 +31,14 @@ void AtlasArguments::add_to(CLI::App& command) {
   common.add_to(command);
 }
 
-void AtlasArguments::add_at_to(CLI::App& command) {
+void AtlasArguments::add_at_to(const Command& command) {
   add_number(command, "--at", at, "Read the atlas as of this commit (default: the last)");
 }
 
 AtlasStoreOptions AtlasArguments::store_options(bool read_only) const {
-  if (location.empty()) {
-    throw Error(ErrorKind::kMisuse, "--atlas", "not given", "an atlas");
-  }
-  if (!(wait_s >= 0.0 && wait_s <= 1e6)) {
-    throw Error(ErrorKind::kMisuse, "--wait", fmt::format("{}", wait_s), "0 to 1e6 seconds");
-  }
+  refuse_if(location.empty(), "--atlas", "not given", "an atlas");
+  refuse_if(!(wait_s >= 0.0 && wait_s <= 1e6), "--wait", fmt::format("{}", wait_s),
+            "0 to 1e6 seconds");
   AtlasStoreOptions options;
   options.read_only = read_only;
   options.insist = insist;

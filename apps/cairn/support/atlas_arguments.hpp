@@ -5,8 +5,6 @@
 #include <optional>
 #include <string>
 
-#include <CLI/CLI.hpp>
-
 #include "cairn/atlas/atlas.hpp"
 
 #include "commands.hpp"
@@ -23,9 +21,9 @@ struct AtlasArguments {
   double wait_s = 30.0;
   std::optional<std::uint64_t> at;
 
-  void add_to(CLI::App& command);
+  void add_to(const Command& command);
   /// Adds --at; of verbs that only read.
-  void add_at_to(CLI::App& command);
+  void add_at_to(const Command& command);
   /// @throws Error (misuse) if --atlas was not given
   AtlasStoreOptions store_options(bool read_only) const;
   /// The location, without a password.
@@ -36,17 +34,6 @@ struct AtlasArguments {
   /// The head of a document.
   Json head(const std::string& verb, Json options = Json::object()) const;
 };
-
-/// Adds a verb of atlas. @param footer may be null
-template <class Arguments>
-Run add_atlas_verb(CLI::App& atlas, const char* name, const char* what,
-                   const char* footer = nullptr) {
-  auto* const command = atlas.add_subcommand(name, what);
-  auto arguments = std::make_shared<Arguments>();
-  arguments->add_to(*command);
-  if (footer != nullptr) command->footer(footer);
-  return [arguments] { return arguments->run(); };
-}
 
 /// The map that people call so: by its name, or "#" and its id.
 /// @throws Error (misuse) naming what was asked for and what there is

@@ -5,7 +5,7 @@
 
 #include "cairn/alignment/evidence/probability_text.hpp"
 
-#include "support/table.hpp"
+#include "support/console.hpp"
 
 namespace cairn::cli {
 namespace {

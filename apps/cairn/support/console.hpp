@@ -5,6 +5,10 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
 
 #include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
@@ -30,8 +34,18 @@ class Console {
 
   /// Part of the answer, as is.
   void print(std::string_view text) const;
+  template <class... Args>
+    requires(sizeof...(Args) > 0)
+  void print(fmt::format_string<Args...> text, Args&&... args) const {
+    print(fmt::format(text, std::forward<Args>(args)...));
+  }
   /// A remark, one line.
   void remark(std::string_view text) const;
+  template <class... Args>
+    requires(sizeof...(Args) > 0)
+  void remark(fmt::format_string<Args...> text, Args&&... args) const {
+    remark(fmt::format(text, std::forward<Args>(args)...));
+  }
   LogSink log() const;
 
   /// A bar on a terminal, once the work has taken over a second; it clears itself.
@@ -43,6 +57,22 @@ class Console {
  private:
   bool quiet_;
   Answer answer_;
+};
+
+/// With so many digits behind the point; never "-0.000".
+std::string fixed(double value, int digits);
+
+/// A table for people: the first column flush left, all others flush right.
+class Table {
+ public:
+  explicit Table(std::vector<std::string> header);
+
+  /// One cell a column.
+  void add_row(std::vector<std::string> cells);
+  std::string text() const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
 };
 
 }  // namespace cairn::cli

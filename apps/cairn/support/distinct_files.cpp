@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/distinct_files.hpp"
 
-#include <algorithm>
-#include <array>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -18,33 +16,6 @@ namespace cairn::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct NamedPath {
-  std::string option;
-  std::string path;
-  bool one_of_several = false;
-};
-
-// "--output", or the name of a positional argument.
-std::string name_of(const CLI::Option& option) {
-  if (option.get_positional()) return option.get_name(true, false);
-  const auto& names = option.get_lnames();
-  return names.empty() ? option.get_name() : "--" + names.front();
-}
-
-bool is_output(const CLI::App& verb, std::string_view name) {
-  constexpr std::array<std::string_view, 8> kOutputs = {"--json",        "--csv",        "--report",
-                                                        "--output",      "--trajectory", "--pose",
-                                                        "--write-truth", "output"};
-  if (name == "--pose" && verb.get_name() == "link") return false;  // 'atlas link' reads a pose
-  return std::find(kOutputs.begin(), kOutputs.end(), name) != kOutputs.end();
-}
-
-bool may_name_files(const CLI::Option& option) {
-  if (option.get_positional()) return true;
-  const std::string type = option.get_type_name();
-  return type.find("FILE") != std::string::npos || type == "MAP" || type == "CAMERA";
-}
 
 // Whether both name one file, which need not exist yet. Devices and pipes may be named twice.
 bool are_one_file(const std::string& a, const std::string& b) {
@@ -63,18 +34,8 @@ bool are_one_file(const std::string& a, const std::string& b) {
 
 }  // namespace
 
-void require_distinct_files(const CLI::App& verb) {
-  std::vector<NamedPath> inputs;
-  std::vector<NamedPath> outputs;
-  for (const CLI::Option* const option : verb.get_options()) {
-    const std::string name = name_of(*option);
-    const bool written = is_output(verb, name);
-    if (!written && !may_name_files(*option)) continue;
-    for (const std::string& word : option->results()) {
-      if (word.empty() || word == "-") continue;
-      (written ? outputs : inputs).push_back({name, word, option->get_expected_max() > 1});
-    }
-  }
+void require_distinct_files(const std::vector<NamedPath>& inputs,
+                            const std::vector<NamedPath>& outputs) {
   const auto refuse_one_file = [](const NamedPath& output, const NamedPath& other,
                                   std::string_view role) {
     if (!are_one_file(output.path, other.path)) return;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/documents.hpp"
 
+#include <cmath>
 #include <filesystem>
 #include <string_view>
 #include <system_error>
@@ -20,7 +21,6 @@
 #include "cairn/report/viewer_page.hpp"
 
 #include "support/interrupt.hpp"
-#include "support/map_loading.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -43,12 +43,14 @@ Json rows_of(const Eigen::MatrixXd& matrix) {
 
 }  // namespace
 
-void MapLoading::add_to(CLI::App& command) {
-  add_text(command, "--convention", convention,
-           "Conventions of a file that breaks those of its format: data uses those under which "
-           "landmarks project to their observations, format the format's",
-           "data|format")
-      ->default_str("data");
+void MapLoading::add_to(const Command& command) {
+  command
+      .add_text(
+          "--convention", convention,
+          "Conventions of a file that breaks those of its format: data uses those under which "
+          "landmarks project to their observations, format the format's",
+          "data|format")
+      .shows("data");
 }
 
 void MapLoading::validate() const {
@@ -59,10 +61,8 @@ void MapLoading::validate() const {
 LogSink strict_log(LogSink log, bool strict) {
   if (!strict) return log;
   return [log = std::move(log)](const Remark& remark) {
-    if (remark.kind == RemarkKind::kLoss) {
-      throw Error(ErrorKind::kInput, "--strict", std::string(remark.text),
-                  "a file that can be read completely");
-    }
+    reject_if(remark.kind == RemarkKind::kLoss, "--strict", std::string(remark.text),
+              "a file that can be read completely");
     if (log) log(remark);
   };
 }
@@ -105,9 +105,9 @@ LoadedMap load_map(const std::string& path, const CommonArguments& common,
         !(but_for_pixels == ConventionReading{})) {
       reread_as = describe(check.best.reading);
       console.remark(
-          fmt::format("{}: {}; read with these conventions (--convention format of cairn convert "
-                      "and cairn info keeps the format's)",
-                      path, check.sentence));
+          "{}: {}; read with these conventions (--convention format of cairn convert "
+          "and cairn info keeps the format's)",
+          path, check.sentence);
       loaded.map = reread(std::move(loaded.map), check.best.reading);
     }
   }
@@ -143,29 +143,22 @@ void require_folder_of(const std::string& path) {
 }
 
 void require_outputs(const CommonArguments& common) {
-  if (common.json_path == "-" && common.csv_path == "-") {
-    throw Error(ErrorKind::kMisuse, "--csv", "stdout is taken by --json", "a file for one of them");
-  }
+  refuse_if(common.json_path == "-" && common.csv_path == "-", "--csv", "stdout is taken by --json",
+            "a file for one of them");
   require_folder_of(common.json_path);
   require_folder_of(common.csv_path);
   if (common.report_path.empty()) return;
-  if (common.report_path == "-") {
-    throw Error(ErrorKind::kMisuse, "--report", "a page cannot be written to stdout", "a file");
-  }
-  if (!report::has_viewer()) {
-    throw Error(ErrorKind::kMisuse, common.report_path,
-                "cannot be written: this build of cairn has no viewer",
-                "a build with -DCAIRN_WITH_VIEWER=ON, which takes Node.js and npm");
-  }
+  refuse_if(common.report_path == "-", "--report", "a page cannot be written to stdout", "a file");
+  refuse_if(!report::has_viewer(), common.report_path,
+            "cannot be written: this build of cairn has no viewer",
+            "a build with -DCAIRN_WITH_VIEWER=ON, which takes Node.js and npm");
   require_folder_of(common.report_path);
 }
 
 void require_map_path(const std::string& path, const std::string& option) {
   const MapFormat* const format = all_formats().format_of_ending(path);
-  if (format == nullptr) {
-    throw Error(ErrorKind::kMisuse, option, path + " names no map format",
-                "a name that ends in " + all_formats().endings_text());
-  }
+  refuse_if(format == nullptr, option, path + " names no map format",
+            "a name that ends in " + all_formats().endings_text());
   require_place_of(path, *format);
 }
 
@@ -183,19 +176,15 @@ void require_place_of(const std::string& path, const MapFormat& format) {
 void require_map_output(const std::string& path, const std::string& format,
                         const std::string& option) {
   if (path != "-") {
-    if (!format.empty()) {
-      throw Error(ErrorKind::kMisuse, "--format", "given, but " + path + " names its format",
-                  option + " -");
-    }
+    refuse_if(!format.empty(), "--format", "given, but " + path + " names its format",
+              option + " -");
     return require_map_path(path, option);
   }
   const MapFormat* const named = all_formats().find(format);
-  if (named == nullptr || named->write_to == nullptr) {
-    throw Error(ErrorKind::kMisuse, "--format",
-                format.empty() ? "not given, but stdout has no ending that names a format"
-                               : printable(format) + " names no format of a single file",
-                stdout_formats_text());
-  }
+  refuse_if(named == nullptr || named->write_to == nullptr, "--format",
+            format.empty() ? "not given, but stdout has no ending that names a format"
+                           : printable(format) + " names no format of a single file",
+            stdout_formats_text());
 }
 
 std::string stdout_formats_text() {
@@ -210,10 +199,8 @@ void require_one_stdout(std::initializer_list<std::pair<const char*, const std::
   const char* taken = nullptr;
   for (const auto& [option, path] : outputs) {
     if (*path != "-") continue;
-    if (taken != nullptr) {
-      throw Error(ErrorKind::kMisuse, option, fmt::format("stdout is taken by {}", taken),
-                  "a file for one of them");
-    }
+    refuse_if(taken != nullptr, option, fmt::format("stdout is taken by {}", taken),
+              "a file for one of them");
     taken = option;
   }
 }
@@ -268,9 +255,26 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
           {"seed", common.seed}};
 }
 
+Json options_of(const OptionTable& table, const void* options) {
+  Json json = Json::object();
+  for (const OptionField& field : table.fields) {
+    const auto read = [](const auto* value) {
+      using Value = std::decay_t<decltype(*value)>;
+      if constexpr (std::is_same_v<Value, std::optional<double>>) {
+        return to_json(*value);
+      } else if constexpr (std::is_same_v<Value, double>) {
+        return std::isfinite(*value) ? Json(*value) : Json(nullptr);
+      } else {
+        return Json(*value);
+      }
+    };
+    json[field.name] = std::visit(read, field.value(const_cast<void*>(options)));
+  }
+  return json;
+}
+
 std::string to_text(const Json& json) {
-  // Text from files may be any bytes; JSON must be UTF-8.
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json.dump(2) + "\n";
 }
 
 void write_document(const Json& json, const CommonArguments& common) {

@@ -7,9 +7,8 @@
 #include <string>
 #include <utility>
 
-#include <nlohmann/json.hpp>
-
 #include "cairn/core/detail/csv.hpp"
+#include "cairn/core/log.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/similarity3.hpp"
@@ -17,11 +16,9 @@
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/arguments.hpp"
+#include "support/json.hpp"
 
 namespace cairn::cli {
-
-/// Keeps the order in which fields are set.
-using Json = nlohmann::ordered_json;
 
 /// A map with what a document says of where it came from.
 struct LoadedMap {
@@ -33,6 +30,26 @@ struct LoadedMap {
 /// @param path of a file, or "-" for stdin
 /// @param with_hash even where no document or report was asked for
 LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash = false);
+
+/// How `load_map` treats a file.
+struct MapLoading {
+  /// Whose conventions hold where a file breaks those of its format: "data" or "format".
+  std::string convention = "data";
+  /// What is left out is an error, not a remark.
+  bool strict = false;
+
+  /// Adds --convention.
+  void add_to(const Command& command);
+  /// @throws Error (misuse) naming --convention
+  void validate() const;
+};
+
+/// load_map, where a verb lets people choose. By default it is this.
+LoadedMap load_map(const std::string& path, const CommonArguments& common,
+                   const MapLoading& loading, bool with_hash = false);
+
+/// A log that throws the first loss as an Error (input) if `strict`, and hands on all else.
+LogSink strict_log(LogSink log, bool strict);
 
 /// The first bytes of a file, by which it is told what it is; empty if there is none, or for "-".
 std::string beginning_of(const std::string& path);
@@ -79,6 +96,9 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 /// The head that every document has; `schema` is e.g. "align".
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options,
               unsigned version = 1);
+
+/// The fields of an options struct, by name; null for a number that is not given or not finite.
+Json options_of(const OptionTable& table, const void* options);
 
 /// A document as files hold it; what is no UTF-8 in it is replaced.
 std::string to_text(const Json& json);

@@ -36,8 +36,12 @@ double extent_of(const LandmarkMap& map) {
 class Hints {
  public:
   Hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
-        const HintOptions& options)
-      : alignment_(alignment), source_(source), target_(target), options_(options) {
+        const AlignOptions& options, bool with_scale)
+      : alignment_(alignment),
+        source_(source),
+        target_(target),
+        options_(options),
+        with_scale_(with_scale) {
     about_units();
     if (about_landmarks()) return;
     if (!alignment_.candidates.empty() && is_other_likelier()) {
@@ -65,8 +69,8 @@ class Hints {
     return alignment_.candidates.front().probability > probability();
   }
   std::string given_start() const {
-    if (!options_.by_icp) return "--initial";
-    return options_.has_initial ? "--initial and the options of icp" : "the options of icp";
+    if (!(options_.method == AlignMethod::kIcp)) return "--initial";
+    return options_.prior ? "--initial and the options of icp" : "the options of icp";
   }
 
   void about_units() {
@@ -83,18 +87,18 @@ class Hints {
       std::string text = fmt::format(
           "Check the units: the source's landmarks extend {:.3g} times as far as the target's.",
           ratio);
-      if (!options_.with_scale && factor <= kLargestScale) {
+      if (!with_scale_ && factor <= kLargestScale) {
         text += " Add --scale if the scales differ.";
       }
       add(text);
     }
     const bool free = source_.info().length_unit == LengthUnit::kFree ||
                       target_.info().length_unit == LengthUnit::kFree;
-    if (free && !options_.with_scale) {
-      add(
-          fmt::format("Align without {} to find the scale, which is unknown for a map of free "
-                      "scale.",
-                      options_.by_icp ? "the options of icp" : "--no-scale"));
+    if (free && !with_scale_) {
+      add(fmt::format(
+          "Align without {} to find the scale, which is unknown for a map of free "
+          "scale.",
+          (options_.method == AlignMethod::kIcp) ? "the options of icp" : "--no-scale"));
     }
   }
 
@@ -143,8 +147,9 @@ class Hints {
         ambiguous && parts && (parts->contradictory || (parts->consensus && !parts->confirmed))) {
       said = true;
       add(fmt::format("{}: a map may be bent, or a part of it misplaced.",
-                      options_.by_parts ? "Compare the poses of the parts above"
-                                        : "Add --by-parts to see the pose of each part"));
+                      (options_.parts == PartsUse::kAlways)
+                          ? "Compare the poses of the parts above"
+                          : "Add --by-parts to see the pose of each part"));
     }
     if (is_open()) {
       said = true;
@@ -152,7 +157,8 @@ class Hints {
           "direction.");
     }
     if (said) return;
-    if (!is_improbable() && options_.by_icp && !alignment_.registration.covariance) {
+    if (!is_improbable() && (options_.method == AlignMethod::kIcp) &&
+        !alignment_.registration.covariance) {
       add("Align without the options of icp, or refine this pose with --initial: ICP stopped "
           "beside "
           "the best pose.");
@@ -203,15 +209,16 @@ class Hints {
   const Alignment& alignment_;
   const LandmarkMap& source_;
   const LandmarkMap& target_;
-  const HintOptions& options_;
+  const AlignOptions& options_;
+  bool with_scale_;
   std::string text_;
 };
 
 }  // namespace
 
 std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
-                  const HintOptions& options) {
-  return Hints(alignment, source, target, options).text();
+                  const AlignOptions& options, bool with_scale) {
+  return Hints(alignment, source, target, options, with_scale).text();
 }
 
 }  // namespace cairn::cli

@@ -5,23 +5,14 @@
 
 #include "cairn/alignment/align.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/registration/point_set.hpp"
 
 namespace cairn::cli {
 
-/// How a pair was aligned: a hint names only options that would change something.
-struct HintOptions {
-  PointSetOptions points;
-  double min_probability = 0.99;
-  bool by_icp = false;
-  bool has_initial = false;
-  bool with_scale = false;
-  bool by_parts = false;
-};
-
 /// Lines that say what to do about a pose that is not aligned, or was not found: at least one for each way in which
-/// align() refuses.
+/// align() refuses. A hint names only options that would change something.
+/// @param options that the maps were aligned with
+/// @param with_scale whether the scale was estimated
 std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
-                  const HintOptions& options);
+                  const AlignOptions& options, bool with_scale);
 
 }  // namespace cairn::cli

@@ -79,9 +79,7 @@ std::vector<std::string> maps_in(const std::string& folder) {
       files.push_back(entry->path().string());
     }
   }
-  if (error) {
-    throw Error(ErrorKind::kInput, folder, error.message(), "a folder that can be read");
-  }
+  reject_if(static_cast<bool>(error), folder, error.message(), "a folder that can be read");
   std::sort(files.begin(), files.end());
   return files;
 }

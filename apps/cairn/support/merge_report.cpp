@@ -62,7 +62,7 @@ void add_merge(report::Report& report, std::span<const MergeInput> maps,
     if (merged.fusion) node.fused = merged.fusion->fused;
     node.landmarks = map.landmark_count();
     node.keyframes = map.frame_count();
-    node.centre = node_extent(map).centre;
+    node.centre = node_extent(map.landmarks().positions).centre;
     node.length_unit = map.info().length_unit;
     nodes.push_back(std::move(node));
   }

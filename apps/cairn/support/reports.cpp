@@ -15,8 +15,8 @@
 #include "cairn/report/writer.hpp"
 
 #include "support/command_line.hpp"
+#include "support/console.hpp"
 #include "support/map_lists.hpp"
-#include "support/table.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -34,16 +34,11 @@ std::string name_of(const StrategyResult& result) {
   return approach_name(method_of(result), weighs ? result.confidence : "base");
 }
 
-std::string text_of(const Json& json) {
-  // Text from files may be any bytes; JSON must be UTF-8.
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
-std::optional<std::string> taken(Json& object, const char* key) {
-  if (!object.contains(key)) return std::nullopt;
-  const Json value = object.at(key);
+std::optional<std::string> taken(Json& object, std::string_view key) {
+  const std::string* const text = object.at(key).text();
+  const auto value = text != nullptr ? std::optional(*text) : std::nullopt;
   object.erase(key);
-  return value.is_string() ? std::optional(value.get<std::string>()) : std::nullopt;
+  return value;
 }
 
 }  // namespace
@@ -122,15 +117,15 @@ report::Input reported_input(const std::string& role, Json description) {
   input.role = role;
   input.path = taken(description, "path");
   input.hash = taken(description, "hash");
-  if (!description.empty()) input.details_json = text_of(description);
+  if (!description.empty()) input.details_json = description.dump(-1);
   return input;
 }
 
 void set_provenance(report::Report& report, const Json& document) {
-  for (const auto& [role, description] : document.at("inputs").items()) {
+  for (const auto& [role, description] : document.at("inputs").members()) {
     report.provenance.inputs.push_back(reported_input(role, description));
   }
-  report.provenance.options_json = text_of(document.at("options"));
+  report.provenance.options_json = document.at("options").dump(-1);
 }
 
 std::string file_name(const std::string& path) {
@@ -141,15 +136,15 @@ std::string file_name(const std::string& path) {
 }
 
 #ifdef CAIRN_HAS_SEQUENCE
-void add_sequence_to(CLI::App& command, const std::string& option, std::string& folder,
+void add_sequence_to(const Command& command, const std::string& option, std::string& folder,
                      const std::string& whose) {
-  auto* const given = add_text(
-      command, option, folder,
+  const Option given = command.add_text(
+      option, folder,
       fmt::format("Show in the report what keyframes of {} saw, at most {}: folder of the RGB-D "
                   "sequence that it was built from",
                   whose, report::FrameImagesOptions().count),
       "DIR");
-  if (auto* const page = command.get_option_no_throw("--report")) given->needs(page);
+  if (command.has_option("--report")) given.needs(command.option("--report"));
 }
 
 std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
@@ -158,7 +153,7 @@ std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::str
   return report::frame_images(map, folder, {.log = common.console().log()});
 }
 #else
-void add_sequence_to(CLI::App&, const std::string&, std::string&, const std::string&) {}
+void add_sequence_to(const Command&, const std::string&, std::string&, const std::string&) {}
 
 std::vector<report::FrameImage> images_of(const LandmarkMap&, const std::string&,
                                           const CommonArguments&) {
@@ -169,7 +164,7 @@ std::vector<report::FrameImage> images_of(const LandmarkMap&, const std::string&
 void write_report(const report::Report& report, const CommonArguments& common) {
   if (common.report_path.empty()) return;
   report::save_report(report, common.report_path);
-  common.console().print(fmt::format("\nwrote {}\n", common.report_path));
+  common.console().print("\nwrote {}\n", common.report_path);
 }
 
 }  // namespace cairn::cli

@@ -42,7 +42,7 @@ std::string file_name(const std::string& path);
 /// Adds an option that names the folder of the sequence that a map was built from, if this build reads
 /// images. Needs --report, if the verb has that.
 /// @param whose e.g. "the source map"
-void add_sequence_to(CLI::App& command, const std::string& option, std::string& folder,
+void add_sequence_to(const Command& command, const std::string& option, std::string& folder,
                      const std::string& whose);
 
 /// Images of a map's frames, read from its sequence; empty if `folder` is.

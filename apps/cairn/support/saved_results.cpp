@@ -88,13 +88,14 @@ std::vector<std::pair<std::string, Json>> described(const JsonField& inputs) {
   std::vector<std::pair<std::string, Json>> list;
   if (!inputs.json().is_object()) return list;
   for (const auto& [role, description] : inputs.json().items())
-    list.emplace_back(role, description);
+    list.emplace_back(role, Json(description));
   return list;
 }
 
 }  // namespace
 
-SavedPaper saved_paper(const Json& document, const std::string& file) {
+SavedPaper saved_paper(const std::string& text, const std::string& file) {
+  const auto document = detail::Json::parse(text);
   const JsonField root(document, file, "");
   check_version(root, 1);
   SavedPaper saved;
@@ -128,14 +129,14 @@ SavedResult saved_result(const std::string& text, const std::string& file) {
     saved.unit = record.length_unit;
     saved.results.push_back({std::move(record), std::nullopt});
   }
-  const Json document = Json::parse(text);
+  const auto document = detail::Json::parse(text);
   const JsonField root(document, file, "");
   const JsonField inputs = root["inputs"];
   saved.source = map_of(inputs["source"]);
   saved.target = map_of(inputs["target"]);
   saved.inputs = described(inputs);
   const JsonField options = root["options"];
-  saved.options = options.json();
+  saved.options = Json(options.json());
   if (const JsonField count = options["min_observations"]; !count.is_null()) {
     saved.min_observations = count.whole(std::numeric_limits<std::uint32_t>::max());
   }

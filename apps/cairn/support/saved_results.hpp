@@ -60,6 +60,6 @@ struct SavedPaper {
 };
 
 /// @throws Error as saved_result()
-SavedPaper saved_paper(const Json& document, const std::string& file);
+SavedPaper saved_paper(const std::string& text, const std::string& file);
 
 }  // namespace cairn::cli

@@ -26,13 +26,6 @@ namespace {
 
 constexpr double kPriorDeviations = 3.0;  // largest error of a prior pose, in standard deviations
 
-template <class Value>
-void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
-  if (valid) return;
-  throw Error(ErrorKind::kMisuse, fmt::format("AlignOptions.{}", field), fmt::format("{}", value),
-              expected);
-}
-
 PlaceOptions placement_of(const AlignOptions& options) {
   PlaceOptions placement;
   placement.seed = options.seed;
@@ -500,14 +493,76 @@ PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options) {
 
 }  // namespace
 
+constexpr OptionField kAlignFields[] = {
+    {"min_probability", option_at<&AlignOptions::min_probability>, kProbability,
+     "--min-probability", "Least probability of an aligned pose, at least 0.5 and below 1"},
+    {"prior_odds",
+     option_at<&AlignOptions::prior_odds>,
+     {.least = 1e-6, .most = 1e6, .expected = "from 1e-6 to 1e6"},
+     "--prior-odds",
+     "Odds that the maps show the same place, before any evidence; 0.01 if one pair in a "
+     "hundred does"},
+    {"effort",
+     option_at<&AlignOptions::effort>,
+     {.least = 1.0 / 16.0, .most = 64.0, .expected = "from 1/16 to 64"},
+     "--effort",
+     "Work of the search, as a multiple of the default's, 1/16 to 64"},
+    {"time_limit_s",
+     option_at<&AlignOptions::time_limit_s>,
+     {.least = 0.0,
+      .most = 1e6,
+      .expected = "a positive number of at most 1e6",
+      .least_is = OptionRange::End::kExcluded},
+     "--time-limit",
+     "Stop the search after this many seconds; the result then depends on the machine "
+     "(default: no limit)"},
+    {"min_observations",
+     option_at<&AlignOptions::points, &PointSetOptions::min_observations>,
+     {},
+     "--min-observations",
+     "Leave out landmarks with fewer observations"},
+    {"one_to_one",
+     option_at<&AlignOptions::one_to_one>,
+     {},
+     "--one-to-one",
+     "With robust and --initial: match each target landmark at most once"},
+    {"scale_where_free",
+     option_at<&AlignOptions::scale_where_free>,
+     {},
+     "!--no-scale",
+     "Estimate no scale, although the unit of a map is free"},
+    {"deformation",
+     option_at<&AlignOptions::deformation>,
+     {},
+     "!--no-deformation",
+     "With --scale: never align up to a smooth deformation (default: with descriptors, "
+     "states it, and aligns maps that fit no other way)"},
+    {"judge",
+     option_at<&AlignOptions::judge>,
+     {},
+     "!--no-verdict",
+     "Skip the verdict and print the method's pose, which may be wrong"},
+    {"overlap_radius", option_at<&AlignOptions::overlap_radius>, kFinitePositive,
+     "--overlap-radius",
+     "A landmark overlaps if the other map has one within this distance, in the maps' "
+     "unit (default: 0.05 for maps in metres; else no overlap is computed)"},
+    {"seed", option_at<&AlignOptions::seed>},
+    {"trace",
+     option_at<&AlignOptions::trace>,
+     {},
+     "--trace",
+     "Write pose, score and matches of each iteration to the JSON"},
+};
+constinit const OptionTable AlignOptions::table = {"AlignOptions", kAlignFields};
+
 void AlignOptions::validate() const {
-  require(min_probability >= 0.5 && min_probability < 1.0, "min_probability", min_probability,
-          "at least 0.5 and below 1");
-  require(method != AlignMethod::kIcp || !scale, "scale", "given with ICP", "AlignMethod::kRobust");
+  check_options(*this);
+  refuse_if(method == AlignMethod::kIcp && scale.has_value(), "AlignOptions.scale",
+            "given with ICP", "AlignMethod::kRobust");
   if (prior) {
     const double unit = prior->target_from_source.scale();
-    require(scale || std::abs(unit - 1.0) < 1e-9, "prior.target_from_source",
-            fmt::format("scale {}", unit), "1, or AlignOptions.scale");
+    refuse_if(!scale && !(std::abs(unit - 1.0) < 1e-9), "AlignOptions.prior.target_from_source",
+              fmt::format("scale {}", unit), "1, or AlignOptions.scale");
     if (prior->covariance) {
       const Matrix6d& covariance = *prior->covariance;
       const bool finite = covariance.allFinite();
@@ -515,8 +570,8 @@ void AlignOptions::validate() const {
           finite && (covariance - covariance.transpose()).norm() <= 1e-9 * covariance.norm();
       const bool valid =
           symmetric && symmetric_eigenvalues<6>(covariance)[0] >= -1e-9 * covariance.norm();
-      require(valid, "prior.covariance", "no covariance",
-              "a symmetric matrix without negative eigenvalues");
+      refuse_if(!valid, "AlignOptions.prior.covariance", "no covariance",
+                "a symmetric matrix without negative eigenvalues");
     }
   }
   placement_of(*this).validate();
@@ -586,7 +641,8 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
 
 Alignment align(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options) {
   options.validate();
-  require(options.method != AlignMethod::kIcp, "method", "icp", "kRobust for prepared maps");
+  refuse_if(options.method == AlignMethod::kIcp, "AlignOptions.method", "icp",
+            "kRobust for prepared maps");
   return timed(options, [&] { return aligned(source, target, options); });
 }
 

@@ -11,6 +11,7 @@
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/alignment/search/place.hpp"
 #include "cairn/confidence/metric.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/registration/icp.hpp"
 
@@ -74,6 +75,7 @@ struct AlignOptions {
 
   Execution execution = {};
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

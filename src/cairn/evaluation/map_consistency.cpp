@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/error.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/map/camera.hpp"
 
 namespace cairn {
@@ -38,15 +38,9 @@ std::vector<Rigid3> inverse_poses(const LandmarkMap& map) {
 
 }  // namespace
 
-void MapConsistencyOptions::validate() const {
-  if (!(inlier_px > 0.0) || !std::isfinite(inlier_px)) {
-    throw Error(ErrorKind::kMisuse, "MapConsistencyOptions.inlier_px", fmt::format("{}", inlier_px),
-                "a positive number");
-  }
-}
-
-MapConsistency map_consistency(const LandmarkMap& map, const MapConsistencyOptions& options) {
-  options.validate();
+MapConsistency map_consistency(const LandmarkMap& map, double inlier_px) {
+  refuse_if(!kFinitePositive.contains(inlier_px), "inlier_px", fmt::format("{}", inlier_px),
+            "a positive number");
   MapConsistency result;
   const ObservationTable& observations = map.observations();
   const bool has_cameras = !map.frames().cameras.empty();
@@ -102,9 +96,9 @@ MapConsistency map_consistency(const LandmarkMap& map, const MapConsistencyOptio
     }
   }
   result.observations_behind = all.behind;
-  result.reprojection = all.statistics(options.inlier_px);
+  result.reprojection = all.statistics(inlier_px);
   for (const auto& [octave, projections] : by_octave) {
-    if (const auto statistics = projections.statistics(options.inlier_px)) {
+    if (const auto statistics = projections.statistics(inlier_px)) {
       result.by_octave.push_back({octave, *statistics});
     }
   }

@@ -12,12 +12,8 @@
 
 namespace cairn {
 
-struct MapConsistencyOptions {
-  double inlier_px = 2.0;  ///< largest reprojection error of an inlier, pixels; positive
-
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-};
+/// Largest reprojection error of an inlier, pixels, where none is given.
+inline constexpr double kInlierPx = 2.0;
 
 /// Reprojection errors of the observations.
 struct ReprojectionStatistics {
@@ -53,6 +49,8 @@ struct MapConsistency {
 
 /// Compares each observation with the landmark's position in its keyframe: the pixel if the frame has a
 /// camera, the depth along the optical axis if it was measured.
-MapConsistency map_consistency(const LandmarkMap& map, const MapConsistencyOptions& options = {});
+/// @param inlier_px largest reprojection error of an inlier, pixels; positive
+/// @throws Error (misuse) for another inlier_px
+MapConsistency map_consistency(const LandmarkMap& map, double inlier_px = kInlierPx);
 
 }  // namespace cairn

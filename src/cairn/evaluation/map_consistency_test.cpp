@@ -69,8 +69,8 @@ TEST(MapConsistency, ShareOfInliersIsOfItsThreshold) {
     tables.observations.pixels[i].u += i % 4 == 0 ? 3.0 : 1.0;
   });
   EXPECT_NEAR(map_consistency(map).reprojection->inlier_share, 0.75, 1e-3);
-  EXPECT_EQ(map_consistency(map, {.inlier_px = 3.5}).reprojection->inlier_share, 1.0);
-  EXPECT_THROW(map_consistency(map, {.inlier_px = 0.0}), Error);
+  EXPECT_EQ(map_consistency(map, 3.5).reprojection->inlier_share, 1.0);
+  EXPECT_THROW(map_consistency(map, 0.0), Error);
 }
 
 TEST(MapConsistency, KeepsOctavesApart) {
@@ -161,7 +161,7 @@ TEST(MapConsistency, MeasuresPixelsAndCallsInliersThoseBelowTheThreshold) {
   tables.observations.pixels = {{320.75, 241.0}};
   const LandmarkMap map(std::move(tables));
   const auto inliers = [&](double inlier_px) {
-    return map_consistency(map, {.inlier_px = inlier_px}).reprojection->inlier_share;
+    return map_consistency(map, inlier_px).reprojection->inlier_share;
   };
   EXPECT_EQ(map_consistency(map).reprojection_px[0], 1.25);
   EXPECT_EQ(inliers(1.25), 0.0);
@@ -183,7 +183,7 @@ TEST(MapConsistency, NeedsNoCamerasForDepths) {
 
 TEST(MapConsistency, RefusesAThresholdThatIsNoPositiveNumber) {
   for (const double bad : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity()}) {
-    EXPECT_THROW(map_consistency(exact_map(), {.inlier_px = bad}), Error) << bad;
+    EXPECT_THROW(map_consistency(exact_map(), bad), Error) << bad;
   }
 }
 

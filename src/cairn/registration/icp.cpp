@@ -26,13 +26,6 @@ namespace {
 using Points = std::vector<Eigen::Vector3d>;
 using Correspondence = ConfidentNeighborCorrespondence<BatchTree>;
 
-template <class Value>
-void require(bool valid, std::string_view field, const Value& value, std::string_view expected) {
-  if (valid) return;
-  throw Error(ErrorKind::kMisuse, fmt::format("IcpOptions.{}", field), fmt::format("{}", value),
-              expected);
-}
-
 void check_points(const PointSet& points, std::string_view name) {
   const auto refuse = [&](std::string_view what, std::string_view expected) {
     throw Error(ErrorKind::kMisuse, name, what, expected);
@@ -293,18 +286,55 @@ std::string sentence(const RegistrationResult& result, std::size_t source_size,
 
 }  // namespace
 
+constexpr OptionField kIcpFields[] = {
+    {"k", option_at<&IcpOptions::k>, kAtLeastOne, "-k,--neighbors",
+     "With icp: match a source landmark to the most confident of this many nearest target "
+     "landmarks"},
+    {"max_iterations", option_at<&IcpOptions::max_iterations>, kAtLeastOne, "--max-iterations",
+     "Largest number of iterations"},
+    {"mse_change_threshold", option_at<&IcpOptions::mse_change_threshold>, kNotNegative},
+    {"stop_at_repetition",
+     option_at<&IcpOptions::stop_at_repetition>,
+     {},
+     "!--stop-as-pcl",
+     "With icp: stop as PCL does, when the mean squared distance converges or at the "
+     "iteration limit, not when the matches repeat"},
+    {"coarse_to_fine",
+     option_at<&IcpOptions::coarse_to_fine>,
+     {},
+     "--fast",
+     "With icp: align growing samples of the maps first; faster, but may converge to "
+     "another optimum"},
+    {"max_distance", option_at<&IcpOptions::max_distance>, kPositive, "--max-distance",
+     "With icp: largest distance of a match, in the maps' unit (default: unlimited)"},
+    {"reciprocal",
+     option_at<&IcpOptions::reciprocal>,
+     {},
+     "--reciprocal",
+     "With icp: keep only mutual nearest neighbours"},
+    {"trimmed_fraction",
+     option_at<&IcpOptions::trimmed_fraction>,
+     {.least = 0.0,
+      .most = 1.0,
+      .expected = "a share from 0 to below 1",
+      .most_is = OptionRange::End::kExcluded},
+     "--trim",
+     "With icp: share of the matches to leave out, those with the largest distances"},
+    {"weight_by_source_confidence",
+     option_at<&IcpOptions::weight_by_source_confidence>,
+     {},
+     "--weight-by-confidence",
+     "With icp: weight each match by the confidence of its source landmark"},
+    {"overlap_radius", option_at<&IcpOptions::overlap_radius>, kPositive},
+    {"trace", option_at<&IcpOptions::trace>},
+};
+constinit const OptionTable IcpOptions::table = {"IcpOptions", kIcpFields};
+
 void IcpOptions::validate() const {
-  const std::string_view defect = coordinate_defect(initial);
-  require(defect.empty(), "initial", defect, "a rigid transform, coordinates from -1e9 to 1e9");
-  require(k >= 1, "k", k, "at least 1");
-  require(max_iterations >= 1, "max_iterations", max_iterations, "at least 1");
-  require(mse_change_threshold >= 0.0, "mse_change_threshold", mse_change_threshold,
-          "0 or a positive number");
-  require(max_distance > 0.0, "max_distance", max_distance, "a positive number");
-  require(trimmed_fraction >= 0.0 && trimmed_fraction < 1.0, "trimmed_fraction", trimmed_fraction,
-          "a share from 0 to below 1");
-  require(!overlap_radius || *overlap_radius > 0.0, "overlap_radius", overlap_radius.value_or(0.0),
-          "a positive number");
+  const std::string defect(coordinate_defect(initial));
+  refuse_if(!defect.empty(), "IcpOptions.initial", defect,
+            "a rigid transform, coordinates from -1e9 to 1e9");
+  check_options(*this);
 }
 
 RegistrationResult icp(const PointSet& source, const PointSet& target, const IcpOptions& options) {

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/point_set.hpp"
 #include "cairn/registration/result.hpp"
@@ -39,6 +40,7 @@ struct IcpOptions {
 
   Execution execution = {};
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

@@ -13,7 +13,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/simulation/detail/furniture.hpp"
 #include "cairn/simulation/detail/paintings.hpp"
@@ -666,9 +665,21 @@ std::vector<std::string_view> environment_names() {
   return names;
 }
 
+constexpr OptionField kEnvironmentFields[] = {
+    {"session",
+     option_at<&EnvironmentOptions::session>,
+     {},
+     "--session",
+     "Session number: sessions with one seed share place and world frame; path, noise and "
+     "changes differ"},
+    {"changed_fraction", option_at<&EnvironmentOptions::changed_fraction>, within(0, 1),
+     "--changed", "Share of the movable objects that are moved or removed in this session, 0 to 1"},
+    {"texture_scale", option_at<&EnvironmentOptions::texture_scale>, within(0.01, 2)},
+};
+constinit const OptionTable EnvironmentOptions::table = {"EnvironmentOptions", kEnvironmentFields};
+
 void EnvironmentOptions::validate() const {
-  detail::require_within(changed_fraction, 0.0, 1.0, "EnvironmentOptions.changed_fraction");
-  detail::require_within(texture_scale, 0.01, 2.0, "EnvironmentOptions.texture_scale");
+  check_options(*this);
 }
 
 Environment make_environment(const EnvironmentOptions& options, const Executor& executor) {

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "cairn/core/executor.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/simulation/scene.hpp"
 
 namespace cairn {
@@ -42,6 +43,7 @@ struct EnvironmentOptions {
   /// layout and different seeds have the same plan, but other objects and textures.
   std::optional<std::uint64_t> layout = std::nullopt;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

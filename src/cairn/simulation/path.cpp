@@ -10,7 +10,6 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
@@ -212,12 +211,17 @@ PathKind path_kind(std::string_view name) {
   throw Error(ErrorKind::kMisuse, "path", printable(name) + " is none", "sweep, orbit or walk");
 }
 
+constexpr OptionField kPathFields[] = {
+    {"frames", option_at<&PathOptions::frames>, within(1, 1e6)},
+    {"rate_hz", option_at<&PathOptions::rate_hz>, within(0.1, 1000), "--rate", "Frames per second"},
+    {"pace", option_at<&PathOptions::pace>, within(0.01, 5)},
+    {"shake", option_at<&PathOptions::shake>, within(0, 5)},
+    {"clearance_m", option_at<&PathOptions::clearance_m>, within(0, 1)},
+};
+constinit const OptionTable PathOptions::table = {"PathOptions", kPathFields};
+
 void PathOptions::validate() const {
-  detail::require_within(frames, std::size_t{1}, std::size_t{1000000}, "PathOptions.frames");
-  detail::require_within(rate_hz, 0.1, 1000.0, "PathOptions.rate_hz");
-  detail::require_within(pace, 0.01, 5.0, "PathOptions.pace");
-  detail::require_within(shake, 0.0, 5.0, "PathOptions.shake");
-  detail::require_within(clearance_m, 0.0, 1.0, "PathOptions.clearance_m");
+  check_options(*this);
 }
 
 Rigid3 looking_at(const Vector3d& position, const Vector3d& target) {

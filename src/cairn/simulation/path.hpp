@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/simulation/environment.hpp"
 
@@ -31,6 +32,7 @@ struct PathOptions {
   double shake = 1.0;         ///< factor on the shake of the hand; 0 to 5
   double clearance_m = 0.15;  ///< least distance of the camera from any surface; 0 to 1
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

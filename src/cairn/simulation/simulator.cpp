@@ -36,27 +36,49 @@ SessionSeeds session_seeds(std::uint64_t seed, std::uint64_t session) {
   return {random.fork(1).draw_seed(), random.fork(2).draw_seed()};
 }
 
+constexpr OptionField kSensorFields[] = {
+    {"exposure", option_at<&SensorOptions::exposure>, within(0.01, 100), "--exposure",
+     "Brightness factor"},
+    {"color_noise", option_at<&SensorOptions::color_noise>, within(0, 100), "--noise",
+     "Standard deviation of the colour noise, grey levels"},
+    {"ideal_depth",
+     option_at<&SensorOptions::ideal_depth>,
+     {},
+     "--no-depth-noise",
+     "Write exact depth: no noise, quantisation, holes or limits"},
+    {"depth_noise_m", option_at<&SensorOptions::depth_noise_m>, within(0, 0.1), "--depth-noise",
+     "Standard deviation of the depth at 1 m, metres; it grows with the square of the depth"},
+    {"depth_step_m", option_at<&SensorOptions::depth_step_m>, within(0, 0.1)},
+    {"min_depth_m", option_at<&SensorOptions::min_depth_m>, within(0, 1000)},
+    {"max_depth_m", option_at<&SensorOptions::max_depth_m>, within(0, 1000), "--max-depth",
+     "Largest measured depth, metres"},
+    {"baseline_m", option_at<&SensorOptions::baseline_m>, within(0, 10)},
+    {"max_incidence_rad",
+     option_at<&SensorOptions::max_incidence_rad>,
+     {.least = 0, .most = 0.5 * std::numbers::pi, .expected = "0 to 1.5708"}},
+    {"edge_holes", option_at<&SensorOptions::edge_holes>, within(0, 1)},
+    {"dropout", option_at<&SensorOptions::dropout>, within(0, 1)},
+};
+constinit const OptionTable SensorOptions::table = {"SensorOptions", kSensorFields};
+
 void SensorOptions::validate() const {
-  detail::require_within(exposure, 0.01, 100.0, "SensorOptions.exposure");
-  detail::require_within(color_noise, 0.0, 100.0, "SensorOptions.color_noise");
-  detail::require_within(depth_noise_m, 0.0, 0.1, "SensorOptions.depth_noise_m");
-  detail::require_within(depth_step_m, 0.0, 0.1, "SensorOptions.depth_step_m");
-  detail::require_within(min_depth_m, 0.0, 1000.0, "SensorOptions.min_depth_m");
-  detail::require_within(max_depth_m, 0.0, 1000.0, "SensorOptions.max_depth_m");
-  detail::require(max_depth_m > min_depth_m, "SensorOptions.max_depth_m", max_depth_m,
-                  fmt::format("more than min_depth_m, {}", min_depth_m));
-  detail::require_within(baseline_m, 0.0, 10.0, "SensorOptions.baseline_m");
-  constexpr double kRightAngle = 0.5 * std::numbers::pi;
-  detail::require(max_incidence_rad >= 0.0 && max_incidence_rad <= kRightAngle,
-                  "SensorOptions.max_incidence_rad", max_incidence_rad,
-                  fmt::format("0 to {:.6g}", kRightAngle));
-  detail::require_within(edge_holes, 0.0, 1.0, "SensorOptions.edge_holes");
-  detail::require_within(dropout, 0.0, 1.0, "SensorOptions.dropout");
+  check_options(*this);
+  refuse_if(max_depth_m <= min_depth_m, "SensorOptions.max_depth_m", fmt::format("{}", max_depth_m),
+            fmt::format("more than min_depth_m, {}", min_depth_m));
 }
 
 void RendererOptions::validate() const {
   detail::require_within(light_grid_m, 0.01, 1.0, "RendererOptions.light_grid_m");
 }
+
+constexpr OptionField kSimulatorFields[] = {
+    {"shutter_s", option_at<&SimulatorOptions::shutter_s>, within(0, 1), "--motion-blur",
+     "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower"},
+    {"readout_s", option_at<&SimulatorOptions::readout_s>, within(0, 1), "--readout",
+     "Readout time of a rolling shutter, from the first image row to the last, seconds"},
+    {"blur_samples", option_at<&SimulatorOptions::blur_samples>, within(2, 100)},
+};
+constinit const OptionTable SimulatorOptions::table = {"SimulatorOptions", kSimulatorFields};
 
 void SimulatorOptions::validate() const {
   const std::string defect = camera_defect(camera);
@@ -67,10 +89,7 @@ void SimulatorOptions::validate() const {
                   "at most 8192 pixels a side");
   sensor.validate();
   renderer.validate();
-  detail::require_within(shutter_s, 0.0, 1.0, "SimulatorOptions.shutter_s");
-  detail::require_within(readout_s, 0.0, 1.0, "SimulatorOptions.readout_s");
-  detail::require_within(blur_samples, std::size_t{2}, std::size_t{100},
-                         "SimulatorOptions.blur_samples");
+  check_options(*this);
 }
 
 // A camera and what it renders.

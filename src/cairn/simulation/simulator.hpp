@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/simulation/scene.hpp"
@@ -41,6 +42,7 @@ struct SensorOptions {
   double edge_holes = 0.5;  ///< share of the pixels at edges without a reading; 0 to 1
   double dropout = 0.001;   ///< share of all pixels without a reading; 0 to 1
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
@@ -69,6 +71,7 @@ struct SimulatorOptions {
   double readout_s = 0.0;
   std::uint64_t seed = 1;  ///< of the sensor's noise
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

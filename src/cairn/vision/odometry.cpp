@@ -7,50 +7,78 @@
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
-#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/vision/detail/tracker.hpp"
 
 namespace cairn {
 
+constexpr OptionField kFeatureFields[] = {
+    {"count", option_at<&FeatureOptions::count>, within(50, 20000), "--features",
+     "Number of corners to detect in an image"},
+    {"levels", option_at<&FeatureOptions::levels>, within(1, 12)},
+    {"scale", option_at<&FeatureOptions::scale>, within(1.05, 2)},
+    {"threshold", option_at<&FeatureOptions::threshold>, within(1, 254)},
+    {"least_threshold", option_at<&FeatureOptions::least_threshold>, kAtLeastOne},
+    {"max_depth_m",
+     option_at<&FeatureOptions::max_depth_m>,
+     {.least = 0,
+      .expected = "a positive number of metres",
+      .least_is = OptionRange::End::kExcluded}},
+};
+constinit const OptionTable FeatureOptions::table = {"FeatureOptions", kFeatureFields};
+
 void FeatureOptions::validate() const {
-  detail::require_within(count, 50, 20000, "FeatureOptions.count");
-  detail::require_within(levels, 1, 12, "FeatureOptions.levels");
-  detail::require_within(scale, 1.05, 2.0, "FeatureOptions.scale");
-  detail::require_within(threshold, 1, 254, "FeatureOptions.threshold");
-  detail::require(least_threshold >= 1 && least_threshold <= threshold,
-                  "FeatureOptions.least_threshold", least_threshold, "1 to threshold");
-  detail::require(max_depth_m > 0.0, "FeatureOptions.max_depth_m", max_depth_m,
-                  "a positive number of metres");
+  check_options(*this);
+  refuse_if(least_threshold > threshold, "FeatureOptions.least_threshold",
+            fmt::format("{}", least_threshold), "1 to threshold");
 }
 
+constexpr OptionField kSensorNoiseFields[] = {
+    {"pixel", option_at<&SensorNoise::pixel>, kFinitePositive},
+    {"aligned_pixel", option_at<&SensorNoise::aligned_pixel>, kFinitePositive},
+    {"depth_floor_m",
+     option_at<&SensorNoise::depth_floor_m>,
+     {.least = 0,
+      .expected = "a positive number of metres",
+      .least_is = OptionRange::End::kExcluded,
+      .most_is = OptionRange::End::kExcluded}},
+    {"depth_quadratic",
+     option_at<&SensorNoise::depth_quadratic>,
+     {.least = 0,
+      .expected = "a number that is not negative",
+      .most_is = OptionRange::End::kExcluded}},
+};
+constinit const OptionTable SensorNoise::table = {"SensorNoise", kSensorNoiseFields};
+
 void SensorNoise::validate() const {
-  detail::require(pixel > 0.0 && std::isfinite(pixel), "SensorNoise.pixel", pixel,
-                  "a positive number");
-  detail::require(aligned_pixel > 0.0 && std::isfinite(aligned_pixel), "SensorNoise.aligned_pixel",
-                  aligned_pixel, "a positive number");
-  detail::require(depth_floor_m > 0.0 && std::isfinite(depth_floor_m), "SensorNoise.depth_floor_m",
-                  depth_floor_m, "a positive number of metres");
-  detail::require(depth_quadratic >= 0.0 && std::isfinite(depth_quadratic),
-                  "SensorNoise.depth_quadratic", depth_quadratic, "a number that is not negative");
+  check_options(*this);
 }
+
+constexpr OptionField kOdometryFields[] = {
+    {"readout_s",
+     option_at<&OdometryOptions::readout_s>,
+     {.least = 0, .most = 1, .expected = "0 to 1 second"}},
+    {"min_tracked", option_at<&OdometryOptions::min_tracked>, {.least = 6}},
+    {"adjusted_keyframes", option_at<&OdometryOptions::adjusted_keyframes>, kAtLeastOne},
+    {"final_iterations", option_at<&OdometryOptions::final_iterations>, within(0, 1000)},
+};
+constinit const OptionTable OdometryOptions::table = {"OdometryOptions", kOdometryFields};
 
 void OdometryOptions::validate() const {
   features.validate();
   noise.validate();
-  detail::require(readout_s >= 0.0 && readout_s <= 1.0, "OdometryOptions.readout_s", readout_s,
-                  "0 to 1 second");
-  detail::require(min_tracked >= 6, "OdometryOptions.min_tracked", min_tracked, "at least 6");
-  detail::require(adjusted_keyframes >= 1, "OdometryOptions.adjusted_keyframes", adjusted_keyframes,
-                  "at least 1");
-  detail::require_within(final_iterations, 0, 1000, "OdometryOptions.final_iterations");
+  check_options(*this);
 }
 
+constexpr OptionField kMapFields[] = {
+    {"min_observations", option_at<&MapOptions::min_observations>, kAtLeastOne},
+    {"descriptors", option_at<&MapOptions::descriptors>, {}},
+    {"descriptors_each", option_at<&MapOptions::descriptors_each>, within(1, kMostDescriptorsEach)},
+};
+constinit const OptionTable MapOptions::table = {"MapOptions", kMapFields};
+
 void MapOptions::validate() const {
-  detail::require(min_observations >= 1, "MapOptions.min_observations", min_observations,
-                  "at least 1");
-  detail::require_within(descriptors_each, std::size_t{1}, kMostDescriptorsEach,
-                         "MapOptions.descriptors_each");
+  check_options(*this);
 }
 
 FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t height,

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/landmark_map.hpp"
@@ -32,6 +33,7 @@ struct FeatureOptions {
   int least_threshold = 7;  ///< the same, in areas without a corner of `threshold`
   double max_depth_m = 10.0;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
@@ -47,6 +49,7 @@ struct SensorNoise {
   double depth_floor_m = 0.001;
   double depth_quadratic = 0.002;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
@@ -66,6 +69,7 @@ struct OdometryOptions {
   /// Iterations of the final bundle adjustment over all keyframes; 0: none.
   int final_iterations = 10;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
@@ -83,6 +87,7 @@ struct MapOptions {
   /// Largest number of descriptors per landmark, of its most distinct views; 1 to kMostDescriptorsEach.
   std::size_t descriptors_each = kDistinctViews;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

@@ -115,6 +115,32 @@ std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const Pre
   return parts;
 }
 
+constexpr OptionField kLinkFields[] = {
+    {"min_probability",
+     option_at<&LinkOptions::min_probability>,
+     {},
+     "--min-probability",
+     "Least probability of an aligned pair, at least 0.5 and below 1"},
+    {"prior_odds",
+     option_at<&LinkOptions::prior_odds>,
+     {},
+     "--prior-odds",
+     "Odds that two of the maps show the same place, before any evidence"},
+    {"effort",
+     option_at<&LinkOptions::effort>,
+     {},
+     "--effort",
+     "Work of the search, as a multiple of the default's, 1/16 to 64"},
+    {"min_observations",
+     option_at<&LinkOptions::points, &PointSetOptions::min_observations>,
+     {},
+     "--min-observations",
+     "Align with landmarks of at least this many observations; all landmarks are merged"},
+    {"seed", option_at<&LinkOptions::seed>, {}},
+};
+constinit const OptionTable LinkOptions::table = {"LinkOptions", kLinkFields};
+
+// AlignOptions hold the ranges.
 void LinkOptions::validate() const {
   align_options(*this).validate();
 }

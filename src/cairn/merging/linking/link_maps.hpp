@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "cairn/alignment/align.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
 namespace cairn {
@@ -71,6 +72,7 @@ struct LinkOptions {
   std::uint64_t seed = 0;
   Execution execution = {};
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

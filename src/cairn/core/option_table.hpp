@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <variant>
+
+namespace cairn {
+
+/// Where a field of an options struct is stored.
+using OptionValue = std::variant<bool*, int*, unsigned*, unsigned long*, unsigned long long*,
+                                 double*, std::optional<double>*>;
+
+/// Values that a number may have. NaN is never among them; std::nullopt always is.
+struct OptionRange {
+  enum class End { kIncluded, kExcluded };
+
+  double least = -std::numeric_limits<double>::infinity();
+  double most = std::numeric_limits<double>::infinity();
+  std::string_view expected = {};  ///< the range in words, for messages; empty: from the ends
+  End least_is = End::kIncluded;
+  End most_is = End::kIncluded;
+
+  bool contains(double value) const;
+};
+
+inline constexpr OptionRange kPositive = {
+    .least = 0.0, .expected = "a positive number", .least_is = OptionRange::End::kExcluded};
+inline constexpr OptionRange kFinitePositive = {.least = 0.0,
+                                                .expected = "a positive number",
+                                                .least_is = OptionRange::End::kExcluded,
+                                                .most_is = OptionRange::End::kExcluded};
+inline constexpr OptionRange kNotNegative = {.least = 0.0, .expected = "0 or a positive number"};
+inline constexpr OptionRange kAtLeastOne = {.least = 1.0};
+constexpr OptionRange within(double least, double most) {
+  return {.least = least, .most = most};
+}
+inline constexpr OptionRange kProbability = {.least = 0.5,
+                                             .most = 1.0,
+                                             .expected = "at least 0.5 and below 1",
+                                             .most_is = OptionRange::End::kExcluded};
+
+/// One field of an options struct. Checks, command line, JSON and Python keywords derive from it; its default is that of
+/// the struct's member.
+struct OptionField {
+  std::string_view name;        ///< in messages, JSON and Python
+  OptionValue (*value)(void*);  ///< see option_at
+  OptionRange range = {};       ///< of a number
+  std::string_view flag =
+      {};  ///< e.g. "-k,--neighbors"; with "!" before it: sets a switch to false; empty: none
+  std::string_view help = {};  ///< of the flag
+};
+
+namespace detail {
+
+template <class Struct, class Member>
+Struct struct_of(Member Struct::*);
+
+}  // namespace detail
+
+/// The value of a field: option_at<&AlignOptions::effort>, or of a struct within the options,
+/// option_at<&AlignOptions::icp, &IcpOptions::k>.
+template <auto kFirst, auto... kRest>
+OptionValue option_at(void* options) {
+  auto& first = static_cast<decltype(detail::struct_of(kFirst))*>(options)->*kFirst;
+  if constexpr (sizeof...(kRest) == 0) {
+    return &first;
+  } else {
+    return option_at<kRest...>(&first);
+  }
+}
+
+/// The fields of an options struct, which has it as `static const OptionTable table`.
+struct OptionTable {
+  std::string_view options;  ///< name of the struct, e.g. "AlignOptions"
+  std::span<const OptionField> fields;
+};
+
+/// @throws Error (misuse) naming the first field that is out of range, its value and the range
+void check_options(const OptionTable& table, const void* options);
+template <class Options>
+void check_options(const Options& options) {
+  check_options(Options::table, &options);
+}
+
+/// @throws Error (misuse) naming an option or argument, what is wrong with it and what is expected, if it is `wrong`
+void refuse_if(bool wrong, std::string_view option, std::string_view what,
+               std::string_view expected);
+/// @throws Error (input) naming a file if what it holds is `wrong`
+void reject_if(bool wrong, std::string_view file, std::string_view what, std::string_view expected);
+
+}  // namespace cairn

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/evaluation/map_defects.hpp"
+
+#include <utility>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/map/synthetic.hpp"
+
+namespace cairn {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+MapTables tables() {
+  return std::move(synthetic_map({.landmarks = 50, .frames = 5})).tables();
+}
+
+TEST(MapDefects, ACompleteMapHasNone) {
+  EXPECT_THAT(map_defects(LandmarkMap(tables())), IsEmpty());
+}
+
+TEST(MapDefects, NamesWhatAMapLacks) {
+  MapTables bare;
+  bare.landmarks.ids = {LandmarkId{1}};
+  bare.landmarks.positions = {Eigen::Vector3d::Zero()};
+  EXPECT_THAT(map_defects(LandmarkMap(std::move(bare))),
+              ElementsAre(HasSubstr("no observations"), HasSubstr("no covariances")));
+  EXPECT_THAT(map_defects(LandmarkMap(MapTables())),
+              ElementsAre(HasSubstr("no landmarks"), HasSubstr("no observations")));
+}
+
+TEST(MapDefects, CountsLandmarksAtOnePosition) {
+  MapTables changed = tables();
+  changed.landmarks.positions[1] = changed.landmarks.positions[0];
+  EXPECT_THAT(map_defects(LandmarkMap(std::move(changed))),
+              ElementsAre(HasSubstr("lie exactly where another does: 1")));
+}
+
+TEST(KeyframeUncertainties, AreThoseOfTheWorstKeyframeAndTheGreatestStep) {
+  MapTables changed = tables();
+  EXPECT_FALSE(keyframe_uncertainties(LandmarkMap(MapTables(changed))));
+  const std::vector<FrameId> ids = changed.frames.ids;
+  changed.frames.pose_covariances.clear();
+  for (const double variance : {0.0, 1.0, 5.0, 6.0, 4.0}) {
+    changed.frames.pose_covariances.push_back(Matrix6d(variance * Matrix6d::Identity()));
+  }
+  const auto found = keyframe_uncertainties(LandmarkMap(std::move(changed)));
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->worst, ids[3]);
+  EXPECT_DOUBLE_EQ(found->of_worst.angle_rad, std::sqrt(18.0));
+  EXPECT_EQ(found->step, std::pair(ids[1], ids[2]));
+  EXPECT_DOUBLE_EQ(found->of_step.length, std::sqrt(12.0));
+}
+
+}  // namespace
+}  // namespace cairn
