@@ -60,7 +60,7 @@ Json Json::object() {
 }
 
 std::optional<Json> Json::parse(std::string_view text, std::string_view name) {
-  const auto json = parse_json<nlohmann::ordered_json>(text, name);
+  const auto json = detail::parse_json<nlohmann::ordered_json>(text, name);
   return json ? std::optional(Json(*json)) : std::nullopt;
 }
 
