@@ -12,7 +12,6 @@
 
 #include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/turning_columns.hpp"

@@ -16,7 +16,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/plain_text.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/vision/localization/image_locator.hpp"
 #include "cairn/vision/sequence/image_file.hpp"

@@ -19,7 +19,7 @@
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/formats/own/binary.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/optimisation/node_extent.hpp"
 #include "cairn/merging/optimisation/update_poses.hpp"

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/g2o.hpp"
-
 #include <string>
 #include <utility>
 
@@ -9,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/geometry/covariance.hpp"
 
 #include "support/real_data.hpp"

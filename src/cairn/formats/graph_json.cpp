@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/graph_json.hpp"
-
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -13,6 +11,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/json_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 namespace cairn {
 namespace {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/graph_json.hpp"
-
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 #include "support/refusal.hpp"
 

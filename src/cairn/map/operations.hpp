@@ -31,6 +31,11 @@ DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
 /// @return the rows that they had
 std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables);
 
+/// Puts frames and landmarks in another order.
+/// @param frames, landmarks all rows of the tables, each once
+void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
+             std::span<const std::uint32_t> landmarks);
+
 /// The map with one descriptor per landmark, the one that represents it.
 LandmarkMap with_one_descriptor_each(const LandmarkMap& map);
 
@@ -66,11 +71,10 @@ LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
 /// The map with this camera for all frames, instead of any others.
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);
 
-namespace detail {
-/// The line of provenance by which a map says that its cameras' sizes were not stated by the file. Writers of sizes
-/// say it again.
-inline constexpr std::string_view kSizesNotStated =
-    "the file states no image sizes: those of the cameras follow from the observations";
-}  // namespace detail
+/// Whether the file that a map comes from stated the sizes of its images. The provenance says if not.
+bool states_image_sizes(const MapInfo& info);
+
+/// Notes in the provenance that the file states no image sizes: those of the cameras follow from the observations.
+void note_unstated_image_sizes(MapInfo& info);
 
 }  // namespace cairn

@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/alicevision.hpp"
-
 #include <string>
 
 #include <Eigen/LU>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/real_data.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -108,4 +107,4 @@ TEST(RealAliceVision, CamerasLookAtOneObject) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,21 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/all_formats.hpp"
-
 #include <iterator>
 #include <utility>
 #include <vector>
 
-#include "cairn/formats/detail/foreign/database_formats.hpp"
-#include "cairn/formats/foreign/alicevision.hpp"
-#include "cairn/formats/foreign/bundle_files.hpp"
-#include "cairn/formats/foreign/colmap.hpp"
-#include "cairn/formats/foreign/kapture.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/foreign/mcap.hpp"
-#include "cairn/formats/foreign/nerfstudio.hpp"
-#include "cairn/formats/foreign/openmvg.hpp"
-#include "cairn/formats/foreign/opensfm.hpp"
-#include "cairn/formats/foreign/plain_points.hpp"
-#include "cairn/formats/foreign/stella.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 
@@ -24,9 +14,10 @@ const FormatRegistry& all_formats() {
     std::vector<MapFormat> more;
     // Formats that are recognised by weak signs are first, so that they are tried last.
     for (std::vector<MapFormat> some :
-         {plain_points_formats(), colmap_formats(), opensfm_formats(), openmvg_formats(),
-          bundle_file_formats(), stella_formats(), nerfstudio_formats(), alicevision_formats(),
-          kapture_formats(), mcap_formats(), detail::database_formats()}) {
+         {detail::plain_points_formats(), detail::colmap_formats(), detail::opensfm_formats(),
+          detail::openmvg_formats(), detail::bundle_file_formats(), detail::stella_formats(),
+          detail::nerfstudio_formats(), detail::alicevision_formats(), detail::kapture_formats(),
+          detail::mcap_formats(), detail::database_formats()}) {
       std::move(some.begin(), some.end(), std::back_inserter(more));
     }
     return native_formats().extended_by(std::move(more));

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/kapture.hpp"
-
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -12,8 +10,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/imported_maps.hpp"
@@ -21,7 +20,7 @@
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -443,4 +442,4 @@ TEST_F(KaptureTest, TheDetectiveFindsPosesTheWrongWayRound) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -18,8 +18,9 @@
 #include "cairn/core/plain_text.hpp"
 #include "cairn/formats/detail/bytes/foxglove_messages.hpp"
 #include "cairn/formats/detail/bytes/mcap_file.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
-#include "cairn/formats/losses.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
@@ -312,7 +313,7 @@ void write_mcap(std::span<const McapMap> maps, std::span<const McapLink> links,
   recording.finish();
 }
 
-std::vector<MapFormat> mcap_formats() {
+std::vector<MapFormat> detail::mcap_formats() {
   return {{.name = "mcap",
            .title = "MCAP",
            .endings = {".mcap"},

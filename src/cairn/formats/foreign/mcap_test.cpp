@@ -11,7 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/imported_maps.hpp"

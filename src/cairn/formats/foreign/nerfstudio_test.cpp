@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/nerfstudio.hpp"
-
 #include <filesystem>
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/full_file.hpp"
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -158,4 +157,4 @@ TEST_F(NerfstudioTest, WritingReplacesNoPoints) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

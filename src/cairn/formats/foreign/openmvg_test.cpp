@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/openmvg.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -10,14 +8,15 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -110,4 +109,4 @@ TEST(RealOpenMvg, ReprojectsOntoItsObservations) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/stella_database.hpp"
-
 #include <array>
 #include <cstring>
 #include <string>
@@ -9,13 +7,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::ElementsAre;
@@ -122,4 +121,4 @@ TEST_F(StellaDatabaseTest, LeavesOutAndCountsPositionsThatAreNotFinite) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/binary.hpp"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -18,6 +16,7 @@
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 namespace cairn {
 namespace {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/binary.hpp"
-
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -19,7 +17,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/formats/own/native.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"

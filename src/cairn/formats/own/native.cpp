@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/native.hpp"
-
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -19,8 +17,9 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/losses.hpp"
-#include "cairn/formats/memory_budget.hpp"
+#include "cairn/formats/detail/losses.hpp"
+#include "cairn/formats/detail/memory_budget.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/geometry/limits.hpp"
 #include "cairn/map/operations.hpp"
 

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/native.hpp"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -25,6 +23,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/geometry/limits.hpp"
 
 #include "support/maps.hpp"

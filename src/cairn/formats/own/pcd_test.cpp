@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/pcd.hpp"
-
 #include <algorithm>
 #include <bit>
 #include <cstdint>
@@ -15,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 #include "support/point_clouds.hpp"
 #include "support/refusal.hpp"

@@ -177,45 +177,4 @@ void MsgpackReader::skip() {
   }
 }
 
-void MsgpackWriter::big_endian(std::uint8_t head, std::uint64_t value, int bytes) {
-  out_ += static_cast<char>(head);
-  for (int i = bytes - 1; i >= 0; --i) out_ += static_cast<char>(value >> (8 * i) & 0xffU);
-}
-
-void MsgpackWriter::begin_map(std::uint64_t pairs) {
-  if (pairs < 16) return big_endian(static_cast<std::uint8_t>(0x80U | pairs), 0, 0);
-  pairs < 65536 ? big_endian(0xde, pairs, 2) : big_endian(0xdf, pairs, 4);
-}
-
-void MsgpackWriter::begin_array(std::uint64_t size) {
-  if (size < 16) return big_endian(static_cast<std::uint8_t>(0x90U | size), 0, 0);
-  size < 65536 ? big_endian(0xdc, size, 2) : big_endian(0xdd, size, 4);
-}
-
-void MsgpackWriter::text(std::string_view text) {
-  if (text.size() < 32) {
-    big_endian(static_cast<std::uint8_t>(0xa0U | text.size()), 0, 0);
-  } else if (text.size() < 256) {
-    big_endian(0xd9, text.size(), 1);
-  } else {
-    text.size() < 65536 ? big_endian(0xda, text.size(), 2) : big_endian(0xdb, text.size(), 4);
-  }
-  out_ += text;
-}
-
-void MsgpackWriter::number(double value) {
-  big_endian(0xcb, std::bit_cast<std::uint64_t>(value), 8);
-}
-
-void MsgpackWriter::whole(std::int64_t value) {
-  const auto bits = static_cast<std::uint64_t>(value);
-  if (value >= 0 && value < 128) return big_endian(static_cast<std::uint8_t>(value), 0, 0);
-  if (value < 0 && value >= -32) return big_endian(static_cast<std::uint8_t>(bits & 0xffU), 0, 0);
-  if (value < 0) return big_endian(0xd3, bits, 8);
-  if (value < 256) return big_endian(0xcc, bits, 1);
-  if (value < 65536) return big_endian(0xcd, bits, 2);
-  value <= std::numeric_limits<std::uint32_t>::max() ? big_endian(0xce, bits, 4)
-                                                     : big_endian(0xcf, bits, 8);
-}
-
 }  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/losses.hpp"
+#include "cairn/formats/detail/losses.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -87,11 +87,8 @@ std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::s
   if (!lost.empty()) {
     remark = fmt::format("{} has no place for: {}; left out", format, fmt::join(lost, ", "));
   }
-  const auto& steps = map.info().provenance;
   const bool has_sizes = holdings.frames && holdings.cameras && holdings.image_sizes;
-  if (has_sizes && std::any_of(steps.begin(), steps.end(), [](const std::string& step) {
-        return step.ends_with(kSizesNotStated);
-      })) {
+  if (has_sizes && !states_image_sizes(map.info())) {
     remark += remark.empty() ? std::string(format) + ": " : ". ";
     remark += "The sizes of images are invented, because the file that was read states none";
   }

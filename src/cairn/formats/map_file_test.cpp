@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/format_registry.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include <filesystem>
 #include <string>
@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/map_file.hpp"
 
 #include "support/maps.hpp"
 #include "support/refusal.hpp"

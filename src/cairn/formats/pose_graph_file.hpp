@@ -3,13 +3,28 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "cairn/core/file.hpp"
+#include "cairn/core/log.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
 namespace cairn {
+
+/// A graph as JSON: schema cairn.pose_graph, version 1 (docs/formats.md).
+std::string pose_graph_text(const PoseGraph& graph);
+
+/// Whether a text is such a document, by its first kilobyte.
+bool is_pose_graph_text(std::string_view beginning);
+
+/// Reads such a document. Normalises quaternions, which may change their last digit; all else is as
+/// written.
+/// @throws Error (input) naming source, the place in the document, value and constraint
+PoseGraph read_pose_graph(ByteSource& source);
 
 /// Content of a g2o file; reading and writing keeps all numbers.
 struct G2oGraph {
@@ -60,5 +75,9 @@ PoseGraph pose_graph(const G2oGraph& graph);
 /// @throws Error (misuse) for a pose with a scale other than 1, or a link whose covariance is missing or
 ///        not positive definite
 G2oGraph g2o_graph(const PoseGraph& graph);
+
+/// The nodes and links of a database of RTAB-Map; in the library cairn::foreign_formats.
+/// @throws Error (input) naming file, table, row, value and constraint
+PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const MapReadOptions& options = {});
 
 }  // namespace cairn
