@@ -31,9 +31,9 @@ constexpr std::string_view kEdgeForm =
 constexpr std::array<std::string_view, 7> kPose = {"x", "y", "z", "qx", "qy", "qz", "qw"};
 
 // The words of a line, one after another.
-class Fields {
+class G2oFields {
  public:
-  Fields(std::string_view line, std::string place, std::string_view form)
+  G2oFields(std::string_view line, std::string place, std::string_view form)
       : line_(line), place_(std::move(place)), form_(form) {}
 
   std::string_view word(std::string_view name) {
@@ -188,7 +188,7 @@ G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
     const std::uint64_t number = lines.line_number();
     std::string place = fmt::format("{}:{}", source.name(), number);
     if (tag == kVertex) {
-      Fields fields(text, std::move(place), kVertexForm);
+      G2oFields fields(text, std::move(place), kVertexForm);
       fields.word("tag");
       G2oGraph::Vertex vertex;
       vertex.id = fields.id("id");
@@ -197,7 +197,7 @@ G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
       graph.vertices.push_back(vertex);
       vertex_lines.push_back(number);
     } else if (tag == kEdge) {
-      Fields fields(text, std::move(place), kEdgeForm);
+      G2oFields fields(text, std::move(place), kEdgeForm);
       fields.word("tag");
       G2oGraph::Edge edge;
       edge.from = fields.id("from");
@@ -213,7 +213,7 @@ G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
       references.push_back({edge.from, number});
       references.push_back({edge.to, number});
     } else if (tag == kFix) {
-      Fields fields(text, std::move(place), "FIX id");
+      G2oFields fields(text, std::move(place), "FIX id");
       fields.word("tag");
       graph.fixed.push_back(fields.id("id"));
       fields.end();

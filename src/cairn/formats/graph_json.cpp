@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;  // to write
 using Document = nlohmann::json;      // to read: of many keys, it finds one fast
 
 constexpr std::string_view kSchema = "cairn.pose_graph";
-constexpr int kVersion = 1;
+constexpr int kGraphVersion = 1;
 
 Json text_or_null(const std::string& text) {
   return text.empty() ? Json(nullptr) : Json(text);
@@ -148,7 +148,7 @@ Document parsed(const std::string& text, const std::string& name) {
 
 std::string pose_graph_text(const PoseGraph& graph) {
   graph.validate();
-  Json json = {{"schema", {{"name", kSchema}, {"version", kVersion}}},
+  Json json = {{"schema", {{"name", kSchema}, {"version", kGraphVersion}}},
                {"nodes", Json::array()},
                {"links", Json::array()}};
   for (const PoseNode& node : graph.nodes) {
@@ -182,7 +182,7 @@ PoseGraph read_pose_graph(ByteSource& source) {
   const Value document(json, source.name());
   const Value schema = document.at("schema");
   if (schema.at("name").text() != kSchema) schema.at("name").refuse(kSchema);
-  if (schema.at("version").id() != kVersion) schema.at("version").refuse("1");
+  if (schema.at("version").id() != kGraphVersion) schema.at("version").refuse("1");
   PoseGraph graph;
   const Value nodes = document.at("nodes");
   const std::size_t node_count = nodes.array(0);

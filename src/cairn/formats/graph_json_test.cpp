@@ -46,7 +46,7 @@ PoseGraph example() {
   return graph;
 }
 
-PoseGraph read(const std::string& text) {
+PoseGraph read_graph(const std::string& text) {
   MemoryReader source(text, "a.json");
   return read_pose_graph(source);
 }
@@ -59,7 +59,7 @@ void expect_same(const Similarity3& a, const Similarity3& b) {
 
 TEST(PoseGraphJson, IsReadAsItWasWritten) {
   const PoseGraph graph = example();
-  const PoseGraph back = read(pose_graph_text(graph));
+  const PoseGraph back = read_graph(pose_graph_text(graph));
   ASSERT_EQ(back.nodes.size(), graph.nodes.size());
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
     EXPECT_EQ(back.nodes[i].id, graph.nodes[i].id);
@@ -86,7 +86,7 @@ TEST(PoseGraphJson, RefusesNamingThePlace) {
     const std::size_t found = text.find(from);
     EXPECT_NE(found, std::string::npos) << from;
     text.replace(found, from.size(), to);
-    return testing::refusal(ErrorKind::kInput, [&] { read(text); });
+    return testing::refusal(ErrorKind::kInput, [&] { read_graph(text); });
   };
   EXPECT_THAT(complaint("\"nodes\": [", "\"nodes\": [ oops"),
               HasSubstr("a.json: parse error at line 6"));
@@ -109,12 +109,12 @@ TEST(PoseGraphJson, ManyKeysTakeNoQuadraticTime) {
   std::string keys = "{";
   for (int i = 0; i < 100'000; ++i) keys += "\"key " + std::to_string(i) + "\": 0, ";
   text.replace(text.find('{'), 1, keys);
-  EXPECT_EQ(read(text).nodes.size(), example().nodes.size());
+  EXPECT_EQ(read_graph(text).nodes.size(), example().nodes.size());
 }
 
 TEST(PoseGraphJson, RefusesWhatIsNestedTooDeep) {
   const std::string text = std::string(200'000, '[') + std::string(200'000, ']');
-  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { read(text); }),
+  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { read_graph(text); }),
               HasSubstr("a.json: byte 100: lists and objects are nested too deeply"));
 }
 

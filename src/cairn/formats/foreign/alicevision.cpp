@@ -19,7 +19,7 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::uint64_t kMostPixels = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint64_t kMostAliceVision = std::numeric_limits<std::uint32_t>::max();
 constexpr std::uint64_t kMostId = std::numeric_limits<std::uint64_t>::max();
 
 class AliceVisionReader {
@@ -87,8 +87,8 @@ class AliceVisionReader {
 
   // @return why Cairn has no such camera; empty if it has
   static std::string set_lens(Camera& camera, const JsonValue& json) {
-    camera.width = static_cast<std::uint32_t>(whole(json.at("width"), kMostPixels));
-    camera.height = static_cast<std::uint32_t>(whole(json.at("height"), kMostPixels));
+    camera.width = static_cast<std::uint32_t>(whole(json.at("width"), kMostAliceVision));
+    camera.height = static_cast<std::uint32_t>(whole(json.at("height"), kMostAliceVision));
     double focal = 0.0;
     if (json.has("focalLength") && json.has("sensorWidth")) {
       focal = number(json.at("focalLength")) / number(json.at("sensorWidth")) * camera.width;
@@ -179,7 +179,7 @@ class AliceVisionReader {
       SfmObservation observation{.landmark_id = id, .frame = frame->second, .pixel = {x[0], x[1]}};
       if (seen.has("featureId")) {
         const std::uint64_t feature = whole(seen.at("featureId"));
-        if (feature < kMostPixels) observation.keypoint = static_cast<std::uint32_t>(feature);
+        if (feature < kMostAliceVision) observation.keypoint = static_cast<std::uint32_t>(feature);
       }
       out_.add_observation(observation);
     });

@@ -58,7 +58,7 @@ struct View {
   }
 };
 
-double median_of(std::vector<double> values) {
+double upper_median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -67,10 +67,10 @@ double median_of(std::vector<double> values) {
 // The middle of values to which an image's size, a whole number, gives half pixels: the nearest of these, unless the
 // values contradict it.
 double middle_of(const std::vector<double>& values) {
-  const double median = median_of(values);
+  const double median = upper_median(values);
   std::vector<double> deviations;
   for (const double value : values) deviations.push_back(std::abs(value - median));
-  const double error = 1.25 * 1.4826 * median_of(std::move(deviations)) /
+  const double error = 1.25 * 1.4826 * upper_median(std::move(deviations)) /
                        std::sqrt(static_cast<double>(values.size()));
   const double half = std::round(2.0 * median) / 2.0;
   return std::abs(half - median) <= std::max(3.0 * error, 1e-6) ? half : median;
@@ -273,8 +273,8 @@ class BundleReader {
       vs.push_back(shown.v);
     }
     // The middle of what was observed is a rough principal point, but the corner is none at all.
-    if (from_corner.size() < kFewest ||
-        3.0 * median_of(std::move(from_corner)) >= median_of(std::move(from_principal_point))) {
+    if (from_corner.size() < kFewest || 3.0 * upper_median(std::move(from_corner)) >=
+                                            upper_median(std::move(from_principal_point))) {
       return false;
     }
     for (std::uint32_t i = 0; i < most.size(); ++i) {

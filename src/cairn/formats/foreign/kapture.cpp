@@ -31,7 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kHeader = "# kapture format:";
-constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint64_t kMostOfKapture = std::numeric_limits<std::uint32_t>::max();
 
 // Paths of kapture's files.
 constexpr const char* kSensors = "sensors/sensors.txt";
@@ -174,7 +174,8 @@ class KaptureReader {
   // Some writers make floats of all parameters, the size too.
   static std::uint32_t size(TextRecords& in, std::string_view name) {
     const double value = in.number(name);
-    if (!(value >= 0.0 && value <= static_cast<double>(kMost)) || value != std::floor(value)) {
+    if (!(value >= 0.0 && value <= static_cast<double>(kMostOfKapture)) ||
+        value != std::floor(value)) {
       in.refuse(name, fmt::format("{} is no size", value), "a whole number of pixels");
     }
     return static_cast<std::uint32_t>(value);
@@ -349,7 +350,7 @@ class KaptureReader {
         color = Color{red, green, blue};
         in.expect_line_end();
       }
-      if (point_count_ == kMost) in.refuse("X", "too many points", "fewer than 2^32");
+      if (point_count_ == kMostOfKapture) in.refuse("X", "too many points", "fewer than 2^32");
       const std::uint64_t id = point_count_++;
       if (position.allFinite()) {
         out_.add_landmark(id, position, color);
@@ -379,7 +380,7 @@ class KaptureReader {
     std::map<std::string, std::vector<Seen>, std::less<>> seen;
     std::size_t unposed = 0;
     const bool is_there = read_records(kObservations, [&](TextRecords& in) {
-      const std::uint64_t point = in.unsigned_number("point3d_id", kMost);
+      const std::uint64_t point = in.unsigned_number("point3d_id", kMostOfKapture);
       if (point >= point_count_) {
         in.refuse("point3d_id", fmt::format("{} of {} points", point, point_count_),
                   "the place of a point in points3d.txt, from 0");
@@ -389,7 +390,8 @@ class KaptureReader {
       std::vector<Seen>& of_type = seen[type];
       while (in.has_word()) {
         const auto frame = frame_of_.find(std::string(in.word("image_path")));
-        const auto feature = static_cast<std::uint32_t>(in.unsigned_number("feature_id", kMost));
+        const auto feature =
+            static_cast<std::uint32_t>(in.unsigned_number("feature_id", kMostOfKapture));
         if (frame == frame_of_.end()) {
           ++unposed;
         } else {

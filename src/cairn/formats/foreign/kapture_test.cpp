@@ -33,7 +33,7 @@ using ::testing::StartsWith;
 using testing::TemporaryFolder;
 
 template <class Number>
-std::string bytes_of(const std::vector<Number>& numbers) {
+std::string raw_bytes_of(const std::vector<Number>& numbers) {
   std::string bytes(numbers.size() * sizeof(Number), '\0');
   if (!numbers.empty()) std::memcpy(bytes.data(), numbers.data(), bytes.size());
   return bytes;
@@ -410,7 +410,8 @@ Files files_of(const LandmarkMap& map, bool world_from_camera) {
   }
   files["reconstruction/keypoints/mine/keypoints.txt"] = "mine, float64, 2\n";
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    files[fmt::format("reconstruction/keypoints/mine/{:05}.png.kpt", i)] = bytes_of(keypoints[i]);
+    files[fmt::format("reconstruction/keypoints/mine/{:05}.png.kpt", i)] =
+        raw_bytes_of(keypoints[i]);
   }
   return files;
 }

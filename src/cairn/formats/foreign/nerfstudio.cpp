@@ -136,7 +136,7 @@ class NerfstudioReader {
 };
 
 // The fields of a camera; std::nullopt for a model that nerfstudio does not have.
-std::optional<nlohmann::ordered_json> json_of(const Camera& camera) {
+std::optional<nlohmann::ordered_json> nerfstudio_camera(const Camera& camera) {
   const Intrinsics k = intrinsics(camera);
   const auto d = opencv_distortion(camera);
   if (!d) return std::nullopt;
@@ -176,7 +176,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   nlohmann::ordered_json all = nlohmann::ordered_json::object();
   std::vector<nlohmann::ordered_json> cameras;
   for (const Camera& camera : map.cameras()) {
-    auto json = json_of(camera);
+    auto json = nerfstudio_camera(camera);
     if (!json) {
       throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
                   "is of model " + camera.model + ", which nerfstudio does not have",

@@ -16,7 +16,7 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::uint64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint64_t kMostOpenMvg = std::numeric_limits<std::uint32_t>::max();
 
 class OpenMvgReader {
  public:
@@ -42,7 +42,7 @@ class OpenMvgReader {
   }
 
   void read_camera(const JsonValue& entry) {
-    const std::uint64_t id = entry.at("key").unsigned_number(kMost32);
+    const std::uint64_t id = entry.at("key").unsigned_number(kMostOpenMvg);
     const JsonValue data = data_of(entry);
     // Spherical cameras have no focal length.
     if (data.has("focal_length")) {
@@ -54,8 +54,8 @@ class OpenMvgReader {
 
   // The distortion parameters identify the model.
   static Camera camera_of(const JsonValue& data, CameraId id) {
-    const auto width = static_cast<std::uint32_t>(data.at("width").unsigned_number(kMost32));
-    const auto height = static_cast<std::uint32_t>(data.at("height").unsigned_number(kMost32));
+    const auto width = static_cast<std::uint32_t>(data.at("width").unsigned_number(kMostOpenMvg));
+    const auto height = static_cast<std::uint32_t>(data.at("height").unsigned_number(kMostOpenMvg));
     const double focal = data.at("focal_length").number();
     const std::vector<double> centre = data.at("principal_point").numbers(2);
     const double cx = centre[0];
@@ -94,20 +94,20 @@ class OpenMvgReader {
   void read_frames(const JsonValue& extrinsics, const JsonValue& views) {
     std::unordered_map<std::uint64_t, std::size_t> poses;
     for (std::size_t i = 0; i < extrinsics.size(); ++i) {
-      poses.emplace(extrinsics.at(i).at("key").unsigned_number(kMost32), i);
+      poses.emplace(extrinsics.at(i).at("key").unsigned_number(kMostOpenMvg), i);
     }
     std::size_t without_pose = 0;
     views.each([&](const JsonValue& entry) {
       const JsonValue view = data_of(entry);
-      const std::uint64_t id = view.at("id_view").unsigned_number(kMost32);
-      const auto pose = poses.find(view.at("id_pose").unsigned_number(kMost32));
+      const std::uint64_t id = view.at("id_view").unsigned_number(kMostOpenMvg);
+      const auto pose = poses.find(view.at("id_pose").unsigned_number(kMostOpenMvg));
       if (pose == poses.end()) {
         ++without_pose;
         return;
       }
       const JsonValue value = extrinsics.at(pose->second).at("value");
       const Eigen::Matrix3d rotation = rotation_of(value.at("rotation"));
-      const std::uint64_t camera = view.at("id_intrinsic").unsigned_number(kMost32);
+      const std::uint64_t camera = view.at("id_intrinsic").unsigned_number(kMostOpenMvg);
       const FrameIndex frame = out_.add_frame(
           {.id = FrameId{id},
            .world_from_camera = Eigen::Quaterniond(rotation).conjugate().normalized(),
@@ -125,7 +125,7 @@ class OpenMvgReader {
     const JsonValue value = entry.at("value");
     out_.add_landmark(id, value.at("X").vector3());
     value.at("observations").each([&](const JsonValue& observation) {
-      const auto frame = frame_of_view_.find(observation.at("key").unsigned_number(kMost32));
+      const auto frame = frame_of_view_.find(observation.at("key").unsigned_number(kMostOpenMvg));
       if (frame == frame_of_view_.end()) {
         ++unposed_;
         return;
@@ -135,7 +135,7 @@ class OpenMvgReader {
       std::optional<std::uint32_t> feature;
       if (seen.has("id_feat") && seen.at("id_feat").json().is_number_unsigned()) {
         const auto number = seen.at("id_feat").json().get<std::uint64_t>();
-        if (number < kMost32) feature = static_cast<std::uint32_t>(number);
+        if (number < kMostOpenMvg) feature = static_cast<std::uint32_t>(number);
       }
       out_.add_observation(
           {.landmark_id = id, .frame = frame->second, .pixel = {x[0], x[1]}, .keypoint = feature});

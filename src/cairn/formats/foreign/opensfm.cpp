@@ -31,7 +31,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kMostPixels = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint64_t kMostOpenSfmPixels = std::numeric_limits<std::uint32_t>::max();
 constexpr double kUnknownAccuracy =
     999999.0;  // metres: OpenSfM's value for a shot without GNSS position
 
@@ -153,8 +153,9 @@ class OpenSfmReader {
   void read_cameras(const JsonValue& cameras) {
     for (const auto& [name, json] : cameras.json().items()) {
       const JsonValue camera = cameras.at(name);
-      const ImageFrame image{static_cast<double>(camera.at("width").unsigned_number(kMostPixels)),
-                             static_cast<double>(camera.at("height").unsigned_number(kMostPixels))};
+      const ImageFrame image{
+          static_cast<double>(camera.at("width").unsigned_number(kMostOpenSfmPixels)),
+          static_cast<double>(camera.at("height").unsigned_number(kMostOpenSfmPixels))};
       auto usable = camera_of(camera, image, CameraId{images_.size()});
       images_.emplace(name, image);
       std::string defect;
@@ -342,7 +343,7 @@ class OpenSfmReader {
 // --- Writing --------------------------------------------------------------------------------------
 
 // A camera as OpenSfM describes it; std::nullopt for a model that it does not have.
-std::optional<nlohmann::json> json_of(const Camera& camera) {
+std::optional<nlohmann::json> opensfm_camera(const Camera& camera) {
   const ImageFrame image{static_cast<double>(camera.width), static_cast<double>(camera.height)};
   const double size = image.size();
   const std::vector<double>& p = camera.parameters;
@@ -411,7 +412,7 @@ class OpenSfmWriter {
   void write_reconstruction(const ByteSink& sink) const {
     text_ = "[{\"cameras\": {";
     for (const Camera& camera : map_.cameras()) {
-      const auto json = json_of(camera);
+      const auto json = opensfm_camera(camera);
       if (!json) {
         throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
                     "is of model " + camera.model + ", which OpenSfM does not have",

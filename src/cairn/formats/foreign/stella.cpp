@@ -20,7 +20,7 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::uint64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint64_t kMostStella = std::numeric_limits<std::uint32_t>::max();
 
 // Calls `read` with each key; it takes the value.
 template <class Read>
@@ -31,8 +31,8 @@ void for_each_key(MsgpackReader& in, std::string_view field, const Read& read) {
 
 std::uint64_t id_of(const MsgpackReader& in, const std::string& key, std::string_view field) {
   const auto id = parse_unsigned(key);
-  if (!id || *id > kMost32) {
-    in.refuse(field, printable(key) + " is no id", fmt::format("0 to {}", kMost32));
+  if (!id || *id > kMostStella) {
+    in.refuse(field, printable(key) + " is no id", fmt::format("0 to {}", kMostStella));
   }
   return *id;
 }
@@ -59,7 +59,8 @@ StellaCamera read_camera(MsgpackReader& in) {
       {"fx", &camera.fx}, {"fy", &camera.fy}, {"cx", &camera.cx}, {"cy", &camera.cy}};
   const auto size = [&](std::string_view field) {
     const std::int64_t value = in.whole(field);
-    return value >= 0 && value <= std::int64_t{kMost32} ? static_cast<std::uint32_t>(value) : 0U;
+    return value >= 0 && value <= std::int64_t{kMostStella} ? static_cast<std::uint32_t>(value)
+                                                            : 0U;
   };
   for_each_key(in, "camera", [&](const std::string& key) {
     if (const auto found = distortion.find(key); found != distortion.end()) {
@@ -99,14 +100,14 @@ void read_keypoints(MsgpackReader& in, StellaKeyframe& keyframe, bool with_pixel
   }
 }
 
-void read_descriptors(MsgpackReader& in, StellaKeyframe& keyframe) {
+void read_orb(MsgpackReader& in, StellaKeyframe& keyframe) {
   const std::uint64_t count = in.begin_array("descs");
   for (std::uint64_t i = 0; i < count; ++i) {
     in.begin_array("descriptor", kOrbBytes / 4);
     auto& bytes = keyframe.descriptors.emplace_back();
     for (std::size_t word = 0; word < kOrbBytes / 4; ++word) {
       const auto value = static_cast<std::uint64_t>(in.whole("descriptor"));
-      if (value > kMost32) in.refuse("descriptor", "a word is too large", "32 bits");
+      if (value > kMostStella) in.refuse("descriptor", "a word is too large", "32 bits");
       for (std::size_t j = 0; j < 4; ++j) {
         bytes[4 * word + j] = static_cast<std::uint8_t>(value >> (8 * j) & 0xffU);
       }
@@ -145,7 +146,7 @@ void read_keyframe(MsgpackReader& in, std::uint64_t id, StellaBuilder& out) {
         keyframe.depths.push_back(static_cast<float>(in.number_or_nan(key)));
       }
     } else if (key == "descs") {
-      read_descriptors(in, keyframe);
+      read_orb(in, keyframe);
     } else if (key == "lm_ids") {
       const std::uint64_t count = in.begin_array(key);
       for (std::uint64_t i = 0; i < count; ++i) landmarks.push_back(in.whole(key));

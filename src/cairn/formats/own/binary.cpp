@@ -28,7 +28,7 @@ static_assert(sizeof(FrameId) == 8 && sizeof(LandmarkId) == 8 && sizeof(FrameInd
               "columns are stored as they are");
 static_assert(!Eigen::Matrix3d::IsRowMajor, "covariances are stored column by column");
 
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kBinaryVersion = 1;
 constexpr std::uint64_t kVersionPlace = 8;
 constexpr std::uint64_t kUnitPlace = 12;
 constexpr std::uint64_t kSizePlace = 16;
@@ -45,7 +45,7 @@ constexpr std::uint64_t kUnknownBits = 0x7ff8000000000000;  // of a double
 constexpr double kUnknownNumber = std::bit_cast<double>(kUnknownBits);
 constexpr std::int64_t kUnknownInteger = std::numeric_limits<std::int64_t>::min();
 
-constexpr std::size_t kBlockSize = std::size_t{1} << 20;
+constexpr std::size_t kBinaryBlock = std::size_t{1} << 20;
 
 constexpr std::size_t kUpperTriangle = 21;  // numbers of a symmetric matrix of six rows
 
@@ -211,9 +211,9 @@ class BinaryReader {
       refuse(bytes_.size(), "size", fmt::format("the file ends after {} bytes", bytes_.size()),
              fmt::format("at least {}", kSmallest));
     }
-    if (const auto version = at<std::uint32_t>(kVersionPlace); version != kVersion) {
+    if (const auto version = at<std::uint32_t>(kVersionPlace); version != kBinaryVersion) {
       refuse(kVersionPlace, "version", fmt::format("format version {}", version),
-             std::to_string(kVersion));
+             std::to_string(kBinaryVersion));
     }
     if (const auto size = at<std::uint64_t>(kSizePlace); size != bytes_.size()) {
       refuse(kSizePlace, "size",
@@ -225,9 +225,9 @@ class BinaryReader {
 
   void check_checksum() {
     Hasher hasher;
-    for (std::uint64_t byte = 0; byte < checksum_place(); byte += kBlockSize) {
+    for (std::uint64_t byte = 0; byte < checksum_place(); byte += kBinaryBlock) {
       hasher.update(
-          bytes_.substr(byte, std::min<std::uint64_t>(kBlockSize, checksum_place() - byte)));
+          bytes_.substr(byte, std::min<std::uint64_t>(kBinaryBlock, checksum_place() - byte)));
       report(0.5 * static_cast<double>(byte) / static_cast<double>(bytes_.size()));
     }
     const Hash128 stored{at<std::uint64_t>(checksum_place()),
@@ -734,7 +734,7 @@ class BinaryWriter {
     for (const Planned& section : plan_) end = aligned(end) + section.size;
     size_ = aligned(end) + kChecksumSize;
     put(kBinaryMagic);
-    put(kVersion);
+    put(kBinaryVersion);
     put(std::uint32_t{map_.info().length_unit == LengthUnit::kFree});
     put(size_);
     put(std::uint64_t{map_.frame_count()});
@@ -778,10 +778,10 @@ class BinaryWriter {
   void put(std::string_view bytes) {
     written_ += bytes.size();
     while (!bytes.empty()) {
-      const std::string_view block = bytes.substr(0, kBlockSize - buffer_.size());
+      const std::string_view block = bytes.substr(0, kBinaryBlock - buffer_.size());
       buffer_ += block;
       bytes.remove_prefix(block.size());
-      if (buffer_.size() == kBlockSize) flush();
+      if (buffer_.size() == kBinaryBlock) flush();
     }
   }
 

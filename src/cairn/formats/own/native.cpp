@@ -26,7 +26,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kBlockSize = std::size_t{1} << 20;
+constexpr std::size_t kTextBlock = std::size_t{1} << 20;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // ---- sizes, estimated from the bytes alone so that columns grow without copying
@@ -994,7 +994,7 @@ class NativeWriter {
 
   void end_line() {
     buffer_ += '\n';
-    if (buffer_.size() >= kBlockSize) flush();
+    if (buffer_.size() >= kTextBlock) flush();
   }
 
   template <class... Values>
