@@ -14,7 +14,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/map/turning_columns.hpp"
 #include "cairn/registration/icp.hpp"
 
 #include "align_pairs.hpp"

@@ -5,8 +5,7 @@
 #include "fuzz/token_mutator.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  for (auto* const read :
-       {&cairn::detail::read_bundler, &cairn::detail::read_bal, &cairn::detail::read_nvm}) {
+  for (auto* const read : {&cairn::detail::read_bundler, &cairn::detail::read_nvm}) {
     cairn::testing::expect_read_or_refused([&] {
       cairn::MemoryReader source(cairn::testing::text_of(data, size), "input");
       read(source, {});

@@ -81,7 +81,8 @@ TEST(G2o, RefusesByLineAndField) {
               HasSubstr("a.g2o:1: field 4 (y): 'x' is not a number"));
   EXPECT_THAT(complaint("VERTEX_SE3:QUAT -1 0 0 0 0 0 0 1\n"), HasSubstr("field 2 (id): '-1'"));
   EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 0 0 0 0 0\n"), HasSubstr("field 9 (qw): missing"));
-  EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1 9\n"), HasSubstr("more than 9 fields"));
+  EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1 9\n"),
+              HasSubstr("field 10: '9' is too much"));
   EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 2\n"), HasSubstr("quaternion of norm 2"));
   EXPECT_THAT(complaint("VERTEX_SE3:QUAT 1 0 0 nan 0 0 0 1\n"), HasSubstr("field 5 (z): 'nan'"));
   EXPECT_THAT(complaint(kTwo + "VERTEX_SE3:QUAT 5 0 0 0 0 0 0 1\n"),

@@ -89,16 +89,19 @@ TEST(PoseGraphJson, RefusesNamingThePlace) {
     return testing::refusal(ErrorKind::kInput, [&] { read_graph(text); });
   };
   EXPECT_THAT(complaint("\"nodes\": [", "\"nodes\": [ oops"),
-              HasSubstr("a.json: parse error at line 6"));
+              HasSubstr(": is not JSON"));
   EXPECT_THAT(complaint("cairn.pose_graph", "cairn.align"),
-              HasSubstr("a.json: schema: name: '\"cairn.align\"'; expected cairn.pose_graph"));
-  EXPECT_THAT(complaint("\"version\": 1", "\"version\": 2"), HasSubstr("version: '2'; expected 1"));
-  EXPECT_THAT(complaint("\"id\": 2", "\"id\": -2"), HasSubstr("nodes[1]: id: '-2'"));
-  EXPECT_THAT(complaint("\"id\": 2", "\"it\": 2"), HasSubstr("nodes[1]: 'id' is missing"));
+              HasSubstr("a.json: /schema/name: 'cairn.align'; expected cairn.pose_graph"));
+  EXPECT_THAT(complaint("\"version\": 1", "\"version\": 2"),
+              HasSubstr("/schema/version: 2; expected 1"));
+  EXPECT_THAT(complaint("\"id\": 2", "\"id\": -2"), HasSubstr("/nodes/1/id: is no whole number"));
+  EXPECT_THAT(complaint("\"id\": 2", "\"it\": 2"), HasSubstr("/nodes/1: has no 'id'"));
   EXPECT_THAT(complaint("\"scale\": 1.0", "\"scale\": 0"),
-              HasSubstr("nodes[0]: world_from_node: scale: '0'; expected a positive number"));
-  EXPECT_THAT(complaint("\"quaternion\": [", "\"quaternion\": [ 1,"), HasSubstr("an array of 4"));
-  EXPECT_THAT(complaint("\"manual\"", "\"guess\""), HasSubstr("links[1]: kind: "));
+              HasSubstr("/nodes/0/world_from_node/scale: 0; expected a positive number"));
+  EXPECT_THAT(complaint("\"quaternion\": [", "\"quaternion\": [ 1,"),
+              HasSubstr("has 5 entries; expected 4 numbers"));
+  EXPECT_THAT(complaint("\"manual\"", "\"guess\""),
+              HasSubstr("/links/1/kind: 'guess'; expected odometry"));
   EXPECT_THAT(complaint("\"source\": 3", "\"source\": 4"), HasSubstr("there is no node 4"));
   EXPECT_THAT(complaint("\"probability\": 0.3", "\"probability\": 5.3"),
               HasSubstr("expected 0 to 1"));

@@ -11,7 +11,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
-#include "cairn/map/turning_columns.hpp"
 
 namespace cairn {
 namespace {

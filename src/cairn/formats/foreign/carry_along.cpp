@@ -20,7 +20,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/own/ply_header.hpp"
-#include "cairn/map/turning_columns.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {

@@ -175,7 +175,7 @@ TEST_F(ColmapTest, OneNameOfTwoImagesIsNotWritten) {
   tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
   tables.frames.image_names = {"a.jpg", "a.jpg"};
   const LandmarkMap map(std::move(tables));
-  for (const char* name : {"model/", "out.nvm", "transforms.json", "reconstruction.json"}) {
+  for (const char* name : {"model/", "transforms.json", "reconstruction.json"}) {
     EXPECT_THAT(refusal(ErrorKind::kInput, [&] { all_formats().write(map, folder_ / name); }),
                 HasSubstr("frame 2: image name 'a.jpg' is that of frame 1 too"))
         << name;

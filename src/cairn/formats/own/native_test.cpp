@@ -290,7 +290,7 @@ TEST(ReadNative, NamesTheFieldOfACoordinateBeyondTheLimit) {
       {"FRAME 7 0 -1e40 0 1 0 0 0\n",
        "desk.map:1: field 4 (ty): -1e+40 is beyond the limit; expected numbers from -1e9 to 1e9"},
       {std::string(kFrame) + "LANDMARK 3 0 0 1 0 0 0 0 0 0 0 0 0 1 7 1 1e10\n",
-       "desk.map:2: field 18 (v): 10000000000 is beyond the limit; expected numbers from -1e9 to "
+       "desk.map:2: field 18 (v): 1e+10 is beyond the limit; expected numbers from -1e9 to "
        "1e9"},
   });
 }

@@ -113,10 +113,6 @@ LandmarkMap read_kapture(const std::filesystem::path& folder, const MapReadOptio
 /// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options = {});
 
-/// Reads a problem of Bundle Adjustment in the Large.
-/// @throws Error (input) as read_bundler
-LandmarkMap read_bal(ByteSource& source, const MapReadOptions& options = {});
-
 /// Reads the first model of an NVM file of VisualSFM, version 3.
 /// @throws Error (input) as read_bundler
 LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options = {});
@@ -125,11 +121,6 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options = {});
 /// @throws Error (input) naming a frame without a camera
 void write_bundler(const LandmarkMap& map, const ByteSink& sink,
                    const MapWriteOptions& options = {});
-
-/// Writes an NVM file with one model. Undistorts observations, because VisualSFM has another distortion
-/// model.
-/// @throws Error (input) naming a frame without a camera
-void write_nvm(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 
 /// Reads a map of stella_vslam or OpenVSLAM in MessagePack (docs/formats.md): keyframes become frames,
 /// sorted by id like the landmarks. Undistorted keypoints are distorted to pixels of the image.
