@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 #include "fuzz/imported.hpp"
 

@@ -197,19 +197,9 @@ LandmarkMap read_alicevision(ByteSource& source, const MapReadOptions& options) 
   return AliceVisionReader(source.name(), options).read(JsonValue(json, source.name() + ": "));
 }
 
-std::vector<MapFormat> alicevision_formats() {
-  return {{.name = "alicevision",
-           .title = "AliceVision",
-           .recognises =
-               [](const MapInput& input) {
-                 return begins_json(input, '{', {"\"viewId\"", "\"featuresFolders\""}) ||
-                        (input.path.extension() == ".sfm" &&
-                         begins_json(input, '{', {"\"version\""}));
-               },
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 return read_alicevision(*input.source, options);
-               }}};
+bool is_alicevision(const MapInput& input) {
+  return begins_json(input, '{', {"\"viewId\"", "\"featuresFolders\""}) ||
+         (input.path.extension() == ".sfm" && begins_json(input, '{', {"\"version\""}));
 }
 
 }  // namespace cairn::detail

@@ -405,15 +405,6 @@ std::optional<std::filesystem::path> image_list_of(const std::filesystem::path& 
   return found == places.end() ? std::nullopt : std::optional(*found);
 }
 
-LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options) {
-  std::vector<std::string> names;
-  if (const auto list = image_list_of(input.path)) {
-    FileReader file(*list);
-    names = read_image_list(file);
-  }
-  return read_named_bundler(*input.source, names, options);
-}
-
 // A camera's line of an NVM file: a name, which may have blanks, and ten numbers.
 View nvm_view(TextRecords& in) {
   const std::string_view line = in.rest();
@@ -543,6 +534,15 @@ LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
   return read_named_bundler(source, {}, options);
 }
 
+LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options) {
+  std::vector<std::string> names;
+  if (const auto list = image_list_of(input.path)) {
+    FileReader file(*list);
+    names = read_image_list(file);
+  }
+  return read_named_bundler(*input.source, names, options);
+}
+
 LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
   ReadingProgress progress(options, source.size().value_or(0));
   TextRecords in(source, progress);
@@ -580,24 +580,6 @@ void write_bundler(const LandmarkMap& map, const ByteSink& sink, const MapWriteO
   BundlerWriter writer(map, sink);
   writer.write();
   writer.remark(options.log);
-}
-
-std::vector<MapFormat> bundle_file_formats() {
-  const auto starts_with = [](std::string_view text) {
-    return [text](const MapInput& input) { return input.first_bytes.starts_with(text); };
-  };
-  return {{.name = "bundler",
-           .title = "Bundler",
-           .endings = {".out"},
-           .recognises = starts_with("# Bundle file v0.3"),
-           .read = &read_bundler_and_list,
-           .write_to = &write_bundler},
-          {.name = "nvm",
-           .title = "NVM",
-           .recognises = starts_with("NVM_V3"),
-           .read = [](const MapInput& input, const MapReadOptions& options) {
-             return read_nvm(*input.source, options);
-           }}};
 }
 
 }  // namespace cairn::detail

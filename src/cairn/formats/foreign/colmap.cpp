@@ -414,23 +414,6 @@ std::optional<fs::path> model_folder(const MapInput& input, ColmapForm form) {
   return is_file_of_model && beside ? std::optional(folder) : std::nullopt;
 }
 
-MapFormat colmap_format(ColmapForm form) {
-  const bool is_text = form == ColmapForm::kText;
-  return {
-      .name = is_text ? "colmap-text" : "colmap",
-      .title = is_text ? "COLMAP text" : "COLMAP",
-      .endings = is_text ? std::vector<std::string>{} : std::vector<std::string>{"/"},
-      .is_folder = true,
-      .recognises = [form](const MapInput& input) { return model_folder(input, form).has_value(); },
-      .read =
-          [form](const MapInput& input, const MapReadOptions& options) {
-            const fs::path folder = *model_folder(input, form);
-            return with_database_beside(read_colmap(folder, form, options), folder, options);
-          },
-      .write = [form](const LandmarkMap& map, const fs::path& path,
-                      const MapWriteOptions& options) { write_colmap(map, path, form, options); }};
-}
-
 }  // namespace
 
 LandmarkMap read_colmap(const ColmapSources& sources, ColmapForm form,
@@ -457,9 +440,21 @@ LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOp
   return read_colmap(sources, form, options);
 }
 
-std::vector<MapFormat> colmap_formats() {
-  // The binary form is last, so that it is tried first for a folder with both.
-  return {colmap_format(ColmapForm::kText), colmap_format(ColmapForm::kBinary)};
+MapFormat colmap_format(ColmapForm form) {
+  const bool is_text = form == ColmapForm::kText;
+  return {
+      .name = is_text ? "colmap-text" : "colmap",
+      .title = is_text ? "COLMAP text" : "COLMAP",
+      .endings = is_text ? std::vector<std::string>{} : std::vector<std::string>{"/"},
+      .is_folder = true,
+      .recognises = [form](const MapInput& input) { return model_folder(input, form).has_value(); },
+      .read =
+          [form](const MapInput& input, const MapReadOptions& options) {
+            const fs::path folder = *model_folder(input, form);
+            return with_database_beside(read_colmap(folder, form, options), folder, options);
+          },
+      .write = [form](const LandmarkMap& map, const fs::path& path,
+                      const MapWriteOptions& options) { write_colmap(map, path, form, options); }};
 }
 
 }  // namespace cairn::detail

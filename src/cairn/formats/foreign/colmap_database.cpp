@@ -280,7 +280,7 @@ LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& database,
   return with_descriptors(std::move(model), std::move(descriptors));
 }
 
-std::vector<MapFormat> colmap_database_formats() {
+std::vector<MapFormat> database_formats() {
   return {{.name = "colmap-database",
            .title = "COLMAP database",
            .holds_several = true,
@@ -288,16 +288,21 @@ std::vector<MapFormat> colmap_database_formats() {
                [](const MapInput& input) {
                  return is_database(input) && is_colmap_database(input.path);
                },
-           .read = &read_with_model}};
-}
-
-std::vector<MapFormat> database_formats() {
-  std::vector<MapFormat> all;
-  for (std::vector<MapFormat> some :
-       {colmap_database_formats(), stella_database_formats(), rtabmap_formats()}) {
-    std::move(some.begin(), some.end(), std::back_inserter(all));
-  }
-  return all;
+           .read = &read_with_model},
+          {.name = "stella-database",
+           .title = "stella_vslam database",
+           .recognises =
+               [](const MapInput& input) {
+                 return is_database_with(input, {"keyframes", "landmarks", "associations"});
+               },
+           .read = &read_path<&read_stella_database>},
+          {.name = "rtabmap",
+           .title = "RTAB-Map",
+           .recognises =
+               [](const MapInput& input) {
+                 return is_database_with(input, {"Node", "Link", "Data"});
+               },
+           .read = &read_path<&read_rtabmap>}};
 }
 
 LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,

@@ -678,14 +678,12 @@ LandmarkMap read_kapture(const fs::path& folder, const MapReadOptions& options) 
   return read_kapture(files, options);
 }
 
-std::vector<MapFormat> kapture_formats() {
-  return {{.name = "kapture",
-           .title = "kapture",
-           .recognises = [](const MapInput& input) { return kapture_folder(input).has_value(); },
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 return read_kapture(*kapture_folder(input), options);
-               }}};
+bool is_kapture(const MapInput& input) {
+  return kapture_folder(input).has_value();
+}
+
+LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options) {
+  return read_kapture(*kapture_folder(input), options);
 }
 
 }  // namespace cairn::detail

@@ -237,23 +237,15 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   }
 }
 
-std::vector<MapFormat> nerfstudio_formats() {
-  return {{.name = "nerfstudio",
-           .title = "nerfstudio",
-           .endings = {"transforms.json"},
-           .recognises =
-               [](const MapInput& input) {
-                 return begins_json(input, '{',
-                                    {"\"transform_matrix\"", "\"fl_x\"", "\"camera_angle_x\""}) ||
-                        (input.path.filename() == "transforms.json" &&
-                         begins_json(input, '{', {""}));
-               },
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 return read_nerfstudio(*input.source, input.path.parent_path(), options);
-               },
-           .write = [](const LandmarkMap& map, const fs::path& path,
-                       const MapWriteOptions& options) { write_nerfstudio(map, path, options); }}};
+bool is_nerfstudio(const MapInput& input) {
+  constexpr std::initializer_list<std::string_view> kKeys = {"\"transform_matrix\"", "\"fl_x\"",
+                                                             "\"camera_angle_x\""};
+  return begins_json(input, '{', kKeys) ||
+         (input.path.filename() == "transforms.json" && begins_json(input, '{', {""}));
+}
+
+LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options) {
+  return read_nerfstudio(*input.source, input.path.parent_path(), options);
 }
 
 }  // namespace cairn::detail

@@ -154,14 +154,8 @@ LandmarkMap read_openmvg(ByteSource& source, const MapReadOptions& options) {
   return OpenMvgReader(source.name(), options).read(JsonValue(json, source.name() + ": "));
 }
 
-std::vector<MapFormat> openmvg_formats() {
-  return {
-      {.name = "openmvg",
-       .title = "OpenMVG",
-       .recognises =
-           [](const MapInput& input) { return begins_json(input, '{', {"\"sfm_data_version\""}); },
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_openmvg(*input.source, options); }}};
+bool is_openmvg(const MapInput& input) {
+  return begins_json(input, '{', {"\"sfm_data_version\""});
 }
 
 }  // namespace cairn::detail

@@ -656,34 +656,25 @@ LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std:
   return std::move(reader).read(all.at(static_cast<std::size_t>(*index)));
 }
 
-std::vector<MapFormat> opensfm_formats() {
-  const auto recognises = [](const MapInput& input) {
-    return begins_json(input, '[', {"\"shots\"", "\"cameras\""}) ||
-           (input.path.filename() == "reconstruction.json" && begins_json(input, '[', {""}));
+bool is_opensfm(const MapInput& input) {
+  return begins_json(input, '[', {"\"shots\"", "\"cameras\""}) ||
+         (input.path.filename() == "reconstruction.json" && begins_json(input, '[', {""}));
+}
+
+LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options) {
+  OpenSfmSources sources;
+  sources.reconstruction = input.source;
+  const auto beside = [&](const char* name, std::optional<FileReader>& file) {
+    const fs::path path = input.path.parent_path() / name;
+    return is_file(path) ? &file.emplace(path) : nullptr;
   };
-  return {{.name = "opensfm",
-           .title = "OpenSfM",
-           .endings = {"reconstruction.json"},
-           .holds_several = true,
-           .recognises = recognises,
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 OpenSfmSources sources;
-                 sources.reconstruction = input.source;
-                 const auto beside = [&](const char* name, std::optional<FileReader>& file) {
-                   const fs::path path = input.path.parent_path() / name;
-                   return is_file(path) ? &file.emplace(path) : nullptr;
-                 };
-                 std::optional<FileReader> tracks;
-                 std::optional<FileReader> control_points;
-                 std::optional<FileReader> control_list;
-                 sources.tracks = beside("tracks.csv", tracks);
-                 sources.control_points = beside("ground_control_points.json", control_points);
-                 sources.control_list = beside("gcp_list.txt", control_list);
-                 return read_opensfm(sources, input.part, options);
-               },
-           .write = [](const LandmarkMap& map, const fs::path& path,
-                       const MapWriteOptions& options) { write_opensfm(map, path, options); }}};
+  std::optional<FileReader> tracks;
+  std::optional<FileReader> control_points;
+  std::optional<FileReader> control_list;
+  sources.tracks = beside("tracks.csv", tracks);
+  sources.control_points = beside("ground_control_points.json", control_points);
+  sources.control_list = beside("gcp_list.txt", control_list);
+  return read_opensfm(sources, input.part, options);
 }
 
 }  // namespace cairn::detail

@@ -19,7 +19,6 @@
 #include "cairn/formats/detail/bytes/record_reader.hpp"
 #include "cairn/formats/detail/bytes/zip_archive.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
-#include "cairn/formats/detail/foreign/text_points.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/memory_budget.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
@@ -66,15 +65,6 @@ std::string word_of(std::string_view name) {
   std::replace_if(
       word.begin(), word.end(), [](char c) { return is_blank(c) || c == ',' || c == ';'; }, '_');
   return word;
-}
-
-// Whether a ZIP archive begins with a member that is an array. Other programs use such archives too.
-bool is_archive_of_arrays(std::string_view bytes) {
-  constexpr std::size_t kName =
-      30;  // a name begins there, its length is before the length of the extra field
-  if (!bytes.starts_with("PK\x03\x04") || bytes.size() < kName) return false;
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
-  return bytes.substr(kName, byte(26) + 256U * byte(27)).ends_with(".npy");
 }
 
 // None of these formats can hold frames or observations, as their row in the list of formats states; these
@@ -286,21 +276,25 @@ class NpzReader {
   MapTables tables_;
 };
 
-template <class Value>
-void append_bytes(std::string& out, Value value) {
-  out.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
 std::string position_bytes(const LandmarkMap& map) {
   std::string bytes;
   bytes.reserve(24 * map.landmark_count());
   for (const Eigen::Vector3d& x : map.landmarks().positions) {
-    for (int i = 0; i < 3; ++i) append_bytes(bytes, x[i]);
+    for (int i = 0; i < 3; ++i) append_scalar(bytes, x[i]);
   }
   return bytes;
 }
 
 }  // namespace
+
+bool is_archive_of_arrays(const MapInput& input) {
+  const std::string_view bytes = input.first_bytes;
+  constexpr std::size_t kName =
+      30;  // a name begins there, its length is before the length of the extra field
+  if (!bytes.starts_with("PK\x03\x04") || bytes.size() < kName) return false;
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
+  return bytes.substr(kName, byte(26) + 256U * byte(27)).ends_with(".npy");
+}
 
 LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
   ReadingProgress progress(options, source.size().value_or(0));
@@ -408,11 +402,11 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
   };
   bytes = position_bytes(map);
   add("positions", "<f8", {count, 3});
-  for (const LandmarkId id : landmarks.ids) append_bytes(bytes, id.value);
+  for (const LandmarkId id : landmarks.ids) append_scalar(bytes, id.value);
   add("ids", "<u8", {count});
   if (!landmarks.covariances.empty()) {
     for (const Eigen::Matrix3d& c : landmarks.covariances) {
-      for (int i = 0; i < 9; ++i) append_bytes(bytes, c(i / 3, i % 3));
+      for (int i = 0; i < 9; ++i) append_scalar(bytes, c(i / 3, i % 3));
     }
     add("covariances", "<f8", {count, 3, 3});
   }
@@ -435,7 +429,7 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
       bytes.assign(descriptors->further.begin(), descriptors->further.end());
       add("further_descriptors", "|u1",
           {descriptors->further_offsets.back(), descriptors->bytes_each});
-      for (const std::uint64_t offset : descriptors->further_offsets) append_bytes(bytes, offset);
+      for (const std::uint64_t offset : descriptors->further_offsets) append_scalar(bytes, offset);
       add("further_descriptor_offsets", "<u8", {count + 1});
     }
   }
@@ -448,12 +442,12 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
     const bool is_taken = std::find(kTaken.begin(), kTaken.end(), column.name) != kTaken.end();
     if (is_taken || column.name.find_first_of("/\\") != std::string::npos) continue;
     columns.push_back(column.name);
-    for (const double value : column.values) append_bytes(bytes, value);
+    for (const double value : column.values) append_scalar(bytes, value);
     add(column.name, "<f8", {count});
   }
   if (map.has_observations() && count > 0) {
     for (std::uint32_t i = 0; i < count; ++i) {
-      append_bytes(bytes, std::uint64_t{map.observation_count(LandmarkIndex{i})});
+      append_scalar(bytes, std::uint64_t{map.observation_count(LandmarkIndex{i})});
     }
     add("observations", "<u8", {count});
   }
@@ -465,48 +459,6 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
   holdings.further_descriptors = true;
   holdings.columns = columns;
   log_losses(options.log, map, holdings, ".npz");
-}
-
-std::vector<MapFormat> plain_points_formats() {
-  return {
-      {.name = "xyz",
-       .title = "XYZ",
-       .endings = {".xyz"},
-       .holds_frames = false,
-       .recognises =
-           [](const MapInput& input) {
-             return input.source != nullptr && looks_like_points(input.first_bytes);
-           },
-       .read =
-           [](const MapInput& input, const MapReadOptions& options) {
-             return read_plain_points(*input.source, options);
-           },
-       .write_to = &write_xyz_points},
-      {.name = "csv",
-       .title = "CSV",
-       .endings = {".csv"},
-       .holds_frames = false,
-       .write_to = &write_csv_points},
-      {.name = "npy",
-       .title = "NumPy .npy",
-       .endings = {".npy"},
-       .holds_frames = false,
-       .recognises = [](const MapInput& input) { return input.first_bytes.starts_with(kNpyMagic); },
-       .read =
-           [](const MapInput& input, const MapReadOptions& options) {
-             return read_npy_points(*input.source, options);
-           },
-       .write_to = &write_npy_points},
-      {.name = "npz",
-       .title = "NumPy .npz",
-       .endings = {".npz"},
-       .holds_frames = false,
-       .recognises = [](const MapInput& input) { return is_archive_of_arrays(input.first_bytes); },
-       .read =
-           [](const MapInput& input, const MapReadOptions& options) {
-             return read_npz_points(*input.source, options);
-           },
-       .write_to = &write_npz_points}};
 }
 
 }  // namespace cairn::detail

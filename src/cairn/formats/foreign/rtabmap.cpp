@@ -426,8 +426,8 @@ class MapReader {
     }
   }
 
-  void make_landmarks() {
-    finish_floats();
+  // The features of each landmark, in the order of their first ones.
+  std::vector<std::vector<std::uint32_t>> groups() {
     std::vector<std::uint32_t> landmark_of(features_.size(), kNone);
     std::vector<std::vector<std::uint32_t>> members;
     for (std::uint32_t i = 0; i < features_.size(); ++i) {
@@ -438,53 +438,71 @@ class MapReader {
       }
       members[landmark_of[first]].push_back(i);
     }
+    return members;
+  }
+
+  // Mean of the positions by depth, weighted by their certainty; std::nullopt without a depth.
+  std::optional<Eigen::Vector3d> position_of(const std::vector<std::uint32_t>& group) const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    double weights = 0.0;
+    for (const std::uint32_t i : group) {
+      if (!features_[i].in_camera) continue;
+      const double weight = 1.0 / (tolerance_m(features_[i]) * tolerance_m(features_[i]));
+      sum += weight * in_world(features_[i]);
+      weights += weight;
+    }
+    if (!(weights > 0.0) || !sum.allFinite()) return std::nullopt;
+    return sum / weights;
+  }
+
+  // One feature per frame, the nearest to the projection of the position. Counts the others.
+  std::map<std::uint32_t, std::uint32_t> nearest_of(const std::vector<std::uint32_t>& group,
+                                                    const Eigen::Vector3d& position,
+                                                    std::size_t& others) const {
+    std::map<std::uint32_t, std::uint32_t> nearest;
+    std::map<std::uint32_t, double> distances;
+    for (const std::uint32_t i : group) {
+      const Feature& feature = features_[i];
+      const auto off = pixels_off(feature, position);
+      const bool is_near =
+          camera_of(feature.frame) != nullptr
+              ? off && *off <= kMostPixelsOff
+              : feature.in_camera && (in_world(feature) - position).norm() <= tolerance_m(feature);
+      if (!is_near) {
+        ++others;
+        continue;
+      }
+      const double distance = off.value_or(0.0);
+      const auto [place, is_new] = distances.try_emplace(feature.frame, distance);
+      others += is_new ? 0 : 1;
+      if (!is_new && distance >= place->second) continue;
+      place->second = distance;
+      nearest[feature.frame] = i;
+    }
+    return nearest;
+  }
+
+  void make_landmarks() {
+    finish_floats();
     const bool is_binary = !are_floats() && descriptor_bytes_ <= 64;
     out_.set_descriptors(descriptor_kind(database_), descriptor_bytes_,
                          is_binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared);
     std::size_t without_depth = 0;
     std::size_t disagreeing = 0;
     NamedColumn words{"word", {}};
-    for (const auto& of_landmark : members) {
-      // Mean of the positions by depth, weighted by their certainty.
-      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      double weights = 0.0;
-      for (const std::uint32_t i : of_landmark) {
-        if (!features_[i].in_camera) continue;
-        const double weight = 1.0 / (tolerance_m(features_[i]) * tolerance_m(features_[i]));
-        sum += weight * in_world(features_[i]);
-        weights += weight;
-      }
-      if (!(weights > 0.0) || !sum.allFinite()) {
-        without_depth += of_landmark.size();
+    for (const auto& group : groups()) {
+      const auto position = position_of(group);
+      if (!position) {
+        without_depth += group.size();
         continue;
       }
-      const Eigen::Vector3d position = sum / weights;
+      const auto nearest = nearest_of(group, *position, disagreeing);
+      if (nearest.empty()) continue;
       const std::uint64_t id = out_.landmark_count();
-      // One observation per frame, the nearest.
-      std::map<std::uint32_t, std::pair<double, std::uint32_t>> best;
-      for (const std::uint32_t i : of_landmark) {
-        const Feature& feature = features_[i];
-        const auto off = pixels_off(feature, position);
-        const bool has_camera = camera_of(feature.frame) != nullptr;
-        const bool is_near = has_camera
-                                 ? off && *off <= kMostPixelsOff
-                                 : feature.in_camera && (in_world(feature) - position).norm() <=
-                                                            tolerance_m(feature);
-        if (!is_near) {
-          ++disagreeing;
-          continue;
-        }
-        const auto [place, is_new] = best.try_emplace(feature.frame, off.value_or(0.0), i);
-        if (!is_new) {
-          ++disagreeing;
-          if (off.value_or(0.0) < place->second.first) place->second = {off.value_or(0.0), i};
-        }
-      }
-      if (best.empty()) continue;
-      out_.add_landmark(id, position);
-      words.values.push_back(static_cast<double>(features_[of_landmark.front()].word));
-      for (const auto& [frame, chosen] : best) {
-        const Feature& feature = features_[chosen.second];
+      out_.add_landmark(id, *position);
+      words.values.push_back(static_cast<double>(features_[group.front()].word));
+      for (const auto& [frame, chosen] : nearest) {
+        const Feature& feature = features_[chosen];
         SfmObservation observation{.landmark_id = id,
                                    .frame = FrameIndex{frame},
                                    .pixel = feature.pixel,
@@ -539,18 +557,6 @@ class MapReader {
 LandmarkMap read_rtabmap(const fs::path& path, const MapReadOptions& options) {
   sqlite::Database database = open_foreign_database(path, options);
   return MapReader(database, options).read();
-}
-
-std::vector<MapFormat> rtabmap_formats() {
-  return {
-      {.name = "rtabmap",
-       .title = "RTAB-Map",
-       .recognises =
-           [](const MapInput& input) {
-             return is_database_with(input, {"Node", "Link", "Data"});
-           },
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_rtabmap(input.path, options); }}};
 }
 
 }  // namespace cairn::detail

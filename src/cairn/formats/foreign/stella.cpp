@@ -180,8 +180,10 @@ void read_landmark(MsgpackReader& in, std::uint64_t id, StellaBuilder& out) {
   out.add_landmark(id, *position, visible, found);
 }
 
-// A map of at most 15 entries, of which the first has a name that stella_vslam gives.
-bool looks_like_stella(std::string_view bytes) {
+}  // namespace
+
+bool is_stella(const MapInput& input) {
+  const std::string_view bytes = input.first_bytes;
   if (bytes.size() < 2 || (static_cast<unsigned char>(bytes[0]) & 0xf0U) != 0x80) return false;
   const auto head = static_cast<unsigned char>(bytes[1]);
   if ((head & 0xe0U) != 0xa0) return false;
@@ -191,8 +193,6 @@ bool looks_like_stella(std::string_view bytes) {
       "landmark_next_id", "landmarks",     "orb_params"};
   return std::find(kKeys.begin(), kKeys.end(), key) != kKeys.end();
 }
-
-}  // namespace
 
 LandmarkMap read_stella(ByteSource& source, const MapReadOptions& options) {
   ReadingProgress progress(options, source.size().value_or(0));
@@ -220,17 +220,6 @@ LandmarkMap read_stella(ByteSource& source, const MapReadOptions& options) {
   if (!has_landmarks) in.refuse("map", "has no landmarks", "a map with landmarks");
   records.expect_end();
   return std::move(out).finish();
-}
-
-std::vector<MapFormat> stella_formats() {
-  return {
-      {.name = "stella",
-       .title = "stella_vslam",
-       .endings = {".msg"},
-       .recognises = [](const MapInput& input) { return looks_like_stella(input.first_bytes); },
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_stella(*input.source, options); },
-       .write_to = &write_stella}};
 }
 
 }  // namespace cairn::detail

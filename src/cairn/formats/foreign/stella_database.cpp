@@ -194,17 +194,4 @@ LandmarkMap read_stella_database(const std::filesystem::path& path, const MapRea
   return StellaDatabaseReader(database, options).read();
 }
 
-std::vector<MapFormat> stella_database_formats() {
-  return {{.name = "stella-database",
-           .title = "stella_vslam database",
-           .recognises =
-               [](const MapInput& input) {
-                 return is_database_with(input, {"keyframes", "landmarks", "associations"});
-               },
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 return read_stella_database(input.path, options);
-               }}};
-}
-
 }  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/detail/foreign/text_points.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -655,7 +653,9 @@ class TableReader {
 
 }  // namespace
 
-bool looks_like_points(std::string_view bytes) {
+bool is_points_text(const MapInput& input) {
+  if (input.source == nullptr) return false;
+  std::string_view bytes = input.first_bytes;
   Cells cells;
   std::vector<std::string_view> comments;
   while (!bytes.empty()) {

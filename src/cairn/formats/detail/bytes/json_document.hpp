@@ -13,7 +13,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/formats/map_file.hpp"
 
-// Other systems' JSON files, with errors that name the place. Private to cairn/interchange.
+// Other systems' JSON files, with errors that name the place.
 namespace cairn::detail {
 
 /// Parses a whole source.

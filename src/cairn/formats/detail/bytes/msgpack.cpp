@@ -47,6 +47,8 @@ MsgpackReader::Head MsgpackReader::next(std::string_view field) {
   if (head < 0xa0) return sized(Kind::kArray, head & 0x0fU);
   if (head < 0xc0) return sized(Kind::kText, head & 0x1fU);
   if (head >= 0xe0) return whole(static_cast<std::int8_t>(head));
+  // Of four heads in a row, each states twice as many bytes as the one before.
+  const int bytes_of_four = 1 << (head & 3U);
   switch (head) {
     case 0xc0:
       return {};
@@ -54,29 +56,22 @@ MsgpackReader::Head MsgpackReader::next(std::string_view field) {
     case 0xc3:
       return {Kind::kBool};
     case 0xc4:
-      return sized(Kind::kBytes, big_endian(1));
     case 0xc5:
-      return sized(Kind::kBytes, big_endian(2));
     case 0xc6:
-      return sized(Kind::kBytes, big_endian(4));
-    case 0xc7:  // extensions: a type before the bytes
-      return sized(Kind::kBytes, big_endian(1) + 1);
+      return sized(Kind::kBytes, big_endian(bytes_of_four));
+    case 0xc7:
     case 0xc8:
-      return sized(Kind::kBytes, big_endian(2) + 1);
-    case 0xc9:
-      return sized(Kind::kBytes, big_endian(4) + 1);
+    case 0xc9:  // extensions: a type before the bytes
+      return sized(Kind::kBytes, big_endian(1 << (head - 0xc7U)) + 1);
     case 0xca:
       return number(std::bit_cast<float>(static_cast<std::uint32_t>(big_endian(4))));
     case 0xcb:
       return number(std::bit_cast<double>(big_endian(8)));
     case 0xcc:
-      return natural(big_endian(1));
     case 0xcd:
-      return natural(big_endian(2));
     case 0xce:
-      return natural(big_endian(4));
     case 0xcf:
-      return natural(big_endian(8));
+      return natural(big_endian(bytes_of_four));
     case 0xd0:
       return whole(static_cast<std::int8_t>(big_endian(1)));
     case 0xd1:
@@ -92,19 +87,15 @@ MsgpackReader::Head MsgpackReader::next(std::string_view field) {
     case 0xd8:  // extensions of 1, 2, 4, 8, 16 bytes
       return sized(Kind::kBytes, (std::uint64_t{1} << (head - 0xd4U)) + 1);
     case 0xd9:
-      return sized(Kind::kText, big_endian(1));
     case 0xda:
-      return sized(Kind::kText, big_endian(2));
     case 0xdb:
-      return sized(Kind::kText, big_endian(4));
+      return sized(Kind::kText, big_endian(1 << (head - 0xd9U)));
     case 0xdc:
-      return sized(Kind::kArray, big_endian(2));
     case 0xdd:
-      return sized(Kind::kArray, big_endian(4));
+      return sized(Kind::kArray, big_endian(2 << (head - 0xdcU)));
     case 0xde:
-      return sized(Kind::kMap, big_endian(2));
     case 0xdf:
-      return sized(Kind::kMap, big_endian(4));
+      return sized(Kind::kMap, big_endian(2 << (head - 0xdeU)));
     default:
       in_.refuse(field, fmt::format("byte {:#04x} begins no value", head), "MessagePack");
   }

@@ -11,7 +11,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/formats/map_file.hpp"
 
-// Readers of binary and text records, shared by the importers. Private to cairn/interchange.
+// Readers of binary and text records, shared by the importers.
 namespace cairn::detail {
 
 /// Progress over several files that are read one after another.

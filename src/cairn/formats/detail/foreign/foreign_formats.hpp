@@ -171,20 +171,36 @@ void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
 void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options = {});
 
-/// The rows of all_formats(), a file each.
-std::vector<MapFormat> alicevision_formats();
-std::vector<MapFormat> bundle_file_formats();
-std::vector<MapFormat> colmap_formats();
-std::vector<MapFormat> colmap_database_formats();
-std::vector<MapFormat> kapture_formats();
-std::vector<MapFormat> mcap_formats();
-std::vector<MapFormat> nerfstudio_formats();
-std::vector<MapFormat> openmvg_formats();
-std::vector<MapFormat> opensfm_formats();
-std::vector<MapFormat> plain_points_formats();
-std::vector<MapFormat> rtabmap_formats();
-std::vector<MapFormat> stella_formats();
-std::vector<MapFormat> stella_database_formats();
+/// Whether a file or folder has the format, as MapFormat::recognises.
+bool is_alicevision(const MapInput& input);
+bool is_kapture(const MapInput& input);
+bool is_nerfstudio(const MapInput& input);
+bool is_openmvg(const MapInput& input);
+bool is_opensfm(const MapInput& input);
+bool is_stella(const MapInput& input);
+/// Whether a text begins as points do: with three numbers, or with names of which three are of x, y and z.
+bool is_points_text(const MapInput& input);
+/// Whether a ZIP archive begins with a member that is an array. Other programs use such archives too.
+bool is_archive_of_arrays(const MapInput& input);
+
+/// Reads a file with those beside it that belong to it.
+LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options);
+LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options);
+LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options);
+LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options);
+
+/// MapFormat::read of a function that takes a source, or a path.
+template <auto kRead>
+LandmarkMap read_source(const MapInput& input, const MapReadOptions& options) {
+  return kRead(*input.source, options);
+}
+template <auto kRead>
+LandmarkMap read_path(const MapInput& input, const MapReadOptions& options) {
+  return kRead(input.path, options);
+}
+
+/// The row of one form of COLMAP's models.
+MapFormat colmap_format(ColmapForm form);
 /// The formats that need SQLite. A build without it recognises databases and refuses them.
 std::vector<MapFormat> database_formats();
 
