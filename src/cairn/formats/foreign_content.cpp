@@ -10,7 +10,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/detail/first_bytes.hpp"
+#include "cairn/formats/detail/format_row.hpp"
 #include "cairn/formats/map_file.hpp"
 
 namespace cairn {

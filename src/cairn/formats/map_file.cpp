@@ -10,7 +10,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/detail/first_bytes.hpp"
+#include "cairn/formats/detail/format_row.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/own_formats.hpp"
 
@@ -337,8 +337,7 @@ const FormatRegistry& native_formats() {
        .title = "Cairn text",
        .endings = {".map", ".txt"},
        .recognises = &looks_like_native,
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_native(*input.source, options); },
+       .read = &detail::read_source<&read_native>,
        .write_to =
            [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
              write_native(map, sink, options.native_version, options.progress);
@@ -347,12 +346,8 @@ const FormatRegistry& native_formats() {
        .title = "Cairn binary",
        .endings = {".cairn"},
        // Without the line end, which may be different in a damaged file.
-       .recognises =
-           [](const MapInput& input) {
-             return input.first_bytes.starts_with(kBinaryMagic.substr(0, 6));
-           },
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_binary(*input.source, options); },
+       .recognises = detail::begins_with(kBinaryMagic.substr(0, 6)),
+       .read = &detail::read_source<&read_binary>,
        .write_to =
            [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
              write_binary(map, sink, options.progress);
@@ -361,34 +356,23 @@ const FormatRegistry& native_formats() {
        .title = "PLY",
        .endings = {".ply"},
        .holds_frames = false,
-       .recognises =
-           [](const MapInput& input) {
-             return input.first_bytes.starts_with("ply\n") ||
-                    input.first_bytes.starts_with("ply\r");
-           },
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_ply(*input.source, options); },
+       .recognises = detail::begins_with("ply\n", "ply\r"),
+       .read = &detail::read_source<&read_ply>,
        .write_to =
            [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
              log_point_losses(map, options, "PLY");
-             write_ply(map, sink, {.ascii = options.ascii});
+             write_ply(map, sink, options);
            }},
       {.name = "pcd",
        .title = "PCD",
        .endings = {".pcd"},
        .holds_frames = false,
-       .recognises =
-           [](const MapInput& input) {
-             return input.first_bytes.starts_with("# .PCD") ||
-                    input.first_bytes.starts_with("VERSION");
-           },
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_pcd(*input.source, options); },
+       .recognises = detail::begins_with("# .PCD", "VERSION"),
+       .read = &detail::read_source<&read_pcd>,
        .write_to =
            [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
              log_point_losses(map, options, "PCD");
-             write_pcd(map, sink,
-                       {.ascii = options.ascii, .double_precision = options.double_precision});
+             write_pcd(map, sink, options);
            }},
   });
   return formats;

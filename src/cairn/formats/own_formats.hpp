@@ -37,28 +37,18 @@ LandmarkMap read_binary(ByteSource& source, const MapReadOptions& options = {});
 /// @throws Error (misuse) if a text of the map has 2^32 bytes or more
 void write_binary(const LandmarkMap& map, const ByteSink& sink, const Progress& progress = {});
 
-struct PlyWriteOptions {
-  bool ascii = false;  ///< text instead of binary_little_endian
-};
-
 /// Reads the vertices of a PLY 1.0 file as landmarks (docs/formats.md lists the properties).
 /// @throws Error (input) naming source, line or byte, value and constraint
 LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options = {});
 
 /// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, count, named columns.
-void write_ply(const LandmarkMap& map, const ByteSink& sink, const PlyWriteOptions& options = {});
-
-struct PcdWriteOptions {
-  bool ascii = false;  ///< text instead of binary
-  /// Positions as doubles instead of floats: exact, but PCL's point types cannot read them.
-  bool double_precision = false;
-};
+void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 
 /// Reads the points of a PCD 0.7 file as landmarks (docs/formats.md lists the fields).
 /// @throws Error (input) naming source, line or byte, value and constraint
 LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options = {});
 
 /// Writes the landmarks as PCD 0.7 points: position, covariance, colour, count, named columns.
-void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptions& options = {});
+void write_pcd(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 
 }  // namespace cairn

@@ -11,10 +11,6 @@
 namespace cairn::detail {
 namespace {
 
-auto begins_with(std::string_view text) {
-  return [text](const MapInput& input) { return input.first_bytes.starts_with(text); };
-}
-
 // Formats that are recognised by weak signs are first, so that they are tried last.
 std::vector<MapFormat> foreign_rows() {
   return {{.name = "xyz",

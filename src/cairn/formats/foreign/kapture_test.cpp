@@ -65,12 +65,12 @@ Files small_files() {
        "2, other, seq/a.jpg, 0\n"},
       {"reconstruction/keypoints/SIFT/keypoints.txt", "# kapture format: 1.1\nSIFT, float32, 3\n"},
       {"reconstruction/keypoints/SIFT/seq/a.jpg.kpt",
-       bytes_of<float>({84.5F, 50.5F, 1.0F, 116.5F, 80.5F, 1.0F})},
-      {"reconstruction/keypoints/SIFT/seq/b.jpg.kpt", bytes_of<float>({100.0F, 50.0F, 2.0F})},
+       raw_bytes_of<float>({84.5F, 50.5F, 1.0F, 116.5F, 80.5F, 1.0F})},
+      {"reconstruction/keypoints/SIFT/seq/b.jpg.kpt", raw_bytes_of<float>({100.0F, 50.0F, 2.0F})},
       {"reconstruction/descriptors/mine/descriptors.txt",
        "# kapture format: 1.1\nSIFT, uint8, 4, SIFT, L2\n"},
       {"reconstruction/descriptors/mine/seq/a.jpg.desc",
-       bytes_of<std::uint8_t>({1, 2, 3, 4, 5, 6, 7, 8})},
+       raw_bytes_of<std::uint8_t>({1, 2, 3, 4, 5, 6, 7, 8})},
   };
 }
 
@@ -216,7 +216,7 @@ TEST_F(KaptureTest, Version1HasOneTypeOfKeypoints) {
 TEST_F(KaptureTest, DescriptorsOfFloatsBecomeBytes) {
   Files files = small_files();
   files["reconstruction/descriptors/mine/descriptors.txt"] = "r2d2, float32, 2, SIFT, L2\n";
-  files["reconstruction/descriptors/mine/seq/a.jpg.desc"] = bytes_of<float>({-1, 1, 0, 0.5F});
+  files["reconstruction/descriptors/mine/seq/a.jpg.desc"] = raw_bytes_of<float>({-1, 1, 0, 0.5F});
   EXPECT_THAT(read(files).landmarks().descriptors->bytes, ElementsAre(128, 192, 1, 255));
 }
 
@@ -343,7 +343,7 @@ TEST_F(KaptureTest, HostileSizesAreRefused) {
   EXPECT_THAT(refused(keypoints, "SIFT, float64, 4\n"),
               HasSubstr("a.jpg.kpt: 24 bytes are no whole number of features; expected 32 bytes"));
   EXPECT_THAT(refused("reconstruction/keypoints/SIFT/seq/a.jpg.kpt",
-                      bytes_of<float>({NAN, 0.0F, 1.0F, 0.0F, 0.0F, 1.0F})),
+                      raw_bytes_of<float>({NAN, 0.0F, 1.0F, 0.0F, 0.0F, 1.0F})),
               HasSubstr("a.jpg.kpt: keypoint 0 is not finite"));
   // One descriptor of 4096 bytes, which every observation names in four bytes.
   Files files = small_files();

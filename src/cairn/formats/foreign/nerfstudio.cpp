@@ -238,9 +238,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
 }
 
 bool is_nerfstudio(const MapInput& input) {
-  constexpr std::initializer_list<std::string_view> kKeys = {"\"transform_matrix\"", "\"fl_x\"",
-                                                             "\"camera_angle_x\""};
-  return begins_json(input, '{', kKeys) ||
+  return begins_json(input, '{', {"\"transform_matrix\"", "\"fl_x\"", "\"camera_angle_x\""}) ||
          (input.path.filename() == "transforms.json" && begins_json(input, '{', {""}));
 }
 

@@ -240,7 +240,7 @@ class SizelessReader final : public ByteSource {
   explicit SizelessReader(std::string_view bytes) : rest_(bytes) {}
   const std::string& name() const override { return name_; }
   std::optional<std::uint64_t> size() const override { return std::nullopt; }
-  std::size_t read_text(char* buffer, std::size_t capacity) override {
+  std::size_t read(char* buffer, std::size_t capacity) override {
     const std::size_t count = rest_.copy(buffer, std::min<std::size_t>(capacity, 7));
     rest_.remove_prefix(count);
     return count;

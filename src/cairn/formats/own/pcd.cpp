@@ -438,7 +438,7 @@ LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
   return std::move(table).finish(header.length_unit());
 }
 
-void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptions& options) {
+void write_pcd(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
   const detail::PointRows rows(
       map, detail::PointFormat::kPcd,
       options.double_precision ? detail::ScalarType::kFloat64 : detail::ScalarType::kFloat32);

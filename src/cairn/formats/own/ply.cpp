@@ -63,7 +63,7 @@ LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options) {
   return std::move(table).finish(header.length_unit);
 }
 
-void write_ply(const LandmarkMap& map, const ByteSink& sink, const PlyWriteOptions& options) {
+void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
   const detail::PointRows rows(map, detail::PointFormat::kPly, detail::ScalarType::kFloat64);
   std::string header =
       fmt::format("ply\nformat {} 1.0\n", options.ascii ? "ascii" : "binary_little_endian");

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cairn/core/file.hpp"
+#include "cairn/formats/detail/format_row.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -188,16 +189,6 @@ LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& o
 LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options);
-
-/// MapFormat::read of a function that takes a source, or a path.
-template <auto kRead>
-LandmarkMap read_source(const MapInput& input, const MapReadOptions& options) {
-  return kRead(*input.source, options);
-}
-template <auto kRead>
-LandmarkMap read_path(const MapInput& input, const MapReadOptions& options) {
-  return kRead(input.path, options);
-}
 
 /// The row of one form of COLMAP's models.
 MapFormat colmap_format(ColmapForm form);
