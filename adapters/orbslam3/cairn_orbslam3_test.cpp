@@ -12,7 +12,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/own/native.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 namespace cairn {
 namespace {

@@ -12,10 +12,8 @@
 
 #include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/map/turning_columns.hpp"
 #include "cairn/registration/icp.hpp"
 
 #include "align_pairs.hpp"

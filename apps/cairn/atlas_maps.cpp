@@ -12,7 +12,7 @@
 #include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "commands.hpp"
 #include "support/adjustment.hpp"

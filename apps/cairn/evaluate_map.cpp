@@ -13,7 +13,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
 #include "cairn/vision/sequence.hpp"

@@ -15,7 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/experiments/paper.hpp"
 #include "cairn/experiments/paper_tables.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/report/experiment_sections.hpp"
 

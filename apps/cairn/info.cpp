@@ -16,10 +16,9 @@
 #include "cairn/core/statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/evaluation/map_defects.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
-#include "cairn/formats/g2o.hpp"
-#include "cairn/formats/graph_json.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
 

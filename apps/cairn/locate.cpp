@@ -16,7 +16,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/image_locator.hpp"

@@ -16,7 +16,6 @@
 
 #include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/map_file.hpp"
 
 #include "commands.hpp"

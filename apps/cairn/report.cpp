@@ -18,7 +18,7 @@
 #include "cairn/experiments/runs_file.hpp"
 #include "cairn/experiments/study_analysis.hpp"
 #include "cairn/experiments/study_tables.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/report/experiment_sections.hpp"
 

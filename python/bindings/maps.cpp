@@ -10,8 +10,8 @@
 
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/formats/camera_file.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
-#include "cairn/formats/own/binary.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 

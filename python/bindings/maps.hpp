@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/formats/format_registry.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "bindings/support.hpp"
 

@@ -14,8 +14,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "cairn/formats/graph_json.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/synthetic.hpp"
 

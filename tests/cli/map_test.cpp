@@ -14,9 +14,8 @@
 #include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"
-#include "cairn/formats/g2o.hpp"
-#include "cairn/formats/graph_json.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
 #include "cairn/map/operations.hpp"
 

@@ -2,7 +2,7 @@
 #include <cstring>
 
 #include "cairn/core/hash.hpp"
-#include "cairn/formats/own/binary.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 #include "fuzz/round_trip.hpp"
 

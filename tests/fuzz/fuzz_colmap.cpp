@@ -4,7 +4,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/formats/foreign/colmap.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 
 #include "fuzz/round_trip.hpp"
 
@@ -24,11 +24,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   cairn::MemoryReader cameras(next(), "input cameras");
   cairn::MemoryReader images(next(), "input images");
   cairn::MemoryReader points(next(), "input points3D");
-  const auto read = [&](cairn::ColmapForm form, bool with_images) {
+  const auto read = [&](cairn::detail::ColmapForm form, bool with_images) {
     for (cairn::MemoryReader* file : {&cameras, &images, &points}) file->rewind();
     try {
-      const cairn::LandmarkMap map =
-          cairn::read_colmap({&cameras, with_images ? &images : nullptr, &points, nullptr}, form);
+      const cairn::LandmarkMap map = cairn::detail::read_colmap(
+          {&cameras, with_images ? &images : nullptr, &points, nullptr}, form);
     } catch (const cairn::Error& error) {
       const std::string_view message = error.what();
       if (error.kind() != cairn::ErrorKind::kInput || !message.starts_with("input")) {
@@ -37,8 +37,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
   };
   for (const bool with_images : {true, false}) {
-    read(cairn::ColmapForm::kBinary, with_images);
-    read(cairn::ColmapForm::kText, with_images);
+    read(cairn::detail::ColmapForm::kBinary, with_images);
+    read(cairn::detail::ColmapForm::kText, with_images);
   }
   return 0;
 }

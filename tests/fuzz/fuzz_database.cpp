@@ -5,9 +5,8 @@
 
 #include <unistd.h>
 
-#include "cairn/formats/foreign/colmap_database.hpp"
-#include "cairn/formats/foreign/rtabmap.hpp"
-#include "cairn/formats/foreign/stella_database.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 #include "fuzz/imported.hpp"
 
@@ -40,11 +39,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     file << cairn::testing::text_of(data, size);
   }
   const std::string name = path.string();
-  cairn::testing::expect_read_or_refused([&] { cairn::read_rtabmap(path); }, name);
+  cairn::testing::expect_read_or_refused([&] { cairn::detail::read_rtabmap(path); }, name);
   cairn::testing::expect_read_or_refused([&] { cairn::read_rtabmap_graph(path); }, name);
-  cairn::testing::expect_read_or_refused([&] { cairn::read_stella_database(path); }, name);
+  cairn::testing::expect_read_or_refused([&] { cairn::detail::read_stella_database(path); }, name);
   cairn::testing::expect_read_or_refused(
-      [&] { cairn::with_colmap_descriptors(model_without_cameras(), path); }, name);
+      [&] { cairn::detail::with_colmap_descriptors(model_without_cameras(), path); }, name);
   std::filesystem::remove(path);
   return 0;
 }

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/alicevision.hpp"
-#include "cairn/formats/foreign/nerfstudio.hpp"
-#include "cairn/formats/foreign/openmvg.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 
 #include "fuzz/imported.hpp"
 
@@ -13,8 +11,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       read(source);
     });
   };
-  with([](cairn::ByteSource& source) { return cairn::read_openmvg(source); });
-  with([](cairn::ByteSource& source) { return cairn::read_alicevision(source); });
-  with([](cairn::ByteSource& source) { return cairn::read_nerfstudio(source, "/nowhere"); });
+  with([](cairn::ByteSource& source) { return cairn::detail::read_openmvg(source); });
+  with([](cairn::ByteSource& source) { return cairn::detail::read_alicevision(source); });
+  with(
+      [](cairn::ByteSource& source) { return cairn::detail::read_nerfstudio(source, "/nowhere"); });
   return 0;
 }

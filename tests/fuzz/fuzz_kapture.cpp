@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/formats/foreign/kapture.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 
 #include "fuzz/imported.hpp"
 
@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (line_end == std::string_view::npos) continue;
     content.emplace(file.substr(0, line_end), file.substr(line_end + 1));
   }
-  const cairn::KaptureFiles files{
+  const cairn::detail::KaptureFiles files{
       "input",
       [&](const std::string& path) -> std::unique_ptr<cairn::ByteSource> {
         const auto found = content.find(path);
@@ -38,6 +38,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         return names;
       }};
-  cairn::testing::expect_read_or_refused([&] { cairn::read_kapture(files); });
+  cairn::testing::expect_read_or_refused([&] { cairn::detail::read_kapture(files); });
   return 0;
 }

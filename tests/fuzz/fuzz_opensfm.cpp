@@ -6,8 +6,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/formats/foreign/opensfm.hpp"
-#include "cairn/formats/own/native.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 #include "fuzz/round_trip.hpp"
 
@@ -30,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   try {
     const cairn::LandmarkMap map =
-        cairn::read_opensfm({&reconstruction, sources[0], sources[1], sources[2]});
+        cairn::detail::read_opensfm({&reconstruction, sources[0], sources[1], sources[2]});
     // What it accepts is a map that the text format can hold.
     std::string text;
     cairn::write_native(map, [&](std::string_view written) { text += written; });

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/foreign/carry_along.hpp"
-#include "cairn/formats/foreign/plain_points.hpp"
 
 #include "fuzz/imported.hpp"
 
 // Points as text, .npy and .npz, and what moves a PLY file.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  for (auto* const read :
-       {&cairn::read_plain_points, &cairn::read_npy_points, &cairn::read_npz_points}) {
+  for (auto* const read : {&cairn::detail::read_plain_points, &cairn::detail::read_npy_points,
+                           &cairn::detail::read_npz_points}) {
     cairn::testing::expect_read_or_refused([&] {
       cairn::MemoryReader source(cairn::testing::text_of(data, size), "input");
       read(source, {});

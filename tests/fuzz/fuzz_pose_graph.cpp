@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
-#include "cairn/formats/g2o.hpp"
-#include "cairn/formats/graph_json.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 #include "fuzz/imported.hpp"
 #include "fuzz/token_mutator.hpp"

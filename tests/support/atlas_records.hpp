@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "cairn/atlas/store/store.hpp"
-#include "cairn/formats/own/binary.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/refusal.hpp"

@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/refusal.hpp"

@@ -15,8 +15,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/report/viewer_page.hpp"
 

@@ -14,8 +14,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
-#include "cairn/formats/graph_json.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -13,9 +13,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/formats/foreign/mcap.hpp"
-#include "cairn/formats/g2o.hpp"
-#include "cairn/formats/graph_json.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
 #include "cairn/map/operations.hpp"
 

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/hash.hpp"
-#include "cairn/formats/own/binary.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 namespace cairn {
 namespace {

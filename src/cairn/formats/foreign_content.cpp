@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign_content.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,6 +10,8 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/detail/format_row.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 namespace {
@@ -314,11 +314,11 @@ std::optional<ForeignContent> foreign_content(const fs::path& path) {
   std::error_code error;
   if (!fs::is_regular_file(path, error)) return foreign_folder(path);
   FileReader file(path);
-  const std::string first = first_bytes_of(file);
+  const std::string first = detail::first_bytes_of(file);
   return foreign_file({.path = path, .first_bytes = first, .source = &file});
 }
 
-std::string first_bytes_of(ByteSource& source) {
+std::string detail::first_bytes_of(ByteSource& source) {
   std::string bytes(kProbedBytes, '\0');
   std::size_t count = 0;
   while (count < bytes.size()) {
@@ -330,7 +330,7 @@ std::string first_bytes_of(ByteSource& source) {
   return bytes;
 }
 
-bool is_lfs_pointer(std::string_view first_bytes) {
+bool detail::is_lfs_pointer(std::string_view first_bytes) {
   return first_bytes.starts_with(kLfsPointer);
 }
 

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign_content.hpp"
-
 #include <cstring>
 #include <filesystem>
 #include <string>
@@ -9,6 +7,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "cairn/formats/map_file.hpp"
 
 #include "support/temporary_folder.hpp"
 

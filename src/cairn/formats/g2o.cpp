@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/g2o.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -12,85 +10,44 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
+#include "cairn/formats/detail/own/numbered_fields.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/geometry/decompositions.hpp"
-#include "cairn/geometry/limits.hpp"
 
 namespace cairn {
 namespace {
 
+using detail::NumberedFields;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr std::string_view kVertex = "VERTEX_SE3:QUAT";
 constexpr std::string_view kEdge = "EDGE_SE3:QUAT";
 constexpr std::string_view kFix = "FIX";
 constexpr std::string_view kVertexForm = "VERTEX_SE3:QUAT id x y z qx qy qz qw";
-constexpr std::string_view kEdgeForm =
-    "EDGE_SE3:QUAT from to x y z qx qy qz qw and 21 numbers of the information matrix";
 
-constexpr std::array<std::string_view, 7> kPose = {"x", "y", "z", "qx", "qy", "qz", "qw"};
+constexpr std::array<const char*, 4> kQuaternionNames = {"qx", "qy", "qz", "qw"};
 
-// The words of a line, one after another.
-class Fields {
- public:
-  Fields(std::string_view line, std::string place, std::string_view form)
-      : line_(line), place_(std::move(place)), form_(form) {}
+std::uint64_t id_of(NumberedFields& fields, const char* name) {
+  return fields.integer<std::uint64_t>(name, "a whole number from 0 to 18446744073709551615");
+}
 
-  std::string_view word(std::string_view name) {
-    line_.remove_prefix(std::min(line_.find_first_not_of(kBlanks), line_.size()));
-    ++field_;
-    if (line_.empty()) throw Error(ErrorKind::kInput, where(name), "missing", form_);
-    const std::string_view found = line_.substr(0, line_.find_first_of(kBlanks));
-    line_.remove_prefix(found.size());
-    return found;
+template <class Part>
+void read_pose(NumberedFields& fields, Part& part) {
+  part.translation[0] = fields.coordinate("x");
+  part.translation[1] = fields.coordinate("y");
+  part.translation[2] = fields.coordinate("z");
+  double squared = 0.0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    part.quaternion[i] = fields.number(kQuaternionNames[i]);
+    squared += part.quaternion[i] * part.quaternion[i];
   }
-  std::uint64_t id(std::string_view name) {
-    const std::string_view found = word(name);
-    if (const auto number = parse_unsigned(found)) return *number;
-    throw Error(ErrorKind::kInput, where(name), printable(found) + " is no id",
-                "a whole number from 0 to 18446744073709551615");
-  }
-  double number(std::string_view name) {
-    const std::string_view found = word(name);
-    if (const auto value = parse_number(found)) return *value;
-    throw Error(ErrorKind::kInput, where(name), printable(found) + " is not a number",
-                "a finite decimal number");
-  }
-  double coordinate(std::string_view name) {
-    const double value = number(name);
-    if (std::abs(value) <= kLargestCoordinate) return value;
-    throw Error(ErrorKind::kInput, where(name), fmt::format("{:g} is beyond the limit", value),
-                kExpectedCoordinates);
-  }
-  void pose(std::array<double, 3>& translation, std::array<double, 4>& quaternion) {
-    for (std::size_t i = 0; i < 3; ++i) translation[i] = coordinate(kPose[i]);
-    double squared = 0.0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      quaternion[i] = number(kPose[3 + i]);
-      squared += quaternion[i] * quaternion[i];
-    }
-    const double norm = std::sqrt(squared);
-    if (std::abs(norm - 1.0) <= 1e-2) return;
-    throw Error(ErrorKind::kInput, place_,
-                fmt::format("qx qy qz qw: quaternion of norm {:.6g}", norm), "norm 1 within 1e-2");
-  }
-  void end() {
-    if (trimmed(line_).empty()) return;
-    throw Error(ErrorKind::kInput, place_, fmt::format("more than {} fields", field_), form_);
-  }
-  const std::string& place() const { return place_; }
-
- private:
-  std::string where(std::string_view name) const {
-    return fmt::format("{}: field {} ({})", place_, field_, name);
-  }
-
-  std::string_view line_;
-  std::string place_;
-  std::string_view form_;
-  int field_ = 0;
-};
+  const double norm = std::sqrt(squared);
+  if (std::abs(norm - 1.0) <= 1e-2) return;
+  fields.refuse_line(fmt::format("qx qy qz qw: quaternion of norm {:.6g}", norm),
+                     "norm 1 within 1e-2");
+}
 
 // Ids that a line names, to be looked up when all vertices are known.
 struct Reference {
@@ -124,11 +81,8 @@ void check_ids(const G2oGraph& graph, std::span<const std::uint64_t> vertex_line
   }
 }
 
-void append(std::string& text, std::span<const double> numbers) {
-  for (const double number : numbers) {
-    text += ' ';
-    append_number(text, number);
-  }
+void put(detail::TextOutput& out, std::span<const double> numbers) {
+  for (const double number : numbers) out.words(number);
 }
 
 Rigid3 pose_of(const std::array<double, 3>& t, const std::array<double, 4>& q) {
@@ -185,44 +139,32 @@ G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
   while (const auto line = lines.next()) {
     const std::string_view text = trimmed(*line);
     if (text.empty() || text.front() == '#') continue;
-    const std::string_view tag = text.substr(0, text.find_first_of(kBlanks));
     const std::uint64_t number = lines.line_number();
-    std::string place = fmt::format("{}:{}", source.name(), number);
+    NumberedFields fields(text, source.name(), number);
+    const std::string_view tag = fields.word("tag");
     if (tag == kVertex) {
-      Fields fields(text, std::move(place), kVertexForm);
-      fields.word("tag");
-      G2oGraph::Vertex vertex;
-      vertex.id = fields.id("id");
-      fields.pose(vertex.translation, vertex.quaternion);
-      fields.end();
-      graph.vertices.push_back(vertex);
+      G2oGraph::Vertex& vertex = graph.vertices.emplace_back();
+      vertex.id = id_of(fields, "id");
+      read_pose(fields, vertex);
       vertex_lines.push_back(number);
     } else if (tag == kEdge) {
-      Fields fields(text, std::move(place), kEdgeForm);
-      fields.word("tag");
-      G2oGraph::Edge edge;
-      edge.from = fields.id("from");
-      edge.to = fields.id("to");
+      G2oGraph::Edge& edge = graph.edges.emplace_back();
+      edge.from = id_of(fields, "from");
+      edge.to = id_of(fields, "to");
       if (edge.from == edge.to) {
-        throw Error(ErrorKind::kInput, fields.place(),
-                    fmt::format("links vertex {} with itself", edge.from), "two vertices");
+        fields.refuse_line(fmt::format("links vertex {} with itself", edge.from), "two vertices");
       }
-      fields.pose(edge.translation, edge.quaternion);
+      read_pose(fields, edge);
       for (double& entry : edge.information) entry = fields.number("information");
-      fields.end();
-      graph.edges.push_back(edge);
       references.push_back({edge.from, number});
       references.push_back({edge.to, number});
     } else if (tag == kFix) {
-      Fields fields(text, std::move(place), "FIX id");
-      fields.word("tag");
-      graph.fixed.push_back(fields.id("id"));
-      fields.end();
+      graph.fixed.push_back(id_of(fields, "id"));
       references.push_back({graph.fixed.back(), number});
     } else {
-      throw Error(ErrorKind::kInput, place + ": field 1 (tag)", printable(tag) + " is not read",
-                  "VERTEX_SE3:QUAT, EDGE_SE3:QUAT or FIX");
+      fields.refuse(printable(tag) + " is not read", "VERTEX_SE3:QUAT, EDGE_SE3:QUAT or FIX");
     }
+    fields.expect_end(tag);
   }
   if (graph.vertices.empty()) {
     throw Error(ErrorKind::kInput, source.name(), "no vertices", kVertexForm);
@@ -232,31 +174,25 @@ G2oGraph read_g2o(ByteSource& source, const LogSink& log) {
 }
 
 void write_g2o(const G2oGraph& graph, const ByteSink& sink) {
-  std::string text;
-  const auto end_line = [&] {
-    text += '\n';
-    if (text.size() < std::size_t{1} << 16) return;
-    sink(text);
-    text.clear();
-  };
+  detail::TextOutput out(sink);
   for (const G2oGraph::Vertex& vertex : graph.vertices) {
-    text += fmt::format("{} {}", kVertex, vertex.id);
-    append(text, vertex.translation);
-    append(text, vertex.quaternion);
-    end_line();
+    out.words(kVertex, vertex.id);
+    put(out, vertex.translation);
+    put(out, vertex.quaternion);
+    out.line();
   }
   for (const std::uint64_t id : graph.fixed) {
-    text += fmt::format("{} {}", kFix, id);
-    end_line();
+    out.words(kFix, id);
+    out.line();
   }
   for (const G2oGraph::Edge& edge : graph.edges) {
-    text += fmt::format("{} {} {}", kEdge, edge.from, edge.to);
-    append(text, edge.translation);
-    append(text, edge.quaternion);
-    append(text, edge.information);
-    end_line();
+    out.words(kEdge, edge.from, edge.to);
+    put(out, edge.translation);
+    put(out, edge.quaternion);
+    put(out, edge.information);
+    out.line();
   }
-  sink(text);
+  out.flush();
 }
 
 PoseGraph pose_graph(const G2oGraph& graph) {

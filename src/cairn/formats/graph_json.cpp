@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/graph_json.hpp"
-
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -13,15 +11,18 @@
 #include "cairn/core/detail/json_text.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/detail/bytes/json_document.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 namespace cairn {
 namespace {
 
+using detail::JsonValue;
 using Json = nlohmann::ordered_json;  // to write
-using Document = nlohmann::json;      // to read: of many keys, it finds one fast
 
 constexpr std::string_view kSchema = "cairn.pose_graph";
-constexpr int kVersion = 1;
+constexpr std::uint64_t kGraphVersion = 1;
+constexpr std::uint64_t kMostIds = std::numeric_limits<std::uint64_t>::max();
 
 Json text_or_null(const std::string& text) {
   return text.empty() ? Json(nullptr) : Json(text);
@@ -47,109 +48,51 @@ Json to_json(const std::optional<Matrix>& matrix) {
   return rows;
 }
 
-// A value of a document with its place.
-class Value {
- public:
-  Value(const Document& json, std::string place) : json_(json), place_(std::move(place)) {}
+Similarity3 similarity_of(const JsonValue& json) {
+  const Eigen::Vector3d translation = json.at("translation").vector3();
+  const std::vector<double> q = json.at("quaternion").numbers(4);
+  const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
+  if (!(std::abs(rotation.norm() - 1.0) <= 1e-3)) {
+    json.at("quaternion").refuse(fmt::format("norm {:.6g}", rotation.norm()), "norm 1 within 1e-3");
+  }
+  const double scale = json.at("scale").number();
+  if (!(scale > 0.0)) json.at("scale").refuse(fmt::format("{}", scale), "a positive number");
+  return {scale, Rigid3(rotation, translation)};
+}
 
-  Value at(const char* name) const {
-    if (!json_.is_object()) refuse("an object");
-    const auto found = json_.find(name);
-    if (found == json_.end()) {
-      throw Error(ErrorKind::kInput, place_, fmt::format("'{}' is missing", name), "");
+template <class Matrix>
+std::optional<Matrix> matrix_of(const JsonValue& json) {
+  if (json.json().is_null()) return std::nullopt;
+  constexpr std::size_t kSize = Matrix::RowsAtCompileTime;
+  if (json.size() != kSize) {
+    json.refuse(fmt::format("has {} entries", json.size()), fmt::format("{} rows", kSize));
+  }
+  Matrix result;
+  for (std::size_t i = 0; i < kSize; ++i) {
+    const std::vector<double> row = json.at(i).numbers(kSize);
+    for (std::size_t j = 0; j < kSize; ++j) {
+      result(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = row[j];
     }
-    return {*found, fmt::format("{}: {}", place_, name)};
   }
-  /// @param size 0: any
-  std::size_t array(std::size_t size) const {
-    if (!json_.is_array() || (size > 0 && json_.size() != size)) {
-      refuse(size > 0 ? fmt::format("an array of {}", size) : "an array");
-    }
-    return json_.size();
-  }
-  Value operator[](std::size_t i) const { return {json_[i], fmt::format("{}[{}]", place_, i)}; }
-  bool is_null() const { return json_.is_null(); }
-  double number() const {
-    if (!json_.is_number()) refuse("a number");
-    return json_.get<double>();
-  }
-  std::uint64_t id() const {
-    if (!json_.is_number_unsigned()) refuse("a whole number from 0 to 18446744073709551615");
-    return json_.get<std::uint64_t>();
-  }
-  std::string text() const {
-    if (!json_.is_string()) refuse("text");
-    return json_.get<std::string>();
-  }
-  std::string text_or_empty() const { return is_null() ? std::string() : text(); }
+  return result;
+}
 
-  [[noreturn]] void refuse(std::string_view expected) const {
-    const std::string found =
-        json_.is_structured()
-            ? json_.type_name()
-            : printable(json_.dump(-1, ' ', true, Document::error_handler_t::replace));
-    throw Error(ErrorKind::kInput, place_, found, expected);
-  }
+std::string text_or_empty(const JsonValue& json) {
+  return json.json().is_null() ? std::string() : json.text();
+}
 
-  Similarity3 pose() const {
-    const Value t = at("translation");
-    t.array(3);
-    const Value q = at("quaternion");
-    q.array(4);
-    const Eigen::Quaterniond rotation(q[0].number(), q[1].number(), q[2].number(), q[3].number());
-    if (!(std::abs(rotation.norm() - 1.0) <= 1e-3)) {
-      throw Error(ErrorKind::kInput, q.place_, fmt::format("norm {:.6g}", rotation.norm()),
-                  "norm 1 within 1e-3");
-    }
-    const Value scale = at("scale");
-    if (!(scale.number() > 0.0)) scale.refuse("a positive number");
-    return {scale.number(), Rigid3(rotation, {t[0].number(), t[1].number(), t[2].number()})};
+LinkKind kind_of(const JsonValue& json) {
+  for (const LinkKind kind : {LinkKind::kOdometry, LinkKind::kPlacement, LinkKind::kManual}) {
+    if (json.text() == to_string(kind)) return kind;
   }
-  template <class Matrix>
-  std::optional<Matrix> matrix() const {
-    if (is_null()) return std::nullopt;
-    constexpr auto kSize = static_cast<std::size_t>(Matrix::RowsAtCompileTime);
-    array(kSize);
-    Matrix result;
-    for (std::size_t i = 0; i < kSize; ++i) {
-      (*this)[i].array(kSize);
-      for (std::size_t j = 0; j < kSize; ++j) {
-        result(static_cast<int>(i), static_cast<int>(j)) = (*this)[i][j].number();
-      }
-    }
-    return result;
-  }
-  LinkKind kind() const {
-    const std::string word = text();
-    for (const LinkKind kind : {LinkKind::kOdometry, LinkKind::kPlacement, LinkKind::kManual}) {
-      if (word == to_string(kind)) return kind;
-    }
-    refuse("odometry, placement or manual");
-  }
-
- private:
-  const Document& json_;
-  std::string place_;
-};
-
-Document parsed(const std::string& text, const std::string& name) {
-  detail::check_json(text, name, std::numeric_limits<std::size_t>::max());
-  try {
-    return Document::parse(text);
-  } catch (const Document::exception& error) {
-    // "[json.exception.parse_error.101] parse error at line 1, column 2: ..."
-    const std::string_view what = error.what();
-    const std::size_t end = what.find("] ");
-    throw Error(ErrorKind::kInput, name,
-                end == std::string_view::npos ? what : what.substr(end + 2), "");
-  }
+  json.refuse(printable(json.text()), "odometry, placement or manual");
 }
 
 }  // namespace
 
 std::string pose_graph_text(const PoseGraph& graph) {
   graph.validate();
-  Json json = {{"schema", {{"name", kSchema}, {"version", kVersion}}},
+  Json json = {{"schema", {{"name", kSchema}, {"version", kGraphVersion}}},
                {"nodes", Json::array()},
                {"links", Json::array()}};
   for (const PoseNode& node : graph.nodes) {
@@ -179,34 +122,34 @@ bool is_pose_graph_text(std::string_view beginning) {
 }
 
 PoseGraph read_pose_graph(ByteSource& source) {
-  const Document json = parsed(read_all(source), source.name());
-  const Value document(json, source.name());
-  const Value schema = document.at("schema");
-  if (schema.at("name").text() != kSchema) schema.at("name").refuse(kSchema);
-  if (schema.at("version").id() != kVersion) schema.at("version").refuse("1");
+  const nlohmann::json json = detail::read_json(source);
+  const JsonValue document(json, source.name() + ": ");
+  const JsonValue schema = document.at("schema");
+  if (const std::string& name = schema.at("name").text(); name != kSchema) {
+    schema.at("name").refuse(printable(name), kSchema);
+  }
+  const std::uint64_t version = schema.at("version").unsigned_number(kMostIds);
+  if (version != kGraphVersion) {
+    schema.at("version").refuse(std::to_string(version), std::to_string(kGraphVersion));
+  }
   PoseGraph graph;
-  const Value nodes = document.at("nodes");
-  const std::size_t node_count = nodes.array(0);
-  for (std::size_t i = 0; i < node_count; ++i) {
-    const Value node = nodes[i];
-    graph.nodes.push_back({NodeId{node.at("id").id()}, node.at("name").text_or_empty(),
-                           node.at("session").text_or_empty(), node.at("world_from_node").pose()});
-  }
-  const Value links = document.at("links");
-  const std::size_t link_count = links.array(0);
-  for (std::size_t i = 0; i < link_count; ++i) {
-    const Value value = links[i];
+  document.at("nodes").each([&](const JsonValue& node) {
+    graph.nodes.push_back({NodeId{node.at("id").unsigned_number(kMostIds)},
+                           text_or_empty(node.at("name")), text_or_empty(node.at("session")),
+                           similarity_of(node.at("world_from_node"))});
+  });
+  document.at("links").each([&](const JsonValue& value) {
     Link link;
-    link.target = NodeId{value.at("target").id()};
-    link.source = NodeId{value.at("source").id()};
-    link.target_from_source = value.at("target_from_source").pose();
-    link.covariance = value.at("covariance").matrix<Matrix6d>();
-    link.covariance_with_scale = value.at("covariance_with_scale").matrix<Matrix7d>();
-    link.kind = value.at("kind").kind();
-    const Value probability = value.at("probability");
-    if (!probability.is_null()) link.probability = probability.number();
+    link.target = NodeId{value.at("target").unsigned_number(kMostIds)};
+    link.source = NodeId{value.at("source").unsigned_number(kMostIds)};
+    link.target_from_source = similarity_of(value.at("target_from_source"));
+    link.covariance = matrix_of<Matrix6d>(value.at("covariance"));
+    link.covariance_with_scale = matrix_of<Matrix7d>(value.at("covariance_with_scale"));
+    link.kind = kind_of(value.at("kind"));
+    const JsonValue probability = value.at("probability");
+    if (!probability.json().is_null()) link.probability = probability.number();
     graph.links.push_back(std::move(link));
-  }
+  });
   graph.validate(source.name());
   return graph;
 }

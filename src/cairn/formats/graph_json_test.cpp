@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/graph_json.hpp"
-
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 #include "support/refusal.hpp"
 
@@ -51,7 +50,7 @@ PoseGraph example() {
   return graph;
 }
 
-PoseGraph read(const std::string& text) {
+PoseGraph read_graph(const std::string& text) {
   MemoryReader source(text, "a.json");
   return read_pose_graph(source);
 }
@@ -64,7 +63,7 @@ void expect_same(const Similarity3& a, const Similarity3& b) {
 
 TEST(PoseGraphJson, IsReadAsItWasWritten) {
   const PoseGraph graph = example();
-  const PoseGraph back = read(pose_graph_text(graph));
+  const PoseGraph back = read_graph(pose_graph_text(graph));
   ASSERT_EQ(back.nodes.size(), graph.nodes.size());
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
     EXPECT_EQ(back.nodes[i].id, graph.nodes[i].id);
@@ -91,19 +90,22 @@ TEST(PoseGraphJson, RefusesNamingThePlace) {
     const std::size_t found = text.find(from);
     EXPECT_NE(found, std::string::npos) << from;
     text.replace(found, from.size(), to);
-    return testing::refusal(ErrorKind::kInput, [&] { read(text); });
+    return testing::refusal(ErrorKind::kInput, [&] { read_graph(text); });
   };
   EXPECT_THAT(complaint("\"nodes\": [", "\"nodes\": [ oops"),
-              HasSubstr("a.json: parse error at line 6"));
+              HasSubstr(": is not JSON"));
   EXPECT_THAT(complaint("cairn.pose_graph", "cairn.align"),
-              HasSubstr("a.json: schema: name: '\"cairn.align\"'; expected cairn.pose_graph"));
-  EXPECT_THAT(complaint("\"version\": 1", "\"version\": 2"), HasSubstr("version: '2'; expected 1"));
-  EXPECT_THAT(complaint("\"id\": 2", "\"id\": -2"), HasSubstr("nodes[1]: id: '-2'"));
-  EXPECT_THAT(complaint("\"id\": 2", "\"it\": 2"), HasSubstr("nodes[1]: 'id' is missing"));
+              HasSubstr("a.json: /schema/name: 'cairn.align'; expected cairn.pose_graph"));
+  EXPECT_THAT(complaint("\"version\": 1", "\"version\": 2"),
+              HasSubstr("/schema/version: 2; expected 1"));
+  EXPECT_THAT(complaint("\"id\": 2", "\"id\": -2"), HasSubstr("/nodes/1/id: is no whole number"));
+  EXPECT_THAT(complaint("\"id\": 2", "\"it\": 2"), HasSubstr("/nodes/1: has no 'id'"));
   EXPECT_THAT(complaint("\"scale\": 1.0", "\"scale\": 0"),
-              HasSubstr("nodes[0]: world_from_node: scale: '0'; expected a positive number"));
-  EXPECT_THAT(complaint("\"quaternion\": [", "\"quaternion\": [ 1,"), HasSubstr("an array of 4"));
-  EXPECT_THAT(complaint("\"manual\"", "\"guess\""), HasSubstr("links[1]: kind: "));
+              HasSubstr("/nodes/0/world_from_node/scale: 0; expected a positive number"));
+  EXPECT_THAT(complaint("\"quaternion\": [", "\"quaternion\": [ 1,"),
+              HasSubstr("has 5 entries; expected 4 numbers"));
+  EXPECT_THAT(complaint("\"manual\"", "\"guess\""),
+              HasSubstr("/links/1/kind: 'guess'; expected odometry"));
   EXPECT_THAT(complaint("\"source\": 3", "\"source\": 4"), HasSubstr("there is no node 4"));
   EXPECT_THAT(complaint("\"probability\": 0.3", "\"probability\": 5.3"),
               HasSubstr("expected 0 to 1"));
@@ -114,12 +116,12 @@ TEST(PoseGraphJson, ManyKeysTakeNoQuadraticTime) {
   std::string keys = "{";
   for (int i = 0; i < 100'000; ++i) keys += "\"key " + std::to_string(i) + "\": 0, ";
   text.replace(text.find('{'), 1, keys);
-  EXPECT_EQ(read(text).nodes.size(), example().nodes.size());
+  EXPECT_EQ(read_graph(text).nodes.size(), example().nodes.size());
 }
 
 TEST(PoseGraphJson, RefusesWhatIsNestedTooDeep) {
   const std::string text = std::string(200'000, '[') + std::string(200'000, ']');
-  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { read(text); }),
+  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { read_graph(text); }),
               HasSubstr("a.json: byte 100: lists and objects are nested too deeply"));
 }
 

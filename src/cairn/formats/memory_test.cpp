@@ -18,8 +18,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/hash.hpp"
-#include "cairn/formats/own/binary.hpp"
-#include "cairn/formats/own/native.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #if defined(__has_feature)

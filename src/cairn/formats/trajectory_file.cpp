@@ -19,6 +19,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/geometry/limits.hpp"
 
 namespace cairn {
@@ -40,18 +41,12 @@ bool is_comment(std::string_view line) {
 
 // Words separated by commas, of which some may be empty, or by blanks.
 std::vector<std::string_view> words_of(std::string_view line, bool commas) {
+  if (!commas) return detail::words_of(line);
   std::vector<std::string_view> words;
-  if (commas) {
-    for (std::size_t end = 0; end != std::string_view::npos;) {
-      end = line.find(',');
-      words.push_back(trimmed(line.substr(0, end)));
-      line.remove_prefix(end == std::string_view::npos ? line.size() : end + 1);
-    }
-    return words;
-  }
-  for (line = trimmed(line); !line.empty(); line = trimmed(line)) {
-    words.push_back(line.substr(0, line.find_first_of(kBlanks)));
-    line.remove_prefix(words.back().size());
+  for (std::size_t end = 0; end != std::string_view::npos;) {
+    end = line.find(',');
+    words.push_back(trimmed(line.substr(0, end)));
+    line.remove_prefix(end == std::string_view::npos ? line.size() : end + 1);
   }
   return words;
 }

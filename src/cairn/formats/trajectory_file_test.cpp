@@ -34,7 +34,7 @@ Trajectory wandering(double start_s) {
   return Trajectory(std::move(poses));
 }
 
-std::string written(const Trajectory& trajectory, TrajectoryFormat format) {
+std::string trajectory_text(const Trajectory& trajectory, TrajectoryFormat format) {
   std::string text;
   write_trajectory(trajectory, format, [&](std::string_view piece) { text += piece; });
   return text;
@@ -46,7 +46,7 @@ struct Read {
   std::vector<std::string> remarks;  // that are no losses
 };
 
-Read parsed(std::string_view text) {
+Read parsed_trajectory(std::string_view text) {
   MemoryReader reader(text, "a.tum");
   Read read;
   read.trajectory = read_trajectory(reader, {}, [&](const Remark& remark) {
@@ -55,8 +55,8 @@ Read parsed(std::string_view text) {
   return read;
 }
 
-std::string refusal(std::string_view text) {
-  return testing::refusal(ErrorKind::kInput, [&] { parsed(text); });
+std::string trajectory_refusal(std::string_view text) {
+  return testing::refusal(ErrorKind::kInput, [&] { parsed_trajectory(text); });
 }
 
 std::string refusal_of(const std::filesystem::path& path) {
@@ -68,7 +68,7 @@ TEST(TrajectoryFile, ComesBackInEveryFormat) {
   for (const TrajectoryFormat format :
        {TrajectoryFormat::kTum, TrajectoryFormat::kEuroc, TrajectoryFormat::kKitti}) {
     const Trajectory trajectory = wandering(format == TrajectoryFormat::kKitti ? 0.0 : 1.4e9);
-    const std::string text = written(trajectory, format);
+    const std::string text = trajectory_text(trajectory, format);
     EXPECT_EQ(recognised_trajectory(text), format);
     const Trajectory back = read_trajectory(folder.write("poses", text));
     ASSERT_EQ(back.size(), trajectory.size()) << to_string(format);
@@ -96,7 +96,7 @@ TEST(TrajectoryFile, ReportsALastLineThatMayHaveBeenCutOff) {
       EXPECT_EQ(remark.kind, RemarkKind::kLoss);
       losses += remark.text;
     };
-    const std::string whole = written(wandering(0.0), format);
+    const std::string whole = trajectory_text(wandering(0.0), format);
     read_trajectory(folder.write("poses", whole), log);
     EXPECT_EQ(losses, "");
     const Trajectory cut =
@@ -118,7 +118,7 @@ TEST(TrajectoryFile, EurocTimesAreWholeNanosecondsAndMoreColumnsArePassedOver) {
   EXPECT_NEAR(read.poses()[1].timestamp_s - read.poses()[0].timestamp_s, 0.005, 1e-6);
   EXPECT_EQ(read.poses()[0].world_from_camera.translation(), Eigen::Vector3d(4.6, -1.8, 0.8));
   EXPECT_NEAR(read.poses()[0].world_from_camera.quaternion().x(), -0.5, 1e-15);
-  EXPECT_THAT(written(read, TrajectoryFormat::kEuroc), HasSubstr("\n1403636580838555"));
+  EXPECT_THAT(trajectory_text(read, TrajectoryFormat::kEuroc), HasSubstr("\n1403636580838555"));
 }
 
 TEST(TrajectoryFile, KittiTakesItsTimesFromTheFileBesideIt) {
@@ -178,17 +178,17 @@ TEST(TrajectoryFile, TakesRotationsWithinAHundredth) {
 }
 
 TEST(TrajectoryFile, RefusesTimesThatNanosecondsDoNotHold) {
-  EXPECT_THROW(written(Trajectory({{1e15, Rigid3()}}), TrajectoryFormat::kEuroc), Error);
-  EXPECT_THROW(
-      written(Trajectory({{1.0, Rigid3()}, {1.0 + 1e-12, Rigid3()}}), TrajectoryFormat::kEuroc),
-      Error);
+  EXPECT_THROW(trajectory_text(Trajectory({{1e15, Rigid3()}}), TrajectoryFormat::kEuroc), Error);
+  EXPECT_THROW(trajectory_text(Trajectory({{1.0, Rigid3()}, {1.0 + 1e-12, Rigid3()}}),
+                               TrajectoryFormat::kEuroc),
+               Error);
 }
 
 // --- TUM -------------------------------------------------------------------------------------------
 
 TEST(TumTrajectory, HasTheRealPartOfTheQuaternionLast) {
   const Trajectory trajectory =
-      parsed("# comment\n\n1.5 1 2 3 0 0 1 0\r\n 2 0 0 0\t0 0 0 1 \n").trajectory;
+      parsed_trajectory("# comment\n\n1.5 1 2 3 0 0 1 0\r\n 2 0 0 0\t0 0 0 1 \n").trajectory;
   ASSERT_EQ(trajectory.size(), 2U);
   const TimedPose& pose = trajectory.poses()[0];
   EXPECT_EQ(pose.timestamp_s, 1.5);
@@ -199,27 +199,29 @@ TEST(TumTrajectory, HasTheRealPartOfTheQuaternionLast) {
 }
 
 TEST(TumTrajectory, NamesLineAndFieldOfWhatItRefuses) {
-  EXPECT_THAT(refusal(""), HasSubstr("a.tum: no poses"));
-  EXPECT_THAT(refusal("# only a comment\n"), HasSubstr("no poses"));
-  EXPECT_THAT(refusal("1 0 0 0 0 0 1\n"), HasSubstr("a.tum:1: 7 fields; expected timestamp tx ty"));
-  EXPECT_THAT(refusal("1 0 0 0 0 0 0 1 5\n"), HasSubstr("a.tum:1: 9 fields"));
-  EXPECT_THAT(refusal("#\n1 0 x 0 0 0 0 1\n"), HasSubstr("a.tum:2: field 3 (ty): 'x' is not"));
-  EXPECT_THAT(refusal("1 0 0 1e999 0 0 0 1\n"), HasSubstr("field 4 (tz)"));
+  EXPECT_THAT(trajectory_refusal(""), HasSubstr("a.tum: no poses"));
+  EXPECT_THAT(trajectory_refusal("# only a comment\n"), HasSubstr("no poses"));
+  EXPECT_THAT(trajectory_refusal("1 0 0 0 0 0 1\n"),
+              HasSubstr("a.tum:1: 7 fields; expected timestamp tx ty"));
+  EXPECT_THAT(trajectory_refusal("1 0 0 0 0 0 0 1 5\n"), HasSubstr("a.tum:1: 9 fields"));
+  EXPECT_THAT(trajectory_refusal("#\n1 0 x 0 0 0 0 1\n"),
+              HasSubstr("a.tum:2: field 3 (ty): 'x' is not"));
+  EXPECT_THAT(trajectory_refusal("1 0 0 1e999 0 0 0 1\n"), HasSubstr("field 4 (tz)"));
   EXPECT_THAT(
-      refusal("1 0 -1e300 0 0 0 0 1\n"),
+      trajectory_refusal("1 0 -1e300 0 0 0 0 1\n"),
       HasSubstr("a.tum:1: field 3 (ty): '-1e300' is beyond the limit; expected numbers from "
                 "-1e9 to 1e9"));
-  EXPECT_THAT(refusal("1e300 0 0 0 0 0 0 1\n"),
+  EXPECT_THAT(trajectory_refusal("1e300 0 0 0 0 0 0 1\n"),
               HasSubstr("a.tum:1: field 1 (timestamp): '1e300'; expected seconds"));
-  EXPECT_THAT(refusal("1 0 0 0 0 0 0 0\n"), HasSubstr("a.tum:1: quaternion of norm 0"));
+  EXPECT_THAT(trajectory_refusal("1 0 0 0 0 0 0 0\n"), HasSubstr("a.tum:1: quaternion of norm 0"));
 }
 
 TEST(TumTrajectory, TakesQuaternionsWhoseNormIsWithinAHundredthOfOne) {
-  EXPECT_EQ(refusal("1 0 0 0 0 0 0 1.0099\n"), "");
-  EXPECT_EQ(refusal("1 0 0 0 0 0.9901 0 0\n"), "");
-  EXPECT_THAT(refusal("1 0 0 0 0 0 0 1.0101\n"), HasSubstr("norm 1 within 1e-2"));
-  EXPECT_THAT(refusal("1 0 0 0 0 0.9899 0 0\n"), HasSubstr("norm 1 within 1e-2"));
-  const Trajectory read = parsed("1 0 0 0 0 0 0 1.0099\n").trajectory;
+  EXPECT_EQ(trajectory_refusal("1 0 0 0 0 0 0 1.0099\n"), "");
+  EXPECT_EQ(trajectory_refusal("1 0 0 0 0 0.9901 0 0\n"), "");
+  EXPECT_THAT(trajectory_refusal("1 0 0 0 0 0 0 1.0101\n"), HasSubstr("norm 1 within 1e-2"));
+  EXPECT_THAT(trajectory_refusal("1 0 0 0 0 0.9899 0 0\n"), HasSubstr("norm 1 within 1e-2"));
+  const Trajectory read = parsed_trajectory("1 0 0 0 0 0 0 1.0099\n").trajectory;
   EXPECT_NEAR(read.poses()[0].world_from_camera.quaternion().norm(), 1.0, 1e-15);
 }
 
@@ -235,7 +237,7 @@ TEST(TumTrajectory, ReadsTheBenchmarksGroundTruth) {
 // --- What other programs write -----------------------------------------------------------------------
 
 TEST(ForeignTrajectory, KeepsTheFirstOfPosesOfOneTimeAndCountsTheOthers) {
-  const Read read = parsed(
+  const Read read = parsed_trajectory(
       "1 1 0 0 0 0 0 1\n2 2 0 0 0 0 0 1\n2 2 0 0 0 0 0 1\n3 3 0 0 0 0 0 1\n3 4 0 0 0 0 0 1\n");
   ASSERT_EQ(read.trajectory.size(), 3U);
   EXPECT_EQ(read.trajectory.poses()[2].world_from_camera.translation().x(), 3.0);
@@ -245,14 +247,16 @@ TEST(ForeignTrajectory, KeepsTheFirstOfPosesOfOneTimeAndCountsTheOthers) {
 }
 
 TEST(ForeignTrajectory, IsRefusedIfMostPosesHaveTheTimeOfAnother) {
-  EXPECT_THAT(refusal("0 1 0 0 0 0 0 1\n0 2 0 0 0 0 0 1\n0 3 0 0 0 0 0 1\n"),
+  EXPECT_THAT(trajectory_refusal("0 1 0 0 0 0 0 1\n0 2 0 0 0 0 0 1\n0 3 0 0 0 0 0 1\n"),
               HasSubstr("a.tum: 2 of 3 poses have the time of another pose"));
   // The same pose again contradicts nothing.
-  EXPECT_EQ(parsed("0 1 0 0 0 0 0 1\n0 1 0 0 0 0 0 1\n0 1 0 0 0 0 0 1\n").trajectory.size(), 1U);
+  EXPECT_EQ(
+      parsed_trajectory("0 1 0 0 0 0 0 1\n0 1 0 0 0 0 0 1\n0 1 0 0 0 0 0 1\n").trajectory.size(),
+      1U);
 }
 
 TEST(ForeignTrajectory, IsSortedByTime) {
-  const Read read = parsed("2 2 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n");
+  const Read read = parsed_trajectory("2 2 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n");
   ASSERT_EQ(read.trajectory.size(), 2U);
   EXPECT_EQ(read.trajectory.poses()[0].world_from_camera.translation().x(), 1.0);
   EXPECT_THAT(read.remarks, ElementsAre(HasSubstr("not in the order of time; sorted")));
@@ -261,22 +265,23 @@ TEST(ForeignTrajectory, IsSortedByTime) {
 
 TEST(ForeignTrajectory, LeavesOutAndCountsPosesWithUnknownNumbers) {
   const std::string unknown = "0 NaN NaN NaN NaN NaN NaN NaN\n";
-  const Read tum = parsed(unknown + "1 1 0 0 0 0 0 1\n2 -nan 0 0 0 0 0 1\n3 inf 0 0 0 0 0 1\n");
+  const Read tum =
+      parsed_trajectory(unknown + "1 1 0 0 0 0 0 1\n2 -nan 0 0 0 0 0 1\n3 inf 0 0 0 0 0 1\n");
   ASSERT_EQ(tum.trajectory.size(), 1U);
   EXPECT_THAT(tum.losses, ElementsAre(HasSubstr("3 of 4 poses left out, the first in line 1: their "
                                                 "numbers are unknown")));
   EXPECT_EQ(recognised_trajectory(unknown + "1 1 0 0 0 0 0 1\n"), TrajectoryFormat::kTum);
   EXPECT_EQ(recognised_trajectory(unknown), TrajectoryFormat::kTum);
   EXPECT_EQ(recognised_trajectory(unknown + "1 1 0"), TrajectoryFormat::kTum) << "cut off";
-  EXPECT_THAT(refusal(unknown), HasSubstr("no poses"));
+  EXPECT_THAT(trajectory_refusal(unknown), HasSubstr("no poses"));
 
-  const Read cells = parsed("t,x,y,z,qx,qy,qz,qw\n0.5,,,,,,,\n1.5,1,0,0,0,0,0,1\n");
+  const Read cells = parsed_trajectory("t,x,y,z,qx,qy,qz,qw\n0.5,,,,,,,\n1.5,1,0,0,0,0,0,1\n");
   EXPECT_EQ(cells.trajectory.size(), 1U);
   EXPECT_THAT(cells.losses, ElementsAre(HasSubstr("1 of 2 poses left out")));
 
   // The times of the poses that are known stay theirs.
   const std::string lost = "nan nan nan nan nan nan nan nan nan nan nan nan\n";
-  const Read kitti = parsed(lost + "1 0 0 7 0 1 0 2 0 0 1 3\n");
+  const Read kitti = parsed_trajectory(lost + "1 0 0 7 0 1 0 2 0 0 1 3\n");
   ASSERT_EQ(kitti.trajectory.size(), 1U);
   EXPECT_EQ(kitti.trajectory.poses()[0].timestamp_s, 1.0);
   EXPECT_THAT(kitti.losses, ElementsAre(HasSubstr("1 of 2 poses left out")));
@@ -294,7 +299,7 @@ TEST(ForeignTrajectory, HasTheColumnsThatItsHeaderNames) {
         "field.pose.position.z,field.pose.orientation.x,field.pose.orientation.y,"
         "field.pose.orientation.z,field.pose.orientation.w,field.pose.covariance0\n"
         "1.5,map,1,2,3,0,0,1,0,0\n"}) {
-    const Read read = parsed(text);
+    const Read read = parsed_trajectory(text);
     ASSERT_EQ(read.trajectory.size(), 1U) << text;
     const TimedPose& pose = read.trajectory.poses()[0];
     EXPECT_EQ(pose.timestamp_s, 1.5) << text;
@@ -303,35 +308,37 @@ TEST(ForeignTrajectory, HasTheColumnsThatItsHeaderNames) {
     EXPECT_THAT(read.remarks, IsEmpty()) << text;
     EXPECT_TRUE(recognised_trajectory(text)) << text;
   }
-  EXPECT_THAT(refusal("Zeit Ort\n1 2\n"), HasSubstr("a.tum:1: neither a pose nor the names"));
+  EXPECT_THAT(trajectory_refusal("Zeit Ort\n1 2\n"),
+              HasSubstr("a.tum:1: neither a pose nor the names"));
   EXPECT_EQ(recognised_trajectory("x,y,z\n1,2,3\n"), std::nullopt);
-  EXPECT_THAT(refusal("t,x,y,z,qx,qy,qz,qw\n1,2,3\n"),
+  EXPECT_THAT(trajectory_refusal("t,x,y,z,qx,qy,qz,qw\n1,2,3\n"),
               HasSubstr("a.tum:2: 3 fields; expected as many as there are names of columns"));
-  EXPECT_THAT(refusal("t x y z qx qy qz qw\nt x y z qx qy qz qw\n"), HasSubstr("a.tum:2: field 1"));
+  EXPECT_THAT(trajectory_refusal("t x y z qx qy qz qw\nt x y z qx qy qz qw\n"),
+              HasSubstr("a.tum:2: field 1"));
 }
 
 TEST(ForeignTrajectory, TellsHowUnnamedColumnsBetweenCommasAreRead) {
-  const Read tum = parsed("0,1,2,3,0,0,1,0\n0.5,1,2,3,0,0,1,0\n");
+  const Read tum = parsed_trajectory("0,1,2,3,0,0,1,0\n0.5,1,2,3,0,0,1,0\n");
   EXPECT_EQ(tum.trajectory.duration_s(), 0.5);
   EXPECT_NEAR(tum.trajectory.poses()[0].world_from_camera.quaternion().z(), 1.0, 1e-15);
   EXPECT_THAT(tum.remarks, ElementsAre(HasSubstr("read as timestamp tx ty tz qx qy qz qw")));
-  const Read euroc = parsed("0,1,2,3,0,0,0,1\n500000000,1,2,3,0,0,0,1\n");
+  const Read euroc = parsed_trajectory("0,1,2,3,0,0,0,1\n500000000,1,2,3,0,0,0,1\n");
   EXPECT_EQ(euroc.trajectory.duration_s(), 0.5);
   EXPECT_NEAR(euroc.trajectory.poses()[0].world_from_camera.quaternion().z(), 1.0, 1e-15);
   EXPECT_THAT(euroc.remarks, ElementsAre(HasSubstr("nanoseconds px py pz qw qx qy qz")));
 }
 
 TEST(ForeignTrajectory, HasNanosecondsIfItsTimesAreTooLargeForSeconds) {
-  const Read read = parsed(
+  const Read read = parsed_trajectory(
       "1754101837906459648.000000 0 0 0 0 0 0 1\n1754101838906459648.000000 0 0 0 0 0 0 1\n");
   EXPECT_NEAR(read.trajectory.poses()[0].timestamp_s, 1754101837.906459648, 1e-6);
   EXPECT_NEAR(read.trajectory.duration_s(), 1.0, 1e-6);
   EXPECT_THAT(read.remarks, ElementsAre(HasSubstr("read as nanoseconds")));
   EXPECT_THAT(
-      parsed("1754101837906 0 0 0 0 0 0 1\n").remarks,
+      parsed_trajectory("1754101837906 0 0 0 0 0 0 1\n").remarks,
       ElementsAre(AllOf(HasSubstr("1.754e+12 are read as seconds"), HasSubstr("timestamp_ms"))));
-  EXPECT_THAT(parsed("1754101837.906 0 0 0 0 0 0 1\n").remarks, IsEmpty());
-  EXPECT_THAT(refusal("# time_ms tx ty tz qx qy qz qw\n1e20 0 0 0 0 0 0 1\n"),
+  EXPECT_THAT(parsed_trajectory("1754101837.906 0 0 0 0 0 0 1\n").remarks, IsEmpty());
+  EXPECT_THAT(trajectory_refusal("# time_ms tx ty tz qx qy qz qw\n1e20 0 0 0 0 0 0 1\n"),
               HasSubstr("less than 1e17 s"))
       << "written in seconds, it would be read as nanoseconds";
 }

@@ -16,8 +16,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kCameraNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kCameraInfinity = std::numeric_limits<double>::infinity();
 
 Camera camera(const std::string& model, std::vector<double> parameters) {
   return {CameraId{1}, model, 640, 480, std::move(parameters)};
@@ -174,7 +174,7 @@ TEST(Project, PutsTheOpticalAxisAtThePrincipalPoint) {
 
 TEST(Project, SeesNothingThatIsNotInFront) {
   for (const Camera& any : cameras_of_all_models(0.1)) {
-    for (const double z : {0.0, -0.0, -1e-9, -2.0, -kInfinity, kNan}) {
+    for (const double z : {0.0, -0.0, -1e-9, -2.0, -kCameraInfinity, kCameraNan}) {
       EXPECT_EQ(project(any, {0.1, 0.2, z}), std::nullopt) << any.model << ' ' << z;
     }
   }
@@ -240,9 +240,9 @@ TEST(CameraDefect, SaysWhatIsWrong) {
             "focal length fy is -2.5, not positive");
   EXPECT_EQ(camera_defect(camera("SIMPLE_PINHOLE", {-1, 320, 240})),
             "focal length f is -1, not positive");
-  EXPECT_EQ(camera_defect(camera("PINHOLE", {500, kInfinity, 320, 240})),
+  EXPECT_EQ(camera_defect(camera("PINHOLE", {500, kCameraInfinity, 320, 240})),
             "camera parameter fy is not finite");
-  EXPECT_EQ(camera_defect(camera("OPENCV", {500, 500, 320, 240, 0, 0, kNan, 0})),
+  EXPECT_EQ(camera_defect(camera("OPENCV", {500, 500, 320, 240, 0, 0, kCameraNan, 0})),
             "camera parameter p1 is not finite");
   for (const auto& [width, height] : {std::pair{0U, 480U}, std::pair{640U, 0U}}) {
     Camera no_size = camera("PINHOLE", {500, 500, 320, 240});

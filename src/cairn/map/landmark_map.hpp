@@ -17,7 +17,6 @@
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
-#include "cairn/map/control_point.hpp"
 #include "cairn/map/georeference.hpp"
 #include "cairn/map/optional_column.hpp"
 

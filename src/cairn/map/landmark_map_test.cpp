@@ -28,8 +28,8 @@ using ::testing::IsEmpty;
 using testing::plain_map;
 using testing::plain_tables;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kMapNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMapInfinity = std::numeric_limits<double>::infinity();
 
 struct Breach {
   const char* what;
@@ -37,7 +37,7 @@ struct Breach {
   const char* message;
 };
 
-void expect_refused(const std::vector<Breach>& breaches) {
+void expect_map_refused(const std::vector<Breach>& breaches) {
   for (const Breach& breach : breaches) {
     SCOPED_TRACE(breach.what);
     MapTables tables = full_tables();
@@ -53,7 +53,7 @@ void expect_refused(const std::vector<Breach>& breaches) {
 }
 
 TEST(LandmarkMap, RefusesBrokenFrames) {
-  expect_refused({
+  expect_map_refused({
       {"id twice", [](MapTables& t) { t.frames.ids[2] = t.frames.ids[0]; },
        "frame 7: the id occurs twice; expected distinct ids"},
       {"translations short", [](MapTables& t) { t.frames.translations.pop_back(); },
@@ -71,7 +71,7 @@ TEST(LandmarkMap, RefusesBrokenFrames) {
        "frame timestamps: 2 entries; expected 3, one a row"},
       {"image names short", [](MapTables& t) { t.frames.image_names.pop_back(); },
        "frame image names: 2 entries; expected 3, one a row"},
-      {"translation NaN", [](MapTables& t) { t.frames.translations[2].y() = kNan; },
+      {"translation NaN", [](MapTables& t) { t.frames.translations[2].y() = kMapNan; },
        "frame 3: translation (1e-310, nan, 0.3333333333333333) is not finite; expected numbers "
        "from -1e9 to 1e9"},
       {"translation far away",
@@ -122,31 +122,31 @@ TEST(LandmarkMap, RefusesBrokenFrames) {
        "frame 7: quaternion of norm 0.99899; expected norm 1 within 1e-3"},
       {"quaternion NaN",
        [](MapTables& t) {
-         t.frames.quaternions[0] = {kNan, 0, 0, 0};
+         t.frames.quaternions[0] = {kMapNan, 0, 0, 0};
        },
        "frame 7: quaternion of norm nan; expected norm 1 within 1e-3"},
       {"camera out of range", [](MapTables& t) { t.frames.cameras[2] = CameraIndex{2}; },
        "frame 3: refers to a camera that the map does not have; expected the index of a camera"},
-      {"timestamp infinite", [](MapTables& t) { t.frames.timestamps_s[0] = kInfinity; },
+      {"timestamp infinite", [](MapTables& t) { t.frames.timestamps_s[0] = kMapInfinity; },
        "frame 7: timestamp is not finite; expected seconds, from -1e20 to 1e20"},
   });
 }
 
 TEST(LandmarkMap, RefusesBrokenCamerasAndInfo) {
-  expect_refused({
+  expect_map_refused({
       {"camera with a defect", [](MapTables& t) { t.cameras[1].parameters[0] = 0.0; },
        "camera 2: focal length fx is 0, not positive; expected a usable camera"},
       {"camera id twice", [](MapTables& t) { t.cameras[1].id = t.cameras[0].id; },
        "camera 5: the id occurs twice; expected distinct ids"},
       {"gravity long", [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0, 0, -9.81); },
        "gravity: (0, 0, -9.81) is not a unit vector; expected norm 1 within 1e-3"},
-      {"gravity NaN", [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0, kNan, 1); },
+      {"gravity NaN", [](MapTables& t) { t.info.gravity = Eigen::Vector3d(0, kMapNan, 1); },
        "gravity: (0, nan, 1) is not a unit vector; expected norm 1 within 1e-3"},
   });
 }
 
 TEST(LandmarkMap, RefusesBrokenLandmarks) {
-  expect_refused({
+  expect_map_refused({
       {"id twice", [](MapTables& t) { t.landmarks.ids[3] = t.landmarks.ids[1]; },
        "landmark 10: the id occurs twice; expected distinct ids"},
       {"positions short", [](MapTables& t) { t.landmarks.positions.pop_back(); },
@@ -155,9 +155,10 @@ TEST(LandmarkMap, RefusesBrokenLandmarks) {
        "landmark covariances: 3 entries; expected 4, one a row"},
       {"colors long", [](MapTables& t) { t.landmarks.colors.emplace_back(); },
        "landmark colors: 5 entries; expected 4, one a row"},
-      {"position infinite", [](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; },
+      {"position infinite", [](MapTables& t) { t.landmarks.positions[1].z() = kMapInfinity; },
        "landmark 10: position (-1, 0.25, inf) is not finite; expected numbers from -1e9 to 1e9"},
-      {"covariance not finite", [](MapTables& t) { t.landmarks.covariances[0](1, 1) = kInfinity; },
+      {"covariance not finite",
+       [](MapTables& t) { t.landmarks.covariances[0](1, 1) = kMapInfinity; },
        "landmark 30: covariance is an entry is not finite; expected a symmetric positive "
        "semi-definite matrix"},
       {"covariance not symmetric",
@@ -186,7 +187,7 @@ TEST(LandmarkMap, RefusesBrokenDescriptorsAndNamedColumns) {
       t.landmarks.descriptors->further.assign(bytes, 1);
     };
   };
-  expect_refused({
+  expect_map_refused({
       {"further without offsets", further({}, 2),
        "further descriptor bytes: 2 entries; expected 0, one a row"},
       {"too few offsets", further({0, 1, 1, 1}, 2), kRanges},
@@ -220,7 +221,7 @@ TEST(LandmarkMap, RefusesBrokenDescriptorsAndNamedColumns) {
        "bytes zero"},
       {"column short", [](MapTables& t) { t.landmarks.columns[1].values.pop_back(); },
        "column 'never_set': 3 entries; expected 4, one a row"},
-      {"column infinite", [](MapTables& t) { t.landmarks.columns[0].values[1] = -kInfinity; },
+      {"column infinite", [](MapTables& t) { t.landmarks.columns[0].values[1] = -kMapInfinity; },
        "landmark 10: infinite in column 'confidence'; expected a number, or NaN where unknown"},
       {"column without name", [](MapTables& t) { t.landmarks.columns[0].name = ""; },
        "column '': not a name; expected visible ASCII, no blanks"},
@@ -239,7 +240,7 @@ TEST(LandmarkMap, RefusesBrokenObservations) {
   constexpr const char* kOffsets =
       "observation offsets: do not cut the observations into one range a landmark; expected "
       "ascending from 0 to their number, one more than there are landmarks";
-  expect_refused({
+  expect_map_refused({
       {"pixels short", [](MapTables& t) { t.observations.pixels.pop_back(); },
        "observation pixels: 4 entries; expected 5, one a row"},
       {"keypoints short", [](MapTables& t) { t.observations.keypoints.pop_back(); },
@@ -263,9 +264,9 @@ TEST(LandmarkMap, RefusesBrokenObservations) {
       {"unknown frame", [](MapTables& t) { t.observations.frames[4] = FrameIndex{3}; },
        "landmark 20: observed by a frame that the map does not have; expected the index of a "
        "frame"},
-      {"pixel NaN", [](MapTables& t) { t.observations.pixels[2].v = kNan; },
+      {"pixel NaN", [](MapTables& t) { t.observations.pixels[2].v = kMapNan; },
        "landmark 10: pixel (0.1, nan) is not finite; expected numbers from -1e9 to 1e9"},
-      {"depth NaN", [](MapTables& t) { t.observations.depths[0] = kNan; },
+      {"depth NaN", [](MapTables& t) { t.observations.depths[0] = kMapNan; },
        "landmark 30: depth is not finite; expected metres, from -1e9 to 1e9"},
   });
 }
@@ -283,14 +284,14 @@ TEST(LandmarkMap, SaysWhereABrokenEntryWasReadFrom) {
     }
     return "accepted";
   };
-  EXPECT_EQ(refusal([](MapTables& t) { t.landmarks.positions[1].z() = kInfinity; }),
+  EXPECT_EQ(refusal([](MapTables& t) { t.landmarks.positions[1].z() = kMapInfinity; }),
             "column 13 row 1: landmark 10: position (-1, 0.25, inf) is not finite; expected "
             "numbers from -1e9 to 1e9");
   EXPECT_EQ(
-      refusal([](MapTables& t) { t.landmarks.columns[1].values[2] = kInfinity; }),
+      refusal([](MapTables& t) { t.landmarks.columns[1].values[2] = kMapInfinity; }),
       "column 20 row 6: landmark 9223372036854775808: infinite in column 'never_set'; expected "
       "a number, or NaN where unknown");
-  EXPECT_EQ(refusal([](MapTables& t) { t.observations.pixels[3].v = kNan; }),
+  EXPECT_EQ(refusal([](MapTables& t) { t.observations.pixels[3].v = kMapNan; }),
             "column 23 row 3: landmark 20: pixel (1e-05, nan) is not finite; expected numbers from "
             "-1e9 to 1e9");
 }
@@ -425,7 +426,7 @@ TEST(LandmarkMap, DropsOptionalColumnsInWhichNothingIsKnown) {
   tables.frames.cameras.assign(3, std::nullopt);
   tables.frames.timestamps_s.assign(3, std::nullopt);
   tables.frames.image_names.assign(3, "");
-  tables.landmarks.covariances.assign(4, Eigen::Matrix3d::Constant(kNan));
+  tables.landmarks.covariances.assign(4, Eigen::Matrix3d::Constant(kMapNan));
   tables.landmarks.colors.assign(4, std::nullopt);
   tables.observations.keypoints.assign(5, std::nullopt);
   tables.observations.depths.assign(5, std::nullopt);

@@ -11,10 +11,16 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
-#include "cairn/map/turning_columns.hpp"
 
 namespace cairn {
 namespace {
+
+constexpr std::string_view kUnstatedSizes =
+    "the file states no image sizes: those of the cameras follow from the observations";
+
+bool says_unstated_sizes(const std::string& step) {
+  return step.ends_with(kUnstatedSizes);
+}
 
 constexpr std::uint32_t kDropped = std::numeric_limits<std::uint32_t>::max();
 
@@ -151,6 +157,15 @@ std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables) {
   tables.landmarks = landmark_rows(tables.landmarks, kept);
   tables.info.uuid.reset();
   return dropped;
+}
+
+void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
+             std::span<const std::uint32_t> landmarks) {
+  std::vector<std::uint32_t> new_frames(frames.size());
+  for (std::uint32_t i = 0; i < frames.size(); ++i) new_frames[frames[i]] = i;
+  tables.observations = observation_rows(tables.observations, landmarks, new_frames);
+  tables.frames = frame_rows(tables.frames, frames);
+  tables.landmarks = landmark_rows(tables.landmarks, landmarks);
 }
 
 LandmarkMap with_one_descriptor_each(const LandmarkMap& map) {
@@ -293,10 +308,17 @@ LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera) {
   MapTables tables = copied_tables(map);
   tables.cameras = {camera};
-  std::erase_if(tables.info.provenance,
-                [](const std::string& step) { return step.ends_with(detail::kSizesNotStated); });
+  std::erase_if(tables.info.provenance, says_unstated_sizes);
   tables.frames.cameras.assign(map.frame_count(), CameraIndex{0});
   return LandmarkMap(std::move(tables));
+}
+
+bool states_image_sizes(const MapInfo& info) {
+  return std::none_of(info.provenance.begin(), info.provenance.end(), says_unstated_sizes);
+}
+
+void note_unstated_image_sizes(MapInfo& info) {
+  info.provenance.emplace_back(kUnstatedSizes);
 }
 
 }  // namespace cairn

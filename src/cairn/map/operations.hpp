@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/geometry/similarity3.hpp"
@@ -30,6 +32,11 @@ DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
 /// @param tables a map's, valid but for such positions
 /// @return the rows that they had
 std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables);
+
+/// Puts frames and landmarks in another order.
+/// @param frames, landmarks all rows of the tables, each once
+void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
+             std::span<const std::uint32_t> landmarks);
 
 /// The map with one descriptor per landmark, the one that represents it.
 LandmarkMap with_one_descriptor_each(const LandmarkMap& map);
@@ -66,11 +73,28 @@ LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
 /// The map with this camera for all frames, instead of any others.
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);
 
-namespace detail {
-/// The line of provenance by which a map says that its cameras' sizes were not stated by the file. Writers of sizes
-/// say it again.
-inline constexpr std::string_view kSizesNotStated =
-    "the file states no image sizes: those of the cameras follow from the observations";
-}  // namespace detail
+/// Whether the file that a map comes from stated the sizes of its images. The provenance says if not.
+bool states_image_sizes(const MapInfo& info);
+
+/// Notes in the provenance that the file states no image sizes: those of the cameras follow from the observations.
+void note_unstated_image_sizes(MapInfo& info);
+
+/// Attributes of points that depend on the frame, recognised by their names as point clouds have them: "nx" or
+/// "normal_x", in upper or lower case.
+struct TurningColumns {
+  std::vector<std::array<std::size_t, 3>> vectors;  ///< indices of x, y and z of normals
+  /// Gaussian splats have rotations and spherical harmonics, which Cairn cannot turn.
+  bool are_splats = false;
+};
+
+TurningColumns turning_columns(std::span<const std::string_view> names);
+
+/// @throws Error (input) naming `name` if the map has the columns of Gaussian splats
+void require_no_splats(const LandmarkMap& map, std::string_view name);
+
+/// Named columns in another frame: turns normals and copies all others.
+/// @throws Error (input) for Gaussian splats, unless only their place changes
+std::vector<NamedColumn> transformed_columns(std::span<const NamedColumn> columns,
+                                             const Similarity3& new_from_old);
 
 }  // namespace cairn

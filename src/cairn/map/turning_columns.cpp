@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/map/turning_columns.hpp"
+#include "cairn/map/operations.hpp"
 
 #include <algorithm>
 #include <string>

@@ -10,7 +10,7 @@
 #include "cairn/alignment/evidence/probability_text.hpp"
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/map/turning_columns.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {

@@ -21,7 +21,7 @@
 #include "cairn/atlas/store/store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
-#include "cairn/formats/own/binary.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 namespace cairn::detail {
 

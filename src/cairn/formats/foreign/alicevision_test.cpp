@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/alicevision.hpp"
-
 #include <string>
 
 #include <Eigen/LU>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/real_data.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -20,8 +19,8 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 // A camera turned by 90 degrees about z, column by column; 8 mm of sensor for 200 pixels.
-std::string document(const std::string& type, const std::string& distortion,
-                     const std::string& structure = "[]") {
+std::string alicevision_json(const std::string& type, const std::string& distortion,
+                             const std::string& structure = "[]") {
   return R"({"version": ["1", "2", "6"], "views": [
     {"viewId": "4", "poseId": "7", "intrinsicId": "1", "path": "a.jpg", "width": "200", "height": "100"},
     {"viewId": "5", "poseId": "8", "intrinsicId": "1", "path": "b.jpg", "width": "200", "height": "100"}],
@@ -38,7 +37,7 @@ class AliceVisionTest : public testing::ImportTest {};
 
 TEST_F(AliceVisionTest, ViewsWithAPoseBecomeFrames) {
   const LandmarkMap map =
-      read_bytes(document("radial3", R"(["0.1","0.2","0.3"])", R"([{"landmarkId": "9",
+      read_bytes(alicevision_json("radial3", R"(["0.1","0.2","0.3"])", R"([{"landmarkId": "9",
      "color": ["1","2","3"], "X": ["1","2","13"], "observations": [
        {"observationId": "4", "featureId": "3", "x": ["99", "52"]},
        {"observationId": "5", "featureId": "3", "x": ["1", "2"]}]}])"));
@@ -60,25 +59,27 @@ TEST_F(AliceVisionTest, ViewsWithAPoseBecomeFrames) {
 }
 
 TEST_F(AliceVisionTest, EachTypeHasItsModel) {
-  EXPECT_EQ(read_bytes(document("pinhole", "\"\"")).cameras()[0].model, "SIMPLE_PINHOLE");
-  EXPECT_EQ(read_bytes(document("radial1", R"(["0.1"])")).cameras()[0].model, "SIMPLE_RADIAL");
-  EXPECT_EQ(read_bytes(document("fisheye4", R"([0.1,0,0,0])")).cameras()[0].model,
+  EXPECT_EQ(read_bytes(alicevision_json("pinhole", "\"\"")).cameras()[0].model, "SIMPLE_PINHOLE");
+  EXPECT_EQ(read_bytes(alicevision_json("radial1", R"(["0.1"])")).cameras()[0].model,
+            "SIMPLE_RADIAL");
+  EXPECT_EQ(read_bytes(alicevision_json("fisheye4", R"([0.1,0,0,0])")).cameras()[0].model,
             "OPENCV_FISHEYE");
-  EXPECT_THAT(read_bytes(document("brown", R"([0.1,0.2,0.3,0.4,0.5])")).cameras()[0].parameters,
-              ElementsAre(100, 100, 99, 52, 0.1, 0.2, 0.4, 0.5, 0.3, 0, 0, 0));
-  EXPECT_TRUE(read_bytes(document("3deanamorphic4", R"([0.1])")).cameras().empty());
+  EXPECT_THAT(
+      read_bytes(alicevision_json("brown", R"([0.1,0.2,0.3,0.4,0.5])")).cameras()[0].parameters,
+      ElementsAre(100, 100, 99, 52, 0.1, 0.2, 0.4, 0.5, 0.3, 0, 0, 0));
+  EXPECT_TRUE(read_bytes(alicevision_json("3deanamorphic4", R"([0.1])")).cameras().empty());
   EXPECT_THAT(remarks_,
               Contains(HasSubstr("camera 1 is unknown to the map: its type '3deanamorphic4'")));
 }
 
 TEST_F(AliceVisionTest, ErrorsNameThePlace) {
-  EXPECT_THAT(refused(document("radial1", R"(["x"])")),
+  EXPECT_THAT(refused(alicevision_json("radial1", R"(["x"])")),
               HasSubstr("/intrinsics/0/distortionParams/0: 'x' is not a number"));
-  EXPECT_THAT(refused(document("pinhole", "[]", R"([{"landmarkId": "-1", "X": [1,2,3]}])")),
+  EXPECT_THAT(refused(alicevision_json("pinhole", "[]", R"([{"landmarkId": "-1", "X": [1,2,3]}])")),
               HasSubstr("/structure/0/landmarkId: '-1' is no whole number"));
-  EXPECT_THAT(refused(document("pinhole", "[]", R"([{"landmarkId": "1", "X": [1,2]}])")),
+  EXPECT_THAT(refused(alicevision_json("pinhole", "[]", R"([{"landmarkId": "1", "X": [1,2]}])")),
               HasSubstr("/structure/0/X: has 2 entries"));
-  const std::string whole = document("pinhole", "[]");
+  const std::string whole = alicevision_json("pinhole", "[]");
   for (std::size_t size = whole.size() / 2; size < whole.size(); size += 3) {
     EXPECT_THAT(refused(whole.substr(0, size)), HasSubstr("is not JSON")) << size;
   }
@@ -108,4 +109,4 @@ TEST(RealAliceVision, CamerasLookAtOneObject) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

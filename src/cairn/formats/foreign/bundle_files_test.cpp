@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/bundle_files.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -12,7 +10,8 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "support/imported_maps.hpp"
@@ -21,7 +20,7 @@
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -33,7 +32,7 @@ using testing::TemporaryFolder;
 
 class BundleWriterTest : public testing::ImportTest {};
 
-// A scene written in all three formats by their own rules: two cameras with f = 500 and k1, k2; points in
+// A scene written in both formats by their own rules: two cameras with f = 500 and k1, k2; points in
 // front of both.
 struct Scene {
   double k1 = 0.1;
@@ -76,23 +75,6 @@ struct Scene {
       }
       text += "\n";
     }
-    return text;
-  }
-
-  std::string bal() const {
-    std::string text = fmt::format("2 {} {}\n", points.size(), 2 * points.size());
-    for (std::size_t p = 0; p < points.size(); ++p) {
-      for (std::size_t c = 0; c < 2; ++c) {
-        text += fmt::format("{} {} {} {}\n", c, p, offset(c, p)[0], -offset(c, p)[1]);
-      }
-    }
-    for (std::size_t c = 0; c < 2; ++c) {
-      const Eigen::AngleAxisd turn(upright_rotation(c));
-      const Eigen::Vector3d t = upright_shift(c);
-      for (int i = 0; i < 3; ++i) text += fmt::format("{}\n", turn.angle() * turn.axis()[i]);
-      text += fmt::format("{}\n{}\n{}\n500\n{}\n{}\n", t[0], t[1], t[2], k1, k2);
-    }
-    for (const Eigen::Vector3d& p : points) text += fmt::format("{}\n{}\n{}\n", p[0], p[1], p[2]);
     return text;
   }
 
@@ -189,17 +171,9 @@ TEST_F(BundleFilesTest, SizesThatNoFileStatedAreMentionedAgainWhenTheyAreWritten
   all_formats().write(map, folder_ / "kept.map", {});
   EXPECT_THAT(remarks_of(all_formats().read(folder_ / "kept.map"), "reconstruction.json"),
               invented);
-  EXPECT_THAT(remarks_of(map, "out.nvm"), Not(invented)) << "it states none";
+  EXPECT_THAT(remarks_of(map, "out.out"), Not(invented)) << "it states none";
   const Camera camera{CameraId{0}, "PINHOLE", 640, 480, {500, 500, 320, 240}};
   EXPECT_THAT(remarks_of(with_camera(map, camera), "other/"), Not(invented));
-}
-
-TEST_F(BundleFilesTest, BalIsReadInCairnsAxes) {
-  const Scene scene;
-  const LandmarkMap map = read(scene.bal());
-  expect_scene(map, scene);
-  EXPECT_TRUE(map.landmarks().colors.empty());
-  EXPECT_TRUE(map.observations().keypoints.empty());
 }
 
 TEST_F(BundleFilesTest, NvmIsReadInCairnsAxes) {
@@ -219,7 +193,7 @@ TEST_F(BundleFilesTest, ALastLineThatMayHaveBeenCutOffIsMentioned) {
   const Scene scene{.k1 = 0.0, .k2 = 0.0};
   // Of NVM without the parts that are not read.
   const std::string nvm = scene.nvm().substr(0, scene.nvm().find("\n\n0\n") + 1);
-  for (std::string text : {scene.bundler(), scene.bal(), nvm}) {
+  for (std::string text : {scene.bundler(), nvm}) {
     read(text);
     EXPECT_THAT(remarks_, Not(Contains(HasSubstr("does not end"))));
     while (text.ends_with('\n')) text.pop_back();
@@ -296,7 +270,7 @@ TEST_F(BundleFilesTest, CutFilesAreRefused) {
   const Scene plain{.k1 = 0.0, .k2 = 0.0};
   std::string nvm = plain.nvm();
   nvm.resize(nvm.find("\n\n0\n"));
-  for (const std::string& whole : {scene.bundler(), scene.bal(), nvm}) {
+  for (const std::string& whole : {scene.bundler(), nvm}) {
     // The last number may be cut without a trace.
     for (std::size_t lines = std::count(whole.begin(), whole.end(), '\n') - 1; lines > 2; --lines) {
       std::size_t end = 0;
@@ -313,9 +287,6 @@ TEST_F(BundleFilesTest, ErrorsNameLineAndField) {
               HasSubstr("scene:5: camera of an observation: 0 of 0"));
   EXPECT_THAT(refused("# Bundle file v0.3\n4294967296 1\n"),
               HasSubstr("scene:2: number of cameras: '4294967296' is not a whole number"));
-  EXPECT_THAT(
-      refused("1 1 1\n0 1 2.5 3.5\n"),
-      HasSubstr("scene:2: observation: of point 1 by camera 0; expected 1 points and 1 cameras"));
   EXPECT_THAT(refused("NVM_V3\n1\na.jpg 500 0 0 0 0 0 0 0 0 0\n0\n"),
               HasSubstr("scene:3: quaternion: has no direction"));
   EXPECT_THAT(refused("NVM_V3\n1\n500 0 0 0 0 0 0 0 0 0\n0\n"),
@@ -344,30 +315,23 @@ TEST_F(BundleWriterTest, WhatIsWrittenIsReadBack) {
   }
   const LandmarkMap map{std::move(tables)};
   ASSERT_LT(reprojection(map).worst, 1e-6);
-  for (const char* name : {"out.out", "out.nvm"}) {
-    SCOPED_TRACE(name);
-    const LandmarkMap back = read(write(map, name));
-    EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
-    EXPECT_EQ(back.observation_count(), map.observation_count());
-    EXPECT_LT(reprojection(back).worst, 2e-3);
-    EXPECT_EQ(reprojection(back).count, 3U);
-    for (std::uint32_t i = 0; i < 2; ++i) {
-      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
-      EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
-    }
-  }
-  write(map, "out.out");
+  const auto file = write(map, "out.out");
   EXPECT_THAT(remarks_, Contains(HasSubstr("observations are written undistorted")));
   EXPECT_THAT(remarks_, Contains(HasSubstr("covariances")));
-  EXPECT_THAT(read(folder_ / "out.nvm").frames().image_names,
-              ::testing::ElementsAre("a b.png", "c.png"));
+  const LandmarkMap back = read(file);
+  EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
+  EXPECT_EQ(back.observation_count(), map.observation_count());
+  EXPECT_LT(reprojection(back).worst, 2e-3);
+  EXPECT_EQ(reprojection(back).count, 3U);
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+    EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
+  }
 }
 
 TEST_F(BundleWriterTest, FramesNeedCameras) {
-  for (const char* name : {"out.out", "out.nvm"}) {
-    EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(testing::plain_map(), name); }),
-                HasSubstr("frame 1: has no camera"));
-  }
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(testing::plain_map(), "out.out"); }),
+              HasSubstr("frame 1: has no camera"));
 }
 
 TEST(RealBundleFiles, ReprojectOntoTheirObservations) {
@@ -377,12 +341,6 @@ TEST(RealBundleFiles, ReprojectOntoTheirObservations) {
   EXPECT_EQ(bundler.frame_count(), 5U);
   EXPECT_EQ(bundler.landmark_count(), 544U);
   EXPECT_LT(reprojection(bundler).median, 1.0);
-  const LandmarkMap bal = all_formats().read(*data / "foreign/bal/dubrovnik-3-7-pre.txt");
-  EXPECT_EQ(bal.frame_count(), 3U);
-  EXPECT_EQ(bal.landmark_count(), 7U);
-  EXPECT_EQ(bal.observation_count(), 19U);
-  EXPECT_NEAR(reprojection(bal).median, 11.2531, 1e-3)
-      << "by the formula of BAL, before adjustment";
   const LandmarkMap nvm = all_formats().read(*data / "foreign/nvm/model.nvm");
   EXPECT_EQ(nvm.frame_count(), 22U);
   EXPECT_EQ(nvm.landmark_count(), 853U);
@@ -390,4 +348,4 @@ TEST(RealBundleFiles, ReprojectOntoTheirObservations) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

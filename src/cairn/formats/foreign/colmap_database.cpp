@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/colmap_database.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,16 +13,12 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/formats/detail/foreign/database_file.hpp"
-#include "cairn/formats/detail/foreign/database_formats.hpp"
-#include "cairn/formats/detail/foreign/described_observations.hpp"
-#include "cairn/formats/detail/foreign/is_file.hpp"
-#include "cairn/formats/foreign/colmap.hpp"
-#include "cairn/formats/foreign/rtabmap.hpp"
-#include "cairn/formats/foreign/stella_database.hpp"
-#include "cairn/formats/losses.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/foreign/sfm_builder.hpp"
+#include "cairn/formats/detail/losses.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 namespace fs = std::filesystem;
@@ -188,7 +182,7 @@ class DescriptorReader {
         if (taken_[rank] == kNotFound) continue;
         of_landmark.push_back(std::span(bytes_).subspan(taken_[rank], kSiftBytes));
       }
-      detail::append_distinct(column, of_landmark, DescriptorNorm::kSquared);
+      append_distinct(column, of_landmark, DescriptorNorm::kSquared);
     }
     return column;
   }
@@ -208,15 +202,15 @@ class DescriptorReader {
 
 // The folder of a model, in the binary form if there are both.
 std::optional<ColmapForm> form_of(const fs::path& folder) {
-  if (detail::is_file(folder / "points3D.bin")) return ColmapForm::kBinary;
-  if (detail::is_file(folder / "points3D.txt")) return ColmapForm::kText;
+  if (is_file(folder / "points3D.bin")) return ColmapForm::kBinary;
+  if (is_file(folder / "points3D.txt")) return ColmapForm::kText;
   return std::nullopt;
 }
 
 constexpr std::array<std::string_view, 3> kTables = {"images", "keypoints", "descriptors"};
 
 bool is_colmap_database(const fs::path& path) {
-  return detail::is_database_with(path, {kTables[0], kTables[1], kTables[2]});
+  return is_database_with(path, {kTables[0], kTables[1], kTables[2]});
 }
 
 LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options) {
@@ -233,8 +227,8 @@ LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options
   }
   for (const fs::path& place : places) {
     if (const auto form = form_of(place)) {
-      detail::log_remark(options.log, input.path.string(),
-                         "read with the model in " + (place.empty() ? "." : place.string()));
+      log_remark(options.log, input.path.string(),
+                 "read with the model in " + (place.empty() ? "." : place.string()));
       return with_colmap_descriptors(read_colmap(place, *form, options), input.path, options);
     }
   }
@@ -245,7 +239,7 @@ LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options
 
 std::optional<DescriptorColumn> read_descriptors(const LandmarkMap& model, const fs::path& path,
                                                  const MapReadOptions& options) {
-  sqlite::Database database = detail::open_foreign_database(path, options);
+  sqlite::Database database = open_foreign_database(path, options);
   for (const std::string_view table : kTables) {
     if (!database.has_table(table)) {
       throw Error(ErrorKind::kInput, path.string(), fmt::format("has no table {}", table),
@@ -257,13 +251,13 @@ std::optional<DescriptorColumn> read_descriptors(const LandmarkMap& model, const
 
 // COLMAP's databases in a folder: database.db, or else all others by their tables.
 std::vector<fs::path> databases_in(const fs::path& folder) {
-  if (detail::is_file(folder / "database.db")) return {folder / "database.db"};
+  if (is_file(folder / "database.db")) return {folder / "database.db"};
   std::vector<fs::path> databases;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const fs::path& path = entry->path();
-    if (path.extension() == ".db" && detail::is_file(path) && is_colmap_database(path)) {
+    if (path.extension() == ".db" && is_file(path) && is_colmap_database(path)) {
       databases.push_back(path);
     }
   }
@@ -286,26 +280,29 @@ LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& database,
   return with_descriptors(std::move(model), std::move(descriptors));
 }
 
-std::vector<MapFormat> colmap_database_formats() {
+std::vector<MapFormat> database_formats() {
   return {{.name = "colmap-database",
            .title = "COLMAP database",
            .holds_several = true,
            .recognises =
                [](const MapInput& input) {
-                 return detail::is_database(input) && is_colmap_database(input.path);
+                 return is_database(input) && is_colmap_database(input.path);
                },
-           .read = &read_with_model}};
-}
-
-namespace detail {
-
-std::vector<MapFormat> database_formats() {
-  std::vector<MapFormat> all;
-  for (std::vector<MapFormat> some :
-       {colmap_database_formats(), stella_database_formats(), rtabmap_formats()}) {
-    std::move(some.begin(), some.end(), std::back_inserter(all));
-  }
-  return all;
+           .read = &read_with_model},
+          {.name = "stella-database",
+           .title = "stella_vslam database",
+           .recognises =
+               [](const MapInput& input) {
+                 return is_database_with(input, {"keyframes", "landmarks", "associations"});
+               },
+           .read = &read_path<&read_stella_database>},
+          {.name = "rtabmap",
+           .title = "RTAB-Map",
+           .recognises =
+               [](const MapInput& input) {
+                 return is_database_with(input, {"Node", "Link", "Data"});
+               },
+           .read = &read_path<&read_rtabmap>}};
 }
 
 LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
@@ -341,5 +338,4 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
   return model;
 }
 
-}  // namespace detail
-}  // namespace cairn
+}  // namespace cairn::detail

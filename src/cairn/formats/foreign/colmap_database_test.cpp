@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/colmap_database.hpp"
-
 #include <cstring>
 #include <string>
 #include <vector>
@@ -9,13 +7,14 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/detail/files_read.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 namespace fs = std::filesystem;
@@ -145,4 +144,4 @@ TEST_F(ColmapDatabaseTest, ADatabaseWithoutAModelIsNoMap) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/colmap.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -15,7 +13,8 @@
 #include <sys/stat.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -26,7 +25,7 @@
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 namespace fs = std::filesystem;
@@ -176,7 +175,7 @@ TEST_F(ColmapTest, OneNameOfTwoImagesIsNotWritten) {
   tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
   tables.frames.image_names = {"a.jpg", "a.jpg"};
   const LandmarkMap map(std::move(tables));
-  for (const char* name : {"model/", "out.nvm", "transforms.json", "reconstruction.json"}) {
+  for (const char* name : {"model/", "transforms.json", "reconstruction.json"}) {
     EXPECT_THAT(refusal(ErrorKind::kInput, [&] { all_formats().write(map, folder_ / name); }),
                 HasSubstr("frame 2: image name 'a.jpg' is that of frame 1 too"))
         << name;
@@ -442,4 +441,4 @@ TEST(RealColmapModel, ColmapReadsWhatCairnWrites) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

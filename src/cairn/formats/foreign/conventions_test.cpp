@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/imported_maps.hpp"

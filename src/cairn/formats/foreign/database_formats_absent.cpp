@@ -2,8 +2,8 @@
 #include <string_view>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/detail/foreign/database_formats.hpp"
-#include "cairn/formats/foreign/rtabmap.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 
 namespace cairn {
 

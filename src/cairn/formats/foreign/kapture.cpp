@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/kapture.hpp"
-
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -23,22 +20,18 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/record_reader.hpp"
-#include "cairn/formats/detail/foreign/described_observations.hpp"
-#include "cairn/formats/detail/foreign/descriptor_bytes.hpp"
-#include "cairn/formats/detail/foreign/is_file.hpp"
-#include "cairn/formats/detail/foreign/pixel_centre.hpp"
-#include "cairn/formats/losses.hpp"
+#include "cairn/formats/detail/bytes/scalars.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/foreign/sfm_builder.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 namespace fs = std::filesystem;
 
-using detail::kPixelCentre;
-
 constexpr std::string_view kHeader = "# kapture format:";
-constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint64_t kMostOfKapture = std::numeric_limits<std::uint32_t>::max();
 
 // Paths of kapture's files.
 constexpr const char* kSensors = "sensors/sensors.txt";
@@ -49,146 +42,20 @@ constexpr const char* kGnss = "sensors/records_gnss.txt";
 constexpr const char* kPoints = "reconstruction/points3d.txt";
 constexpr const char* kObservations = "reconstruction/observations.txt";
 
-// Lines of fields between commas.
-class CsvRecords {
- public:
-  CsvRecords(ByteSource& source, detail::ReadingProgress& progress)
-      : source_(source), progress_(progress), lines_(source) {}
-
-  // The next line that is neither blank nor a comment.
-  bool next() {
-    while (const auto line = lines_.next()) {
-      if (lines_.bytes_read() - reported_ > kReportEvery) report();
-      rest_ = trimmed(*line);
-      if (lines_.line_number() == 1 && rest_.starts_with(kHeader)) {
-        version_ = trimmed(rest_.substr(kHeader.size()));
-      }
-      if (rest_.empty() || rest_.front() == '#') continue;
-      at_end_ = false;
-      return true;
-    }
-    report();
-    return false;
-  }
-
-  bool at_end() const { return at_end_; }
-  bool was_terminated() const { return lines_.line_was_terminated(); }
-  std::string_view version() const { return version_; }
-
-  std::string_view field(std::string_view name) {
-    if (at_end_) refuse(name, "the line ends before it", "one field more");
-    const std::size_t comma = rest_.find(',');
-    const std::string_view text = trimmed(rest_.substr(0, comma));
-    at_end_ = comma == std::string_view::npos;
-    rest_ = at_end_ ? std::string_view() : rest_.substr(comma + 1);
-    return text;
-  }
-
-  double number(std::string_view name) { return number_of(name, field(name)); }
-
-  // std::nullopt if the field is empty: kapture leaves unknown numbers out.
-  std::optional<double> optional_number(std::string_view name) {
-    const std::string_view text = field(name);
-    return text.empty() ? std::nullopt : std::optional(number_of(name, text));
-  }
-
-  std::uint64_t whole(std::string_view name, std::uint64_t most) {
-    const std::string_view text = field(name);
-    const auto value = parse_unsigned(text);
-    if (!value || *value > most) {
-      refuse(name, printable(text) + " is no whole number in range",
-             fmt::format("a whole number from 0 to {}", most));
-    }
-    return *value;
-  }
-
-  // Timestamps may be negative.
-  std::int64_t timestamp() {
-    const std::string_view text = field("timestamp");
-    std::int64_t value = 0;
-    const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (text.empty() || error != std::errc{} || stop != text.data() + text.size()) {
-      refuse("timestamp", printable(text) + " is no whole number", "a whole number of 64 bits");
-    }
-    return value;
-  }
-
-  void expect_end() {
-    if (!at_end_) refuse(field("field"), "is too much", "the line to end before it");
-  }
-
-  [[noreturn]] void refuse(std::string_view name, std::string_view what,
-                           std::string_view expected) const {
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}:{}: {}", source_.name(), lines_.line_number(), name), what,
-                expected);
-  }
-
-  [[noreturn]] void refuse_unterminated() const {
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}", source_.name(), lines_.line_number()),
-                "the last line does not end with a newline and may be cut off",
-                "a newline at the end of the file");
-  }
-
- private:
-  static constexpr std::uint64_t kReportEvery = 1 << 20;
-
-  double number_of(std::string_view name, std::string_view text) const {
-    const auto value = parse_number(text);
-    if (!value) refuse(name, printable(text) + " is not a number", "a finite decimal number");
-    return *value;
-  }
-
-  void report() {
-    progress_.advance(lines_.bytes_read() - reported_, source_.name());
-    reported_ = lines_.bytes_read();
-  }
-
-  ByteSource& source_;
-  detail::ReadingProgress& progress_;
-  LineReader lines_;
-  std::string_view rest_;
-  std::string version_;
-  bool at_end_ = true;
-  std::uint64_t reported_ = 0;
-};
-
-// Numbers in a binary file, as NumPy names their type.
-struct NumberType {
-  char kind;  // 'f', 'i' or 'u'
-  std::size_t size;
-
-  double at(const char* bytes) const {
-    const auto load = [&]<class Number>(Number value) {
-      std::memcpy(&value, bytes, sizeof value);
-      return static_cast<double>(value);
-    };
-    if (kind == 'f') return size == 4 ? load(float{}) : load(double{});
-    if (kind == 'u') {
-      if (size == 1) return load(std::uint8_t{});
-      if (size == 2) return load(std::uint16_t{});
-      return size == 4 ? load(std::uint32_t{}) : load(std::uint64_t{});
-    }
-    if (size == 1) return load(std::int8_t{});
-    if (size == 2) return load(std::int16_t{});
-    return size == 4 ? load(std::int32_t{}) : load(std::int64_t{});
-  }
-};
-
-std::optional<NumberType> number_type(std::string_view name) {
-  static const std::map<std::string_view, NumberType> types_by_name = {
-      {"float", {'f', 8}}, {"float32", {'f', 4}}, {"float64", {'f', 8}}, {"int", {'i', 8}},
-      {"int8", {'i', 1}},  {"int16", {'i', 2}},   {"int32", {'i', 4}},   {"int64", {'i', 8}},
-      {"uint8", {'u', 1}}, {"uint16", {'u', 2}},  {"uint32", {'u', 4}},  {"uint64", {'u', 8}}};
-  const auto found = types_by_name.find(name);
-  return found == types_by_name.end() ? std::nullopt : std::optional(found->second);
+// A type of numbers in a binary file: NumPy's name, or Python's.
+std::optional<ScalarType> number_type(std::string_view name) {
+  if (name == "float") return ScalarType::kFloat64;
+  if (name == "int") return ScalarType::kInt64;
+  const auto found = std::find_if(kScalars.begin(), kScalars.end(),
+                                  [&](const Scalar& scalar) { return scalar.name == name; });
+  return found == kScalars.end() ? std::nullopt : std::optional(found->type);
 }
 
 // Content of keypoints.txt or descriptors.txt, which describes the files beside it.
 struct FeatureType {
   std::string folder;  // where they lie
   std::string name;
-  NumberType type{'f', 4};
+  ScalarType type = ScalarType::kFloat32;
   std::size_t numbers = 0;  // of each feature
   std::string keypoints_type;
   std::string metric;
@@ -203,10 +70,10 @@ struct Features {
   const char* row(std::size_t i) const { return bytes.data() + i * row_size; }
 };
 
-class Reader {
+class KaptureReader {
  public:
-  Reader(const KaptureFiles& files, const MapReadOptions& options)
-      : files_(files), options_(options), progress_(options, 0) {}
+  KaptureReader(const KaptureFiles& files, const MapReadOptions& options)
+      : files_(files), progress_(options, 0), out_(files.name, options, kPixelCentre) {}
 
   LandmarkMap read() && {
     read_sensors();
@@ -216,13 +83,13 @@ class Reader {
     read_points();
     read_observations();
     remark_rest();
-    tables_.info.length_unit = LengthUnit::kFree;
     const auto place = [&](MapColumn column, std::size_t) {
       const bool of_frames = column <= MapColumn::kImageNames;
       return files_.name + "/" + (of_frames ? kTrajectories : kPoints);
     };
-    return detail::imported_map(std::move(tables_), files_.name + "/" + kPoints, options_.log,
-                                place);
+    return std::move(out_).finish(
+        {.lost_observations = "observations of points without a finite position are left out",
+         .place = place});
   }
 
  private:
@@ -239,40 +106,36 @@ class Reader {
     std::uint32_t feature;
   };
 
-  void remark(const std::string& text) const {
-    detail::log_remark(options_.log, files_.name, text);
-  }
-  void lost(const std::string& text) const {
-    detail::log_remark(options_.log, files_.name, text, RemarkKind::kLoss);
-  }
-
   // Calls `take` at each record of a file. @return false if there is no such file
   template <class Take>
   bool read_records(const std::string& path, const Take& take) {
     const std::unique_ptr<ByteSource> source = files_.open(path);
     if (!source) return false;
-    CsvRecords records(*source, progress_);
-    while (records.next()) {
+    TextRecords in(*source, progress_, Separator::kComma, false);
+    while (in.next_record()) {
       // Without a last newline, a number may be truncated. Only the sensors' file is written without one.
-      if (!records.was_terminated() && path != kSensors) records.refuse_unterminated();
-      take(records);
+      if (!in.was_terminated() && path != kSensors) {
+        throw Error(ErrorKind::kInput, in.place(),
+                    "the last line does not end with a newline and may be cut off",
+                    "a newline at the end of the file");
+      }
+      take(in);
     }
     read_bytes_ += source->size().value_or(0);
-    if (path == kSensors) version_ = records.version();
     return true;
   }
 
   // ---- sensors
 
   void read_sensors() {
-    const bool is_there = read_records(kSensors, [&](CsvRecords& in) {
-      std::string id(in.field("sensor_device_id"));
-      in.field("name");
-      const std::string_view type = in.field("sensor_type");
+    const bool is_there = read_records(kSensors, [&](TextRecords& in) {
+      std::string id(in.word("sensor_device_id"));
+      in.word("name");
+      const std::string_view type = in.word("sensor_type");
       if (type == "camera") {
         read_camera(in, id);
       } else if (type == "gnss") {
-        const std::string_view system = in.at_end() ? std::string_view() : in.field("EPSG");
+        const std::string_view system = in.has_word() ? in.word("EPSG") : std::string_view();
         gnss_sensors_.emplace(id, system.empty() || system == "EPSG:4326");
       }
       if (!sensors_.insert(std::move(id)).second) {
@@ -283,47 +146,45 @@ class Reader {
       throw Error(ErrorKind::kInput, files_.name + "/" + kSensors, "is not there",
                   "the list of sensors of a kapture folder");
     }
+    version_ = version_of(*files_.open(kSensors));
     if (!version_.empty() && version_ != "1.0" && version_ != "1.1") {
       throw Error(ErrorKind::kInput, files_.name + "/" + kSensors,
                   "kapture format " + printable(version_), "1.0 or 1.1");
     }
   }
 
-  void read_camera(CsvRecords& in, const std::string& id) {
+  static std::string version_of(ByteSource& sensors) {
+    LineReader lines(sensors);
+    const std::string_view line = trimmed(lines.next().value_or(std::string_view()));
+    return std::string(line.starts_with(kHeader) ? trimmed(line.substr(kHeader.size())) : "");
+  }
+
+  void read_camera(TextRecords& in, const std::string& id) {
     Camera camera;
-    camera.id = CameraId{cameras_.size()};
-    camera.model = in.field("model");
-    camera.width = static_cast<std::uint32_t>(size(in, "width"));
-    camera.height = static_cast<std::uint32_t>(size(in, "height"));
-    while (!in.at_end()) camera.parameters.push_back(in.number("model_params"));
-    std::optional<CameraIndex> index;
-    const std::string defect =
-        camera.model == "UNKNOWN_CAMERA" ? "its model is UNKNOWN_CAMERA" : camera_defect(camera);
-    if (defect.empty()) {
-      detail::shift_centre(camera, -kPixelCentre);
-      index = CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())};
-      tables_.cameras.push_back(std::move(camera));
-    } else if (camera.model == "UNKNOWN_CAMERA") {
-      remark(fmt::format("camera {} is unknown to kapture", printable(id)));
-    } else {
-      lost(fmt::format("camera {} is unknown to the map: {}", printable(id), defect));
-    }
-    cameras_.emplace(id, index);
+    camera.id = CameraId{cameras_++};
+    camera.model = in.word("model");
+    camera.width = size(in, "width");
+    camera.height = size(in, "height");
+    while (in.has_word()) camera.parameters.push_back(in.number("model_params"));
+    const bool is_known = camera.model != "UNKNOWN_CAMERA";
+    if (!is_known) out_.remark(fmt::format("camera {} is unknown to kapture", printable(id)));
+    out_.add_camera(printable(id), is_known ? std::optional(std::move(camera)) : std::nullopt);
   }
 
   // Some writers make floats of all parameters, the size too.
-  static std::uint64_t size(CsvRecords& in, std::string_view name) {
+  static std::uint32_t size(TextRecords& in, std::string_view name) {
     const double value = in.number(name);
-    if (!(value >= 0.0 && value <= static_cast<double>(kMost)) || value != std::floor(value)) {
+    if (!(value >= 0.0 && value <= static_cast<double>(kMostOfKapture)) ||
+        value != std::floor(value)) {
       in.refuse(name, fmt::format("{} is no size", value), "a whole number of pixels");
     }
-    return static_cast<std::uint64_t>(value);
+    return static_cast<std::uint32_t>(value);
   }
 
   // ---- frames
 
   // device_from_reference; std::nullopt if one of its numbers is missing.
-  static std::optional<Rigid3> read_pose(CsvRecords& in) {
+  static std::optional<Rigid3> read_pose(TextRecords& in) {
     std::array<double, 7> numbers{};
     constexpr std::array<const char*, 7> kNames = {"qw", "qx", "qy", "qz", "tx", "ty", "tz"};
     bool is_known = true;
@@ -332,20 +193,17 @@ class Reader {
       is_known = is_known && number.has_value();
       numbers[i] = number.value_or(0.0);
     }
-    in.expect_end();
+    in.expect_line_end();
     if (!is_known) return std::nullopt;
     const Eigen::Quaterniond q(numbers[0], numbers[1], numbers[2], numbers[3]);
-    const double norm = q.norm();
-    if (!(norm > 1e-6 && norm < 1e6)) {
-      in.refuse("qw", "the quaternion has no direction", "a rotation");
-    }
+    if (!has_direction(q)) in.refuse("qw", "the quaternion has no direction", "a rotation");
     return Rigid3(q, {numbers[4], numbers[5], numbers[6]});
   }
 
   void read_poses() {
-    read_records(kRigs, [&](CsvRecords& in) {
-      const std::string rig(in.field("rig_device_id"));
-      const std::string sensor(in.field("sensor_device_id"));
+    read_records(kRigs, [&](TextRecords& in) {
+      const std::string rig(in.word("rig_device_id"));
+      const std::string sensor(in.word("sensor_device_id"));
       const auto pose = read_pose(in);
       if (!pose) return;
       auto& rigs = rigs_of_[sensor];
@@ -358,17 +216,17 @@ class Reader {
       }
       rigs.emplace_back(rig, *pose);
     });
-    const bool is_there = read_records(kTrajectories, [&](CsvRecords& in) {
-      const std::int64_t timestamp = in.timestamp();
-      const std::string device(in.field("device_id"));
+    const bool is_there = read_records(kTrajectories, [&](TextRecords& in) {
+      const std::int64_t timestamp = in.signed_number("timestamp");
+      const std::string device(in.word("device_id"));
       const auto pose = read_pose(in);
       if (pose && !poses_.emplace(std::pair(timestamp, device), *pose).second) {
         in.refuse("device_id", fmt::format("{} has two poses at {}", printable(device), timestamp),
                   "one pose for a device at a time");
       }
     });
-    if (!is_there) remark("there is no sensors/trajectories.txt: images have no poses");
-    if (!rigs_of_.empty()) lost("rigs: dropped, each image is a frame of its own");
+    if (!is_there) out_.remark("there is no sensors/trajectories.txt: images have no poses");
+    if (!rigs_of_.empty()) out_.lost("rigs: dropped, each image is a frame of its own");
   }
 
   // Of a sensor itself, or of a rig that it is mounted on.
@@ -387,27 +245,25 @@ class Reader {
   void read_images() {
     std::vector<Image> images;
     std::size_t without_pose = 0;
-    const bool is_there = read_records(kImages, [&](CsvRecords& in) {
-      const std::int64_t timestamp = in.timestamp();
-      const std::string device(in.field("device_id"));
-      std::string path(in.field("image_path"));
-      in.expect_end();
+    const bool is_there = read_records(kImages, [&](TextRecords& in) {
+      const std::int64_t timestamp = in.signed_number("timestamp");
+      const std::string device(in.word("device_id"));
+      std::string path(in.word("image_path"));
+      in.expect_line_end();
       require_inside(in, "image_path", path);
-      const auto camera = cameras_.find(device);
-      if (camera == cameras_.end()) {
+      if (!out_.has_camera(printable(device))) {
         in.refuse("device_id", printable(device) + " is no camera of sensors.txt",
                   "the id of a camera");
       }
       if (const auto pose = device_from_world(timestamp, device)) {
-        images.push_back({timestamp, std::move(path), camera->second, pose->inverse()});
+        images.push_back(
+            {timestamp, std::move(path), out_.camera(printable(device)), pose->inverse()});
       } else {
         ++without_pose;
       }
     });
-    if (!is_there) remark("there is no sensors/records_camera.txt: the map has no frames");
-    if (without_pose > 0) {
-      lost(fmt::format("{} images without a pose are left out", without_pose));
-    }
+    if (!is_there) out_.remark("there is no sensors/records_camera.txt: the map has no frames");
+    out_.lost(without_pose, "images without a pose are left out");
     std::sort(images.begin(), images.end(), [](const Image& a, const Image& b) {
       return std::tie(a.timestamp, a.path) < std::tie(b.timestamp, b.path);
     });
@@ -416,27 +272,25 @@ class Reader {
                                               return a.timestamp == b.timestamp;
                                             }) == images.end() &&
                          (images.empty() || images.front().timestamp >= 0);
-    if (!are_ids) lost("timestamps are not distinct or negative: frames are numbered from 0");
-    FrameTable& frames = tables_.frames;
+    if (!are_ids) out_.lost("timestamps are not distinct or negative: frames are numbered from 0");
     for (Image& image : images) {
-      const std::size_t i = frames.ids.size();
+      const std::size_t i = out_.frame_count();
       if (!frame_of_.emplace(image.path, FrameIndex{static_cast<std::uint32_t>(i)}).second) {
         throw Error(ErrorKind::kInput, files_.name + "/" + kImages,
                     "the image " + printable(image.path) + " stands there twice",
                     "distinct images");
       }
-      frames.ids.push_back(FrameId{are_ids ? static_cast<std::uint64_t>(image.timestamp) : i});
-      const Eigen::Quaterniond q = image.world_from_camera.quaternion();
-      frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
-      frames.translations.push_back(image.world_from_camera.translation());
-      frames.cameras.push_back(image.camera);
-      frames.image_names.push_back(std::move(image.path));
       timestamps_.push_back(image.timestamp);
+      out_.add_frame({.id = FrameId{are_ids ? static_cast<std::uint64_t>(image.timestamp) : i},
+                      .world_from_camera = image.world_from_camera.quaternion(),
+                      .centre = image.world_from_camera.translation(),
+                      .camera = image.camera,
+                      .image_name = std::move(image.path)});
     }
   }
 
   // Paths of images name files in other folders of the same shape.
-  static void require_inside(const CsvRecords& in, std::string_view field, std::string_view path) {
+  static void require_inside(const TextRecords& in, std::string_view field, std::string_view path) {
     const fs::path parts(path);
     const bool leads_out =
         parts.is_absolute() || std::find(parts.begin(), parts.end(), fs::path("..")) != parts.end();
@@ -449,9 +303,9 @@ class Reader {
     std::map<std::int64_t, GeodeticPosition> fixes;
     std::size_t in_other_systems = 0;
     std::size_t left_out = 0;
-    read_records(kGnss, [&](CsvRecords& in) {
-      const std::int64_t timestamp = in.timestamp();
-      const auto sensor = gnss_sensors_.find(std::string(in.field("device_id")));
+    read_records(kGnss, [&](TextRecords& in) {
+      const std::int64_t timestamp = in.signed_number("timestamp");
+      const auto sensor = gnss_sensors_.find(std::string(in.word("device_id")));
       if (sensor == gnss_sensors_.end()) {
         in.refuse("device_id", "is no GNSS receiver of sensors.txt", "the id of one");
       }
@@ -467,66 +321,49 @@ class Reader {
         ++left_out;
       }
     });
-    if (in_other_systems > 0) {
-      lost(fmt::format("{} GNSS positions are not in EPSG:4326; left out", in_other_systems));
-    }
+    out_.lost(in_other_systems, "GNSS positions are not in EPSG:4326; left out");
     std::set<std::int64_t> used;
-    for (const std::int64_t timestamp : timestamps_) {
-      const auto fix = fixes.find(timestamp);
-      if (fix != fixes.end()) used.insert(timestamp);
-      tables_.frames.gnss.push_back(
-          fix == fixes.end() ? std::nullopt : std::optional(GnssFix{fix->second, std::nullopt}));
+    for (std::size_t i = 0; i < timestamps_.size(); ++i) {
+      const auto fix = fixes.find(timestamps_[i]);
+      if (fix == fixes.end()) continue;
+      used.insert(timestamps_[i]);
+      out_.tables().frames.gnss.set(i, GnssFix{fix->second, std::nullopt});
     }
-    left_out += fixes.size() - used.size();
-    if (left_out > 0) lost(fmt::format("{} GNSS positions belong to no frame; left out", left_out));
+    out_.lost(left_out + fixes.size() - used.size(), "GNSS positions belong to no frame; left out");
   }
 
   // ---- landmarks
 
   void read_points() {
-    LandmarkTable& landmarks = tables_.landmarks;
     std::size_t not_finite = 0;
-    const bool is_there = read_records(kPoints, [&](CsvRecords& in) {
+    const bool is_there = read_records(kPoints, [&](TextRecords& in) {
       Eigen::Vector3d position;
       constexpr std::array<const char*, 3> kNames = {"X", "Y", "Z"};
-      bool is_finite = true;
       for (int i = 0; i < 3; ++i) {
-        const std::string_view text = in.field(kNames[static_cast<std::size_t>(i)]);
-        const auto value = parse_number(text);
-        const bool is_none = text == "nan" || text == "inf" || text == "-inf";
-        if (!value && !is_none) {
-          in.refuse(kNames[static_cast<std::size_t>(i)], printable(text) + " is not a number",
-                    "a decimal number");
-        }
-        is_finite = is_finite && value.has_value();
-        position[i] = value.value_or(0.0);
+        position[i] = in.number_or_nan(kNames[static_cast<std::size_t>(i)]);
       }
       std::optional<Color> color;
-      if (!in.at_end()) {
+      if (in.has_word()) {
         const std::uint8_t red = channel(in, "R");
         const std::uint8_t green = channel(in, "G");
         const std::uint8_t blue = channel(in, "B");
         color = Color{red, green, blue};
-        in.expect_end();
+        in.expect_line_end();
       }
-      if (point_count_ == kMost) in.refuse("X", "too many points", "fewer than 2^32");
+      if (point_count_ == kMostOfKapture) in.refuse("X", "too many points", "fewer than 2^32");
       const std::uint64_t id = point_count_++;
-      if (!is_finite) {
+      if (position.allFinite()) {
+        out_.add_landmark(id, position, color);
+      } else {
         ++not_finite;
-        return;
       }
-      landmarks.ids.push_back(LandmarkId{id});
-      landmarks.positions.push_back(position);
-      landmarks.colors.push_back(color);
     });
-    if (!is_there) remark("there is no reconstruction/points3d.txt: the map has no landmarks");
-    if (not_finite > 0) {
-      lost(fmt::format("{} points without a finite position; left out", not_finite));
-    }
+    if (!is_there) out_.remark("there is no reconstruction/points3d.txt: the map has no landmarks");
+    out_.lost(not_finite, "points without a finite position; left out");
   }
 
   // np.savetxt writes them as floats.
-  static std::uint8_t channel(CsvRecords& in, std::string_view name) {
+  static std::uint8_t channel(TextRecords& in, std::string_view name) {
     const double value = in.number(name);
     if (!(value >= 0.0 && value <= 255.0)) {
       in.refuse(name, fmt::format("{} is no colour", value), "0 to 255");
@@ -542,18 +379,19 @@ class Reader {
     // By type of keypoint; version 1.0 has one, without a name.
     std::map<std::string, std::vector<Seen>, std::less<>> seen;
     std::size_t unposed = 0;
-    const bool is_there = read_records(kObservations, [&](CsvRecords& in) {
-      const std::uint64_t point = in.whole("point3d_id", kMost);
+    const bool is_there = read_records(kObservations, [&](TextRecords& in) {
+      const std::uint64_t point = in.unsigned_number("point3d_id", kMostOfKapture);
       if (point >= point_count_) {
         in.refuse("point3d_id", fmt::format("{} of {} points", point, point_count_),
                   "the place of a point in points3d.txt, from 0");
       }
-      const std::string type(has_types() ? in.field("keypoints_type") : std::string_view());
+      const std::string type(has_types() ? in.word("keypoints_type") : std::string_view());
       if (has_types()) require_inside(in, "keypoints_type", type);
       std::vector<Seen>& of_type = seen[type];
-      while (!in.at_end()) {
-        const auto frame = frame_of_.find(std::string(in.field("image_path")));
-        const auto feature = static_cast<std::uint32_t>(in.whole("feature_id", kMost));
+      while (in.has_word()) {
+        const auto frame = frame_of_.find(std::string(in.word("image_path")));
+        const auto feature =
+            static_cast<std::uint32_t>(in.unsigned_number("feature_id", kMostOfKapture));
         if (frame == frame_of_.end()) {
           ++unposed;
         } else {
@@ -563,13 +401,11 @@ class Reader {
     });
     if (!is_there) {
       if (point_count_ > 0) {
-        remark("there is no reconstruction/observations.txt: observations are unknown");
+        out_.remark("there is no reconstruction/observations.txt: observations are unknown");
       }
       return;
     }
-    if (unposed > 0) {
-      lost(fmt::format("{} observations by images without a pose are left out", unposed));
-    }
+    out_.lost(unposed, "observations by images without a pose are left out");
     // A landmark of several types would be observed twice by one image.
     std::size_t others = 0;
     const auto most = std::max_element(seen.begin(), seen.end(), [](const auto& a, const auto& b) {
@@ -577,15 +413,13 @@ class Reader {
     });
     for (const auto& [type, list] : seen) others += list.size();
     if (most == seen.end()) {
-      remark(
+      out_.remark(
           "reconstruction/observations.txt holds none that can be used: observations are unknown");
       return;
     }
     others -= most->second.size();
-    if (others > 0) {
-      lost(fmt::format("{} observations of other keypoints than {} are left out", others,
-                       printable(most->first)));
-    }
+    out_.lost(others, fmt::format("observations of other keypoints than {} are left out",
+                                  printable(most->first)));
     take_observations(most->first, std::move(most->second));
   }
 
@@ -596,22 +430,22 @@ class Reader {
   std::optional<FeatureType> feature_type(const std::string& folder, const char* file,
                                           bool names_keypoints) {
     std::optional<FeatureType> result;
-    read_records(folder + "/" + file, [&](CsvRecords& in) {
+    read_records(folder + "/" + file, [&](TextRecords& in) {
       if (result) in.refuse("name", "a second line", "one line");
       FeatureType& made = result.emplace();
       made.folder = folder;
-      made.name = in.field("name");
-      const std::string_view type = in.field("dtype");
+      made.name = in.word("name");
+      const std::string_view type = in.word("dtype");
       const auto known = number_type(type);
       if (!known)
         in.refuse("dtype", printable(type) + " is no known type", "e.g. float32 or uint8");
       made.type = *known;
       constexpr std::uint64_t kMostNumbers = 65536;
-      made.numbers = in.whole("dsize", kMostNumbers);
+      made.numbers = in.unsigned_number("dsize", kMostNumbers);
       if (made.numbers == 0) in.refuse("dsize", "is 0", "1 or more");
       if (!names_keypoints) return;
-      made.keypoints_type = in.field("keypoints_type");
-      if (!in.at_end()) made.metric = in.field("metric_type");
+      made.keypoints_type = in.word("keypoints_type");
+      if (in.has_word()) made.metric = in.word("metric_type");
     });
     return result;
   }
@@ -622,7 +456,7 @@ class Reader {
     const std::string path = fmt::format("{}/{}.{}", type.folder, image, ending);
     const std::unique_ptr<ByteSource> source = files_.open(path);
     if (!source) return std::nullopt;
-    Features result{read_all(*source), type.numbers * type.type.size};
+    Features result{read_all(*source), type.numbers * size_of(type.type)};
     read_bytes_ += result.bytes.size();
     progress_.advance(result.bytes.size(), source->name());
     if (result.bytes.size() % result.row_size != 0) {
@@ -637,8 +471,8 @@ class Reader {
     const std::string folder = folder_of("keypoints", type);
     const auto keypoints = feature_type(folder, "keypoints.txt", false);
     if (!keypoints) {
-      lost(fmt::format("there is no {}/keypoints.txt: where {} observations are is unknown", folder,
-                       seen.size()));
+      out_.lost(fmt::format("there is no {}/keypoints.txt: where {} observations are is unknown",
+                            folder, seen.size()));
       return;
     }
     if (keypoints->numbers < 2) {
@@ -646,12 +480,15 @@ class Reader {
                   "keypoints of one number", "x, y and what else there is");
     }
     const auto described = descriptor_type(type);
-    const std::size_t bytes_each = described ? described->numbers : 0;
+    if (described) {
+      const bool is_binary = is_binary_descriptor(*described);
+      out_.set_descriptors(kind_of(*described), described->numbers,
+                           is_binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared);
+    }
     // By frame, so that each file of features is read once.
     std::stable_sort(seen.begin(), seen.end(),
                      [](const Seen& a, const Seen& b) { return a.frame < b.frame; });
-    detail::DescribedObservations observations(bytes_each);
-    const auto& images = tables_.frames.image_names;
+    const auto& images = out_.tables().frames.image_names;
     std::size_t without_file = 0;
     for (auto begin = seen.begin(); begin != seen.end();) {
       const FrameIndex frame = begin->frame;
@@ -666,37 +503,26 @@ class Reader {
       }
       const auto descriptors = described ? features(*described, image, "desc") : std::nullopt;
       for (; begin != end; ++begin) {
-        add(observations, *begin, *keypoints, *points, described, descriptors);
-        require_budget(observations.descriptor_bytes());
+        add(*begin, *keypoints, *points, described, descriptors);
+        require_budget(out_.descriptor_bytes());
       }
     }
-    require_budget(observations.descriptor_bytes_to_fill(tables_.landmarks.ids.size()));
-    if (without_file > 0) {
-      lost(fmt::format("{} observations by images without keypoints are left out{}", without_file,
-                       files_.open(folder + "/keypoints.tar")
-                           ? "; those in " + folder + "/keypoints.tar are not read: unpack it"
-                           : ""));
-    }
-    const bool is_binary = described && is_binary_descriptor(*described);
-    const std::size_t unknown =
-        std::move(observations)
-            .fill(tables_, described ? kind_of(*described) : "",
-                  is_binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared);
-    if (unknown > 0) {
-      lost(
-          fmt::format("{} observations of points without a finite position are left out", unknown));
-    }
+    require_budget(out_.descriptor_bytes_to_finish());
+    out_.lost(without_file,
+              fmt::format("observations by images without keypoints are left out{}",
+                          files_.open(folder + "/keypoints.tar")
+                              ? "; those in " + folder + "/keypoints.tar are not read: unpack it"
+                              : ""));
   }
 
   void require_budget(std::uint64_t descriptor_bytes) const {
-    detail::require_descriptor_budget(descriptor_bytes, read_bytes_, files_.name);
+    require_descriptor_budget(descriptor_bytes, read_bytes_, files_.name);
   }
 
-  void add(detail::DescribedObservations& observations, const Seen& seen,
-           const FeatureType& keypoints, const Features& points,
+  void add(const Seen& seen, const FeatureType& keypoints, const Features& points,
            const std::optional<FeatureType>& described,
-           const std::optional<Features>& descriptors) const {
-    const std::string& image = tables_.frames.image_names[seen.frame.value];
+           const std::optional<Features>& descriptors) {
+    const std::string& image = out_.tables().frames.image_names[seen.frame.value];
     if (seen.feature >= points.rows()) {
       throw Error(ErrorKind::kInput, files_.name + "/" + kObservations,
                   fmt::format("feature {} of {}, which has {}", seen.feature, printable(image),
@@ -704,8 +530,8 @@ class Reader {
                   "the place of a keypoint in its file, from 0");
     }
     const char* const row = points.row(seen.feature);
-    const double x = keypoints.type.at(row);
-    const double y = keypoints.type.at(row + keypoints.type.size);
+    const double x = load_number(keypoints.type, row);
+    const double y = load_number(keypoints.type, row + size_of(keypoints.type));
     if (!std::isfinite(x) || !std::isfinite(y)) {
       throw Error(ErrorKind::kInput,
                   fmt::format("{}/{}/{}.kpt", files_.name, keypoints.folder, image),
@@ -715,11 +541,11 @@ class Reader {
     if (descriptors && seen.feature < descriptors->rows()) {
       descriptor = bytes_of(*described, descriptors->row(seen.feature));
     }
-    observations.add({.landmark_id = seen.point,
-                      .frame = seen.frame,
-                      .pixel = {x - kPixelCentre, y - kPixelCentre},
-                      .keypoint = seen.feature},
-                     descriptor);
+    out_.add_observation({.landmark_id = seen.point,
+                          .frame = seen.frame,
+                          .pixel = {x, y},
+                          .keypoint = seen.feature,
+                          .descriptor = descriptor});
   }
 
   // ---- descriptors
@@ -741,14 +567,14 @@ class Reader {
       if (!found) continue;
       const bool fits = (!has_types() || found->keypoints_type == keypoints) &&
                         found->numbers <= kMostDescriptorBytes &&
-                        (found->type.kind == 'f' || found->type.size == 1);
+                        (!is_integer(found->type) || size_of(found->type) == 1);
       if (fits && !result) {
         result = std::move(found);
       } else {
         others.push_back(folder);
       }
     }
-    if (!others.empty()) lost(fmt::format("not read: {}", fmt::join(others, ", ")));
+    if (!others.empty()) out_.lost(fmt::format("not read: {}", fmt::join(others, ", ")));
     return result;
   }
 
@@ -756,7 +582,7 @@ class Reader {
     std::string text = type.metric + " " + type.name;
     std::transform(text.begin(), text.end(), text.begin(),
                    [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
-    return type.type.size == 1 &&
+    return size_of(type.type) == 1 &&
            (text.find("hamming") != std::string::npos || text.find("orb") != std::string::npos);
   }
 
@@ -770,15 +596,15 @@ class Reader {
 
   static std::vector<std::uint8_t> bytes_of(const FeatureType& type, const char* row) {
     std::vector<std::uint8_t> bytes(type.numbers);
-    if (type.type.size == 1) {
+    if (size_of(type.type) == 1) {
       std::memcpy(bytes.data(), row, bytes.size());
       return bytes;
     }
     std::vector<double> values(type.numbers);
     for (std::size_t i = 0; i < values.size(); ++i) {
-      values[i] = type.type.at(row + i * type.type.size);
+      values[i] = load_number(type.type, row + i * size_of(type.type));
     }
-    detail::to_bytes<double>(values, bytes);
+    to_bytes<double>(values, bytes);
     return bytes;
   }
 
@@ -796,18 +622,17 @@ class Reader {
           others.push_back(printable(fmt::format("{}/{}", folder, name)));
       }
     }
-    if (!others.empty()) lost(fmt::format("not read: {}", fmt::join(others, ", ")));
+    if (!others.empty()) out_.lost(fmt::format("not read: {}", fmt::join(others, ", ")));
   }
 
   const KaptureFiles& files_;
-  const MapReadOptions& options_;
-  detail::ReadingProgress progress_;
-  MapTables tables_;
+  ReadingProgress progress_;
+  SfmBuilder out_;
   std::string version_;
   std::uint64_t read_bytes_ = 0;
   std::set<std::string> sensors_;
-  std::unordered_map<std::string, std::optional<CameraIndex>> cameras_;  // by sensor
-  std::unordered_map<std::string, bool> gnss_sensors_;                   // whether in EPSG:4326
+  std::uint64_t cameras_ = 0;                           // known or not
+  std::unordered_map<std::string, bool> gnss_sensors_;  // whether in EPSG:4326
   std::unordered_map<std::string, std::vector<std::pair<std::string, Rigid3>>> rigs_of_;
   std::map<std::pair<std::int64_t, std::string>, Rigid3> poses_;
   std::unordered_map<std::string, FrameIndex> frame_of_;
@@ -818,26 +643,26 @@ class Reader {
 // The kapture folder that a path is, or is a file of.
 std::optional<fs::path> kapture_folder(const MapInput& input) {
   if (input.source == nullptr) {
-    if (detail::is_file(input.path / kSensors)) return input.path;
+    if (is_file(input.path / kSensors)) return input.path;
     return std::nullopt;
   }
   if (!input.first_bytes.starts_with(kHeader)) return std::nullopt;
   std::error_code ignored;
   const fs::path folder = fs::absolute(input.path, ignored).parent_path().parent_path();
-  if (!detail::is_file(folder / kSensors)) return std::nullopt;
+  if (!is_file(folder / kSensors)) return std::nullopt;
   return folder;
 }
 
 }  // namespace
 
 LandmarkMap read_kapture(const KaptureFiles& files, const MapReadOptions& options) {
-  return Reader(files, options).read();
+  return KaptureReader(files, options).read();
 }
 
 LandmarkMap read_kapture(const fs::path& folder, const MapReadOptions& options) {
   const KaptureFiles files{folder.string(),
                            [&](const std::string& path) -> std::unique_ptr<ByteSource> {
-                             if (!detail::is_file(folder / path)) return nullptr;
+                             if (!is_file(folder / path)) return nullptr;
                              return std::make_unique<FileReader>(folder / path);
                            },
                            [&](const std::string& path) {
@@ -853,14 +678,12 @@ LandmarkMap read_kapture(const fs::path& folder, const MapReadOptions& options) 
   return read_kapture(files, options);
 }
 
-std::vector<MapFormat> kapture_formats() {
-  return {{.name = "kapture",
-           .title = "kapture",
-           .recognises = [](const MapInput& input) { return kapture_folder(input).has_value(); },
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 return read_kapture(*kapture_folder(input), options);
-               }}};
+bool is_kapture(const MapInput& input) {
+  return kapture_folder(input).has_value();
 }
 
-}  // namespace cairn
+LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options) {
+  return read_kapture(*kapture_folder(input), options);
+}
+
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/kapture.hpp"
-
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -12,8 +10,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/imported_maps.hpp"
@@ -21,7 +20,7 @@
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -34,7 +33,7 @@ using ::testing::StartsWith;
 using testing::TemporaryFolder;
 
 template <class Number>
-std::string bytes_of(const std::vector<Number>& numbers) {
+std::string raw_bytes_of(const std::vector<Number>& numbers) {
   std::string bytes(numbers.size() * sizeof(Number), '\0');
   if (!numbers.empty()) std::memcpy(bytes.data(), numbers.data(), bytes.size());
   return bytes;
@@ -66,12 +65,12 @@ Files small_files() {
        "2, other, seq/a.jpg, 0\n"},
       {"reconstruction/keypoints/SIFT/keypoints.txt", "# kapture format: 1.1\nSIFT, float32, 3\n"},
       {"reconstruction/keypoints/SIFT/seq/a.jpg.kpt",
-       bytes_of<float>({84.5F, 50.5F, 1.0F, 116.5F, 80.5F, 1.0F})},
-      {"reconstruction/keypoints/SIFT/seq/b.jpg.kpt", bytes_of<float>({100.0F, 50.0F, 2.0F})},
+       raw_bytes_of<float>({84.5F, 50.5F, 1.0F, 116.5F, 80.5F, 1.0F})},
+      {"reconstruction/keypoints/SIFT/seq/b.jpg.kpt", raw_bytes_of<float>({100.0F, 50.0F, 2.0F})},
       {"reconstruction/descriptors/mine/descriptors.txt",
        "# kapture format: 1.1\nSIFT, uint8, 4, SIFT, L2\n"},
       {"reconstruction/descriptors/mine/seq/a.jpg.desc",
-       bytes_of<std::uint8_t>({1, 2, 3, 4, 5, 6, 7, 8})},
+       raw_bytes_of<std::uint8_t>({1, 2, 3, 4, 5, 6, 7, 8})},
   };
 }
 
@@ -217,7 +216,7 @@ TEST_F(KaptureTest, Version1HasOneTypeOfKeypoints) {
 TEST_F(KaptureTest, DescriptorsOfFloatsBecomeBytes) {
   Files files = small_files();
   files["reconstruction/descriptors/mine/descriptors.txt"] = "r2d2, float32, 2, SIFT, L2\n";
-  files["reconstruction/descriptors/mine/seq/a.jpg.desc"] = bytes_of<float>({-1, 1, 0, 0.5F});
+  files["reconstruction/descriptors/mine/seq/a.jpg.desc"] = raw_bytes_of<float>({-1, 1, 0, 0.5F});
   EXPECT_THAT(read(files).landmarks().descriptors->bytes, ElementsAre(128, 192, 1, 255));
 }
 
@@ -344,7 +343,7 @@ TEST_F(KaptureTest, HostileSizesAreRefused) {
   EXPECT_THAT(refused(keypoints, "SIFT, float64, 4\n"),
               HasSubstr("a.jpg.kpt: 24 bytes are no whole number of features; expected 32 bytes"));
   EXPECT_THAT(refused("reconstruction/keypoints/SIFT/seq/a.jpg.kpt",
-                      bytes_of<float>({NAN, 0.0F, 1.0F, 0.0F, 0.0F, 1.0F})),
+                      raw_bytes_of<float>({NAN, 0.0F, 1.0F, 0.0F, 0.0F, 1.0F})),
               HasSubstr("a.jpg.kpt: keypoint 0 is not finite"));
   // One descriptor of 4096 bytes, which every observation names in four bytes.
   Files files = small_files();
@@ -411,7 +410,8 @@ Files files_of(const LandmarkMap& map, bool world_from_camera) {
   }
   files["reconstruction/keypoints/mine/keypoints.txt"] = "mine, float64, 2\n";
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    files[fmt::format("reconstruction/keypoints/mine/{:05}.png.kpt", i)] = bytes_of(keypoints[i]);
+    files[fmt::format("reconstruction/keypoints/mine/{:05}.png.kpt", i)] =
+        raw_bytes_of(keypoints[i]);
   }
   return files;
 }
@@ -443,4 +443,4 @@ TEST_F(KaptureTest, TheDetectiveFindsPosesTheWrongWayRound) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

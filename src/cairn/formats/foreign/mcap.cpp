@@ -18,8 +18,8 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/foxglove_messages.hpp"
 #include "cairn/formats/detail/bytes/mcap_file.hpp"
+#include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
-#include "cairn/formats/losses.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
@@ -310,15 +310,6 @@ void write_mcap(std::span<const McapMap> maps, std::span<const McapLink> links,
   recording.add_scene("/names", kWorld, kTime, names);
   recording.add_scene("/links", kWorld, kTime, lines);
   recording.finish();
-}
-
-std::vector<MapFormat> mcap_formats() {
-  return {{.name = "mcap",
-           .title = "MCAP",
-           .endings = {".mcap"},
-           .is_read = false,
-           .write_to = [](const LandmarkMap& map, const ByteSink& sink,
-                          const MapWriteOptions& options) { write_mcap(map, sink, options); }}};
 }
 
 }  // namespace cairn

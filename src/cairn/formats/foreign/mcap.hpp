@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "cairn/core/file.hpp"
-#include "cairn/formats/format_registry.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -43,8 +43,5 @@ struct McapLink {
 /// @throws Error as above, and what `McapMap::read` throws
 void write_mcap(std::span<const McapMap> maps, std::span<const McapLink> links,
                 const ByteSink& sink);
-
-/// The write-only format "mcap".
-std::vector<MapFormat> mcap_formats();
 
 }  // namespace cairn

@@ -11,7 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/imported_maps.hpp"
@@ -33,14 +33,14 @@ using testing::ProtobufField;
 
 constexpr std::uint64_t kSecond = 1'000'000'000;
 
-std::string bytes_of(const LandmarkMap& map) {
+std::string mcap_of(const LandmarkMap& map) {
   std::string bytes;
   write_mcap(map, [&](std::string_view more) { bytes += more; });
   return bytes;
 }
 
 McapRecording recording_of(const LandmarkMap& map) {
-  return testing::read_mcap(bytes_of(map));
+  return testing::read_mcap(mcap_of(map));
 }
 
 Eigen::Vector3d vector_of(const ProtobufField& field) {
@@ -240,7 +240,7 @@ TEST_F(McapTest, AMapOfNothingIsARecording) {
 }
 
 TEST_F(McapTest, SameMapsAreSameBytes) {
-  EXPECT_EQ(bytes_of(testing::full_map()), bytes_of(testing::full_map()));
+  EXPECT_EQ(mcap_of(testing::full_map()), mcap_of(testing::full_map()));
 }
 
 TEST_F(McapTest, SaysWhatIsLeftOut) {
@@ -268,14 +268,14 @@ TEST_F(McapTest, RefusesWhatItCannotHold) {
   for (const double time : {-0.25, 2e10}) {
     tables.frames.timestamps_s = {1.0, time};
     EXPECT_THAT(
-        message_of(ErrorKind::kInput, [&] { bytes_of(LandmarkMap(tables)); }),
+        message_of(ErrorKind::kInput, [&] { mcap_of(LandmarkMap(tables)); }),
         HasSubstr(fmt::format("keyframe 2: is at {} s, which MCAP does not hold; expected 0 "
                               "to 1.8e10 seconds",
                               time)));
   }
   tables.frames.timestamps_s = {};
   tables.landmarks.columns = {{"x", {1, 2, 3}}};
-  EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { bytes_of(LandmarkMap(tables)); }),
+  EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { mcap_of(LandmarkMap(tables)); }),
               HasSubstr("column 'x': the format has another meaning for this name"));
 }
 

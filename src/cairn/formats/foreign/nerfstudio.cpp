@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/nerfstudio.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,82 +14,65 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/json_document.hpp"
-#include "cairn/formats/detail/foreign/is_file.hpp"
-#include "cairn/formats/detail/foreign/pixel_centre.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/foreign/sfm_builder.hpp"
 #include "cairn/formats/detail/foreign/written_frames.hpp"
-#include "cairn/formats/losses.hpp"
-#include "cairn/formats/own/ply.hpp"
+#include "cairn/formats/detail/losses.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 namespace fs = std::filesystem;
-using detail::JsonValue;
-using detail::kPixelCentre;
 
 constexpr std::string_view kPointsName = "sparse_pc.ply";
 
-class Reader {
+class NerfstudioReader {
  public:
-  Reader(std::string name, const MapReadOptions& options)
-      : name_(std::move(name)), options_(options) {}
+  NerfstudioReader(const std::string& name, const MapReadOptions& options)
+      : options_(options), out_(name, options) {}
 
   LandmarkMap read(const JsonValue& all, const fs::path& folder) {
     const JsonValue frames = all.at("frames").array();
     std::size_t unknown = 0;
-    for (std::size_t i = 0; i < frames.json().size(); ++i) {
-      const JsonValue frame = frames.at(i);
-      add_pose(frame.at("transform_matrix"));
-      tables_.frames.ids.push_back(FrameId{i});
-      tables_.frames.image_names.push_back(frame.has("file_path") ? frame.at("file_path").text()
-                                                                  : std::string());
-      const auto camera = camera_of(frame, all);
-      tables_.frames.cameras.push_back(camera);
-      unknown += camera ? 0 : 1;
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const JsonValue json = frames.at(i);
+      SfmFrame frame = frame_of(json.at("transform_matrix"));
+      frame.id = FrameId{i};
+      if (json.has("file_path")) frame.image_name = json.at("file_path").text();
+      frame.camera = camera_of(json, all);
+      unknown += frame.camera ? 0 : 1;
+      out_.add_frame(std::move(frame));
     }
-    if (unknown > 0)
-      lost(fmt::format("{} of {} frames have no known camera", unknown, frames.json().size()));
+    out_.lost(unknown, fmt::format("of {} frames have no known camera", frames.size()));
     if (all.has("ply_file_path")) read_points(folder / all.at("ply_file_path").text());
-    tables_.info.length_unit = LengthUnit::kFree;
-    return detail::imported_map(std::move(tables_), name_, options_.log);
+    return std::move(out_).finish();
   }
 
  private:
-  void remark(const std::string& text) const { detail::log_remark(options_.log, name_, text); }
-  void lost(const std::string& text) const {
-    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
-  }
-
   // world_from_camera, where the camera looks along -z with y up.
-  void add_pose(const JsonValue& rows) {
-    rows.array();
-    if (rows.json().size() != 3 && rows.json().size() != 4) {
-      rows.refuse(fmt::format("has {} rows", rows.json().size()), "3 or 4 rows of 4 numbers");
+  static SfmFrame frame_of(const JsonValue& rows) {
+    if (rows.size() != 3 && rows.size() != 4) {
+      rows.refuse(fmt::format("has {} rows", rows.size()), "3 or 4 rows of 4 numbers");
     }
-    Eigen::Matrix3d rotation;
-    Eigen::Vector3d translation;
+    Eigen::Matrix<double, 3, 4> pose;
     for (int row = 0; row < 3; ++row) {
-      const JsonValue line = rows.at(static_cast<std::size_t>(row)).array();
-      if (line.json().size() != 4) line.refuse("is no row of a pose", "4 numbers");
-      for (int column = 0; column < 3; ++column) {
-        rotation(row, column) = line.at(static_cast<std::size_t>(column)).number();
-      }
-      translation[row] = line.at(3).number();
+      const JsonValue line = rows.at(static_cast<std::size_t>(row));
+      if (line.size() != 4) line.refuse("is no row of a pose", "4 numbers");
+      pose.row(row) = Eigen::Map<const Eigen::RowVector4d>(line.numbers(4).data());
     }
-    constexpr double kTolerance = 1e-3;
-    const Eigen::Matrix3d off = rotation * rotation.transpose() - Eigen::Matrix3d::Identity();
-    if (!(off.cwiseAbs().maxCoeff() < kTolerance) || !(rotation.determinant() > 0.0)) {
-      rows.refuse("is no rigid motion", "a rotation and a translation");
-    }
+    const Eigen::Matrix3d rotation = pose.leftCols<3>();
+    if (!is_rotation(rotation)) rows.refuse("is no rigid motion", "a rotation and a translation");
     const Eigen::Matrix3d turned = rotation * Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
-    const Eigen::Quaterniond q = Eigen::Quaterniond(turned).normalized();
-    tables_.frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
-    tables_.frames.translations.push_back(translation);
+    return {.id = {},
+            .world_from_camera = Eigen::Quaterniond(turned).normalized(),
+            .centre = pose.col(3)};
   }
 
   // Values of a frame override those for the whole file.
   std::optional<CameraIndex> camera_of(const JsonValue& frame, const JsonValue& all) {
+    std::vector<Camera>& cameras = out_.tables().cameras;
     const auto number = [&](const char* key) -> std::optional<double> {
       if (frame.has(key)) return frame.at(key).number();
       if (all.has(key)) return all.at(key).number();
@@ -118,97 +99,63 @@ class Reader {
         stated.has("camera_model") ? stated.at("camera_model").text() : std::string("OPENCV");
     const bool is_fisheye =
         model == "OPENCV_FISHEYE" || (all.has("is_fisheye") && all.at("is_fisheye").json() == true);
-    Camera camera{CameraId{tables_.cameras.size()},
-                  "PINHOLE",
-                  size(*width),
-                  size(*height),
-                  {*fx, fy, cx, cy}};
-    const auto with = [&](const char* name, std::initializer_list<double> distortion) {
-      camera.model = name;
-      camera.parameters.insert(camera.parameters.end(), distortion);
-    };
-    const double k1 = coefficient("k1");
-    const double k2 = coefficient("k2");
-    const double k3 = coefficient("k3");
-    const double k4 = coefficient("k4");
+    Distortion d{.is_fisheye = is_fisheye,
+                 .k1 = coefficient("k1"),
+                 .k2 = coefficient("k2"),
+                 .k3 = coefficient("k3"),
+                 .k4 = coefficient("k4")};
     // Nerfstudio takes all of these for one model, whatever their names say.
     constexpr std::array<std::string_view, 5> kPerspective = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE",
                                                               "RADIAL", "SIMPLE_RADIAL"};
-    const bool is_perspective =
-        std::find(kPerspective.begin(), kPerspective.end(), model) != kPerspective.end();
-    if (is_fisheye) {
-      with("OPENCV_FISHEYE", {k1, k2, k3, k4});
-    } else if (!is_perspective || k4 != 0.0) {
-      return std::nullopt;  // none of Cairn's models
-    } else {
-      const double p1 = coefficient("p1");
-      const double p2 = coefficient("p2");
-      if (k3 != 0.0) {
-        with("FULL_OPENCV", {k1, k2, p1, p2, k3, 0.0, 0.0, 0.0});
-      } else if (k1 != 0.0 || k2 != 0.0 || p1 != 0.0 || p2 != 0.0) {
-        with("OPENCV", {k1, k2, p1, p2});
-      }
+    if (!is_fisheye) {
+      const bool is_perspective =
+          std::find(kPerspective.begin(), kPerspective.end(), model) != kPerspective.end();
+      if (!is_perspective || d.k4 != 0.0) return std::nullopt;  // none of Cairn's models
+      d.p1 = coefficient("p1");
+      d.p2 = coefficient("p2");
     }
+    Camera camera =
+        opencv_camera(CameraId{cameras.size()}, size(*width), size(*height), {*fx, fy, cx, cy}, d);
     if (!camera_defect(camera).empty()) return std::nullopt;
-    if (!tables_.cameras.empty()) {
-      const Camera& last = tables_.cameras.back();
-      const bool is_same = last.model == camera.model && last.parameters == camera.parameters &&
-                           last.width == camera.width && last.height == camera.height;
-      if (is_same) return CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size() - 1)};
-    }
-    tables_.cameras.push_back(std::move(camera));
-    return CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size() - 1)};
+    if (cameras.empty() || !is_same_lens(cameras.back(), camera))
+      cameras.push_back(std::move(camera));
+    return CameraIndex{static_cast<std::uint32_t>(cameras.size() - 1)};
   }
 
   void read_points(const fs::path& path) {
-    if (!detail::is_file(path)) {
-      remark(printable(path.string()) + " is not there: the map has no landmarks");
+    if (!is_file(path)) {
+      out_.remark(printable(path.string()) + " is not there: the map has no landmarks");
       return;
     }
     FileReader file(path);
-    tables_.landmarks = read_ply(file, options_).landmarks();
+    out_.tables().landmarks = read_ply(file, options_).landmarks();
   }
 
-  std::string name_;
   const MapReadOptions& options_;
-  MapTables tables_;
+  SfmBuilder out_;
 };
 
 // The fields of a camera; std::nullopt for a model that nerfstudio does not have.
-std::optional<nlohmann::ordered_json> json_of(const Camera& camera) {
+std::optional<nlohmann::ordered_json> nerfstudio_camera(const Camera& camera) {
   const Intrinsics k = intrinsics(camera);
-  const std::vector<double>& p = camera.parameters;
-  std::array<double, 6> d{};  // k1 k2 p1 p2 k3 k4
-  std::string model = "OPENCV";
-  if (camera.model == "SIMPLE_RADIAL" || camera.model == "RADIAL") {
-    d[0] = p[3];
-    d[1] = p.size() > 4 ? p[4] : 0.0;
-  } else if (camera.model == "OPENCV") {
-    std::copy_n(p.begin() + 4, 4, d.begin());
-  } else if (camera.model == "FULL_OPENCV" && p[9] == 0.0 && p[10] == 0.0 && p[11] == 0.0) {
-    std::copy_n(p.begin() + 4, 5, d.begin());
-  } else if (camera.model == "OPENCV_FISHEYE") {
-    model = "OPENCV_FISHEYE";
-    d = {p[4], p[5], 0.0, 0.0, p[6], p[7]};
-  } else if (camera.model != "SIMPLE_PINHOLE" && camera.model != "PINHOLE") {
-    return std::nullopt;
-  }
-  nlohmann::ordered_json json = {{"camera_model", model},
+  const auto d = opencv_distortion(camera);
+  if (!d) return std::nullopt;
+  nlohmann::ordered_json json = {{"camera_model", d->is_fisheye ? "OPENCV_FISHEYE" : "OPENCV"},
                                  {"w", camera.width},
                                  {"h", camera.height},
                                  {"fl_x", k.fx},
                                  {"fl_y", k.fy},
                                  {"cx", k.cx + kPixelCentre},
                                  {"cy", k.cy + kPixelCentre},
-                                 {"k1", d[0]},
-                                 {"k2", d[1]}};
-  if (model == "OPENCV") {
-    json["p1"] = d[2];
-    json["p2"] = d[3];
-    if (d[4] != 0.0) json["k3"] = d[4];
+                                 {"k1", d->k1},
+                                 {"k2", d->k2}};
+  if (d->is_fisheye) {
+    json["k3"] = d->k3;
+    json["k4"] = d->k4;
   } else {
-    json["k3"] = d[4];
-    json["k4"] = d[5];
+    json["p1"] = d->p1;
+    json["p2"] = d->p2;
+    if (d->k3 != 0.0) json["k3"] = d->k3;
   }
   return json;
 }
@@ -217,18 +164,19 @@ std::optional<nlohmann::ordered_json> json_of(const Camera& camera) {
 
 LandmarkMap read_nerfstudio(ByteSource& source, const fs::path& folder,
                             const MapReadOptions& options) {
-  const nlohmann::json json = detail::read_json(source);
-  return Reader(source.name(), options).read(JsonValue(json, source.name() + ": "), folder);
+  const nlohmann::json json = read_json(source);
+  return NerfstudioReader(source.name(), options)
+      .read(JsonValue(json, source.name() + ": "), folder);
 }
 
 void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
                       const MapWriteOptions& options) {
-  detail::require_cameras(map, "a frame of nerfstudio");
+  require_cameras(map, "a frame of nerfstudio");
   const bool is_one_camera = map.cameras().size() == 1;
   nlohmann::ordered_json all = nlohmann::ordered_json::object();
   std::vector<nlohmann::ordered_json> cameras;
   for (const Camera& camera : map.cameras()) {
-    auto json = json_of(camera);
+    auto json = nerfstudio_camera(camera);
     if (!json) {
       throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
                   "is of model " + camera.model + ", which nerfstudio does not have",
@@ -238,7 +186,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   }
   if (is_one_camera) all = cameras[0];
   all["frames"] = nlohmann::ordered_json::array();
-  const std::vector<std::string> names = detail::image_names(map);
+  const std::vector<std::string> names = image_names(map);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     nlohmann::ordered_json frame = nlohmann::ordered_json::object();
     const std::string& name = names[i];
@@ -264,8 +212,8 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   std::vector<std::string_view> columns;
   for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
   const std::string lost =
-      detail::loss_remark(map, {.observations = false, .covariances = true, .columns = columns},
-                          path.string(), "nerfstudio");
+      loss_remark(map, {.observations = false, .covariances = true, .columns = columns},
+                  path.string(), "nerfstudio");
   if (options.log && !lost.empty()) options.log({lost, RemarkKind::kLoss});
   const fs::path points = path.parent_path() / kPointsName;
   std::error_code ignored;
@@ -289,26 +237,13 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   }
 }
 
-std::vector<MapFormat> nerfstudio_formats() {
-  return {{.name = "nerfstudio",
-           .title = "nerfstudio",
-           .endings = {"transforms.json"},
-           .recognises =
-               [](const MapInput& input) {
-                 const std::size_t first = input.first_bytes.find_first_not_of(" \t\r\n");
-                 const auto has = [&](std::string_view text) {
-                   return input.first_bytes.find(text) != std::string_view::npos;
-                 };
-                 return first != std::string_view::npos && input.first_bytes[first] == '{' &&
-                        (has("\"transform_matrix\"") || has("\"fl_x\"") ||
-                         has("\"camera_angle_x\"") || input.path.filename() == "transforms.json");
-               },
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 return read_nerfstudio(*input.source, input.path.parent_path(), options);
-               },
-           .write = [](const LandmarkMap& map, const fs::path& path,
-                       const MapWriteOptions& options) { write_nerfstudio(map, path, options); }}};
+bool is_nerfstudio(const MapInput& input) {
+  return begins_json(input, '{', {"\"transform_matrix\"", "\"fl_x\"", "\"camera_angle_x\""}) ||
+         (input.path.filename() == "transforms.json" && begins_json(input, '{', {""}));
 }
 
-}  // namespace cairn
+LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options) {
+  return read_nerfstudio(*input.source, input.path.parent_path(), options);
+}
+
+}  // namespace cairn::detail

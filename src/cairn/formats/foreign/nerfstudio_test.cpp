@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/nerfstudio.hpp"
-
 #include <filesystem>
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/full_file.hpp"
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -24,7 +23,7 @@ using testing::refusal;
 
 // Made by the rules of the format: no real file is at hand. The camera stands at (1, 2, 3) and looks along the
 // world's -z with y up.
-std::string document(const std::string& more = "", const std::string& of_frame = "") {
+std::string transforms_json(const std::string& more = "", const std::string& of_frame = "") {
   return R"({"camera_model": "OPENCV", "fl_x": 150.0, "fl_y": 160.0, "cx": 100.0, "cy": 50.0, "w": 200, "h": 100)" +
          more + R"(, "frames": [{"file_path": "images/a.png")" + of_frame +
          R"(, "transform_matrix": [[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}]})";
@@ -33,7 +32,7 @@ std::string document(const std::string& more = "", const std::string& of_frame =
 class NerfstudioTest : public testing::ImportTest {};
 
 TEST_F(NerfstudioTest, FramesLookAlongTheirMinusZ) {
-  const LandmarkMap map = read_bytes(document(), "transforms.json");
+  const LandmarkMap map = read_bytes(transforms_json(), "transforms.json");
   ASSERT_EQ(map.frame_count(), 1U);
   EXPECT_EQ(map.frames().image_names[0], "images/a.png");
   // What is 5 before the camera and 1 above it.
@@ -46,11 +45,13 @@ TEST_F(NerfstudioTest, FramesLookAlongTheirMinusZ) {
 }
 
 TEST_F(NerfstudioTest, CamerasAreOfAFrameOrOfAll) {
-  EXPECT_EQ(read_bytes(document(R"(, "k1": 0.1)")).cameras()[0].model, "OPENCV");
-  EXPECT_EQ(read_bytes(document(R"(, "k1": 0.1, "k3": 0.1)")).cameras()[0].model, "FULL_OPENCV");
-  EXPECT_EQ(read_bytes(document("", R"(, "camera_model": "OPENCV_FISHEYE")")).cameras()[0].model,
-            "OPENCV_FISHEYE");
-  EXPECT_EQ(read_bytes(document("", R"(, "fl_x": 170)")).cameras()[0].parameters[0], 170);
+  EXPECT_EQ(read_bytes(transforms_json(R"(, "k1": 0.1)")).cameras()[0].model, "OPENCV");
+  EXPECT_EQ(read_bytes(transforms_json(R"(, "k1": 0.1, "k3": 0.1)")).cameras()[0].model,
+            "FULL_OPENCV");
+  EXPECT_EQ(
+      read_bytes(transforms_json("", R"(, "camera_model": "OPENCV_FISHEYE")")).cameras()[0].model,
+      "OPENCV_FISHEYE");
+  EXPECT_EQ(read_bytes(transforms_json("", R"(, "fl_x": 170)")).cameras()[0].parameters[0], 170);
   const LandmarkMap ngp = read_bytes(
       R"({"camera_angle_x": 1.5707963267948966, "w": 200, "h": 100, "frames": [{"file_path": "a",
           "transform_matrix": [[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}]})");
@@ -60,12 +61,13 @@ TEST_F(NerfstudioTest, CamerasAreOfAFrameOrOfAll) {
 TEST_F(NerfstudioTest, OtherModelsAreNotTakenForPerspective) {
   for (const char* model : {"PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL"}) {
     const auto of_frame = R"(, "camera_model": ")" + std::string(model) + "\"";
-    EXPECT_EQ(read_bytes(document("", of_frame)).cameras()[0].model, "PINHOLE");
-    EXPECT_EQ(read_bytes(document("", of_frame + R"(, "k1": 0.1)")).cameras()[0].model, "OPENCV");
+    EXPECT_EQ(read_bytes(transforms_json("", of_frame)).cameras()[0].model, "PINHOLE");
+    EXPECT_EQ(read_bytes(transforms_json("", of_frame + R"(, "k1": 0.1)")).cameras()[0].model,
+              "OPENCV");
   }
   for (const char* of_frame : {R"(, "camera_model": "FISHEYE624", "k1": 0.1)",
                                R"(, "camera_model": "EQUIRECTANGULAR")", R"(, "k4": 0.3)"}) {
-    EXPECT_TRUE(read_bytes(document("", of_frame)).cameras().empty()) << of_frame;
+    EXPECT_TRUE(read_bytes(transforms_json("", of_frame)).cameras().empty()) << of_frame;
     EXPECT_THAT(remarks_, Contains(HasSubstr("1 of 1 frames have no known camera")));
   }
 }
@@ -75,10 +77,10 @@ TEST_F(NerfstudioTest, PointsLieInAFileBeside) {
       "sparse_pc.ply",
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty "
       "float z\nend_header\n1 2 -7\n");
-  const LandmarkMap map = read_bytes(document(R"(, "ply_file_path": "sparse_pc.ply")"));
+  const LandmarkMap map = read_bytes(transforms_json(R"(, "ply_file_path": "sparse_pc.ply")"));
   EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, -7));
   EXPECT_FALSE(map.has_observations());
-  EXPECT_EQ(read_bytes(document(R"(, "ply_file_path": "other.ply")")).landmark_count(), 0U);
+  EXPECT_EQ(read_bytes(transforms_json(R"(, "ply_file_path": "other.ply")")).landmark_count(), 0U);
   EXPECT_THAT(remarks_, Contains(HasSubstr("is not there: the map has no landmarks")));
 }
 
@@ -158,4 +160,4 @@ TEST_F(NerfstudioTest, WritingReplacesNoPoints) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/openmvg.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -10,14 +8,15 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -26,7 +25,7 @@ using ::testing::HasSubstr;
 using testing::refusal;
 using testing::TemporaryFolder;
 
-std::string document(const std::string& intrinsics, const std::string& structure) {
+std::string openmvg_json(const std::string& intrinsics, const std::string& structure) {
   return R"({"sfm_data_version": "0.3", "views": [
     {"key": 0, "value": {"ptr_wrapper": {"data": {"filename": "a.jpg", "id_view": 4, "id_intrinsic": 1, "id_pose": 7}}}},
     {"key": 1, "value": {"ptr_wrapper": {"data": {"filename": "b.jpg", "id_view": 5, "id_intrinsic": 1, "id_pose": 4294967295}}}}],
@@ -51,7 +50,8 @@ class OpenMvgTest : public ::testing::Test {
 };
 
 TEST_F(OpenMvgTest, ViewsWithAPoseBecomeFrames) {
-  const LandmarkMap map = read(document("", R"({"key": 9, "value": {"X": [1,2,13], "observations": [
+  const LandmarkMap map =
+      read(openmvg_json("", R"({"key": 9, "value": {"X": [1,2,13], "observations": [
              {"key": 4, "value": {"id_feat": 3, "x": [99, 49]}},
              {"key": 5, "value": {"id_feat": 3, "x": [1, 2]}}]}})"));
   EXPECT_THAT(map.frames().ids, ElementsAre(FrameId{4}));
@@ -71,7 +71,7 @@ TEST_F(OpenMvgTest, ViewsWithAPoseBecomeFrames) {
 
 TEST_F(OpenMvgTest, DistortionNamesTheModel) {
   const auto camera = [&](const std::string& distortion) {
-    return read(document(distortion, "")).cameras().front();
+    return read(openmvg_json(distortion, "")).cameras().front();
   };
   EXPECT_EQ(camera(R"(, "disto_k1": [0.1])").model, "SIMPLE_RADIAL");
   EXPECT_THAT(camera(R"(, "disto_k3": [0.1, 0.2, 0.3])").parameters,
@@ -85,14 +85,14 @@ TEST_F(OpenMvgTest, ErrorsSayWhere) {
   const auto refused = [&](const std::string& text) {
     return refusal(ErrorKind::kInput, [&] { read(text); });
   };
-  EXPECT_THAT(refused(document(R"(, "disto_k3": [0.1])", "")),
+  EXPECT_THAT(refused(openmvg_json(R"(, "disto_k3": [0.1])", "")),
               HasSubstr("scene.json: /intrinsics/0/value/ptr_wrapper/data/disto_k3: has 1 entries; "
                         "expected 3 numbers"));
-  EXPECT_THAT(refused(document("", R"({"key": 9, "value": {"X": [1,2], "observations": []}})")),
+  EXPECT_THAT(refused(openmvg_json("", R"({"key": 9, "value": {"X": [1,2], "observations": []}})")),
               HasSubstr("/structure/0/value/X: has 2 entries"));
-  EXPECT_THAT(refused(document("", R"({"key": 9, "value": {"X": [1,2,3]}})")),
+  EXPECT_THAT(refused(openmvg_json("", R"({"key": 9, "value": {"X": [1,2,3]}})")),
               HasSubstr("/structure/0/value: has no 'observations'"));
-  const std::string whole = document("", "");
+  const std::string whole = openmvg_json("", "");
   for (std::size_t size = whole.size() / 2; size < whole.size(); ++size) {
     EXPECT_THAT(refused(whole.substr(0, size)), HasSubstr("is not JSON")) << size;
   }
@@ -110,4 +110,4 @@ TEST(RealOpenMvg, ReprojectsOntoItsObservations) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

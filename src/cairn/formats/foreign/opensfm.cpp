@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/opensfm.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -21,19 +19,18 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/json_document.hpp"
 #include "cairn/formats/detail/bytes/record_reader.hpp"
-#include "cairn/formats/detail/foreign/is_file.hpp"
-#include "cairn/formats/detail/foreign/observation_list.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/foreign/sfm_builder.hpp"
 #include "cairn/formats/detail/foreign/written_frames.hpp"
-#include "cairn/formats/losses.hpp"
+#include "cairn/formats/detail/losses.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 namespace fs = std::filesystem;
-using detail::JsonValue;
 
-constexpr std::uint64_t kMostPixels = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint64_t kMostOpenSfmPixels = std::numeric_limits<std::uint32_t>::max();
 constexpr double kUnknownAccuracy =
     999999.0;  // metres: OpenSfM's value for a shot without GNSS position
 
@@ -87,12 +84,28 @@ std::optional<Camera> camera_of(const JsonValue& camera, const ImageFrame& image
   return std::nullopt;
 }
 
-class Reader {
+class OpenSfmReader {
  public:
-  Reader(const OpenSfmSources& sources, const MapReadOptions& options)
-      : sources_(sources), options_(options) {}
+  OpenSfmReader(const OpenSfmSources& sources, const MapReadOptions& options)
+      : sources_(sources), options_(options), out_(sources.reconstruction->name(), options) {}
 
-  void read(const JsonValue& reconstruction) {
+  const SfmBuilder& log() const { return out_; }
+
+  LandmarkMap read(const JsonValue& reconstruction) && {
+    read_reconstruction(reconstruction);
+    read_tracks();
+    read_control_points();
+    read_control_list();
+    return std::move(out_).finish();
+  }
+
+ private:
+  struct Shot {
+    FrameIndex frame;
+    ImageFrame image;
+  };
+
+  void read_reconstruction(const JsonValue& reconstruction) {
     read_reference(reconstruction);
     read_cameras(reconstruction.at("cameras").object());
     read_shots(reconstruction.at("shots").object());
@@ -104,105 +117,8 @@ class Reader {
       }
     }
     dropped.insert(dropped.end(), dropped_of_shots_.begin(), dropped_of_shots_.end());
-    if (!dropped.empty()) lost(fmt::format("left out: {}", fmt::join(dropped, ", ")));
+    if (!dropped.empty()) out_.lost(fmt::format("left out: {}", fmt::join(dropped, ", ")));
   }
-
-  void read_tracks() {
-    if (sources_.tracks == nullptr) {
-      remark("there is no tracks.csv beside it: observations are unknown");
-      return;
-    }
-    detail::ReadingProgress progress(options_, sources_.tracks->size().value_or(0));
-    LineReader lines(*sources_.tracks, options_.log);
-    std::uint64_t reported = 0;
-    while (const auto line = lines.next()) {
-      constexpr std::uint64_t kBlock = 1 << 20;
-      if (lines.bytes_read() - reported > kBlock) {
-        progress.advance(lines.bytes_read() - reported, sources_.tracks->name());
-        reported = lines.bytes_read();
-      }
-      if (lines.line_number() == 1 && line->starts_with("OPENSFM_TRACKS_VERSION")) continue;
-      if (trimmed(*line).empty()) continue;
-      read_track(*line, lines.line_number());
-    }
-    observations_.fill(tables_.observations, tables_.landmarks.ids.size());
-  }
-
-  void read_control_points() {
-    if (sources_.control_points == nullptr) return;
-    const std::string& name = sources_.control_points->name();
-    const nlohmann::json json = detail::read_json(*sources_.control_points);
-    const JsonValue all(json, name + ": ");
-    const JsonValue points = all.at("points").array();
-    std::size_t unplaced = 0;
-    for (std::size_t i = 0; i < points.json().size(); ++i) {
-      const JsonValue json_point = points.at(i);
-      if (!json_point.has("position")) {
-        ++unplaced;
-        continue;
-      }
-      const JsonValue position = json_point.at("position");
-      ControlPoint point;
-      point.name = json_point.at("id").text();
-      point.latitude_deg = position.at("latitude").number();
-      point.longitude_deg = position.at("longitude").number();
-      if (position.has("altitude")) point.altitude_m = position.at("altitude").number();
-      const JsonValue views = json_point.at("observations").array();
-      for (std::size_t j = 0; j < views.json().size(); ++j) {
-        const JsonValue view = views.at(j);
-        const auto shot = shots_.find(view.at("shot_id").text());
-        if (shot == shots_.end() || !view.has("projection")) continue;
-        const JsonValue projection = view.at("projection").array();
-        point.views.push_back({shot->first, shot->second.image.pixel(projection.at(0).number(),
-                                                                     projection.at(1).number())});
-      }
-      tables_.info.control_points.push_back(std::move(point));
-    }
-    if (unplaced > 0) {
-      detail::log_remark(options_.log, name,
-                         fmt::format("{} control points without a position are left out", unplaced),
-                         RemarkKind::kLoss);
-    }
-  }
-
-  void read_control_list() {
-    if (sources_.control_list == nullptr) return;
-    LineReader lines(*sources_.control_list, options_.log);
-    bool is_head = true;
-    while (const auto line = lines.next()) {
-      const std::string_view text = trimmed(*line);
-      if (text.empty() || text.front() == '#') continue;
-      if (!is_head) {
-        read_control_line(text, lines.line_number());
-        continue;
-      }
-      is_head = false;
-      if (text == "WGS84") continue;
-      detail::log_remark(options_.log, sources_.control_list->name(),
-                         fmt::format("control points in {} are left out; those in WGS84 are read",
-                                     printable(text)),
-                         RemarkKind::kLoss);
-      return;
-    }
-  }
-
-  LandmarkMap finish() && {
-    tables_.info.length_unit = LengthUnit::kFree;
-    return detail::imported_map(std::move(tables_), sources_.reconstruction->name(), options_.log);
-  }
-
-  void remark(const std::string& text) const {
-    detail::log_remark(options_.log, sources_.reconstruction->name(), text);
-  }
-  void lost(const std::string& text) const {
-    detail::log_remark(options_.log, sources_.reconstruction->name(), text, RemarkKind::kLoss);
-  }
-
- private:
-  struct KnownCamera {
-    ImageFrame image;
-    std::optional<CameraIndex> index;
-  };
 
   void read_reference(const JsonValue& reconstruction) {
     if (!reconstruction.has("reference_lla")) return;
@@ -211,54 +127,46 @@ class Reader {
                                   lla.at("altitude").number()};
     // OpenSfM's value for an unknown position.
     if (origin == GeodeticPosition{}) {
-      remark("reference_lla is 0 0 0, as without GNSS positions: the map has no georeference");
+      out_.remark("reference_lla is 0 0 0, as without GNSS positions: the map has no georeference");
       return;
     }
     // The world frame is the topocentric one.
-    tables_.info.georeference = GeoReference{origin};
+    georeference() = GeoReference{origin};
   }
 
-  void read_gnss(const JsonValue& shot) {
-    auto& gnss = tables_.frames.gnss;
+  std::optional<GeoReference>& georeference() { return out_.tables().info.georeference; }
+
+  std::optional<GnssFix> gnss_of(const JsonValue& shot) {
     const double accuracy = shot.number_or("gps_dop", 0.0);
-    if (!shot.has("gps_position") || accuracy == kUnknownAccuracy) {
-      gnss.push_back(std::nullopt);
-      return;
-    }
+    if (!shot.has("gps_position") || accuracy == kUnknownAccuracy) return std::nullopt;
     const Eigen::Vector3d enu = shot.at("gps_position").vector3();
-    if (!tables_.info.georeference) {
+    if (!georeference()) {
       dropped_of_shots_.insert("'gps_position'");
-      gnss.push_back(std::nullopt);
-      return;
+      return std::nullopt;
     }
-    GnssFix fix{tables_.info.georeference->geodetic(enu), std::nullopt};
+    GnssFix fix{georeference()->geodetic(enu), std::nullopt};
     if (accuracy > 0.0) fix.accuracy_m = accuracy;
-    gnss.push_back(fix);
+    return fix;
   }
 
   void read_cameras(const JsonValue& cameras) {
     for (const auto& [name, json] : cameras.json().items()) {
       const JsonValue camera = cameras.at(name);
-      KnownCamera& known = cameras_[name];
-      known.image.width = static_cast<double>(camera.at("width").unsigned_number(kMostPixels));
-      known.image.height = static_cast<double>(camera.at("height").unsigned_number(kMostPixels));
-      const CameraId id{cameras_.size() - 1};
-      const auto usable = camera_of(camera, known.image, id);
-      const std::string defect = usable ? camera_defect(*usable)
-                                        : "projection " +
-                                              printable(camera.at("projection_type").text()) +
-                                              " has no model in Cairn";
-      if (!defect.empty()) {
-        lost(fmt::format("camera {} is unknown to the map: {}", printable(name), defect));
-        continue;
+      const ImageFrame image{
+          static_cast<double>(camera.at("width").unsigned_number(kMostOpenSfmPixels)),
+          static_cast<double>(camera.at("height").unsigned_number(kMostOpenSfmPixels))};
+      auto usable = camera_of(camera, image, CameraId{images_.size()});
+      images_.emplace(name, image);
+      std::string defect;
+      if (!usable) {
+        defect = "projection " + printable(camera.at("projection_type").text()) +
+                 " has no model in Cairn";
       }
-      known.index = CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size())};
-      tables_.cameras.push_back(*usable);
+      out_.add_camera(printable(name), std::move(usable), std::move(defect));
     }
   }
 
   void read_shots(const JsonValue& shots) {
-    FrameTable& frames = tables_.frames;
     for (const auto& [name, json] : shots.json().items()) {
       const JsonValue shot = shots.at(name);
       const Eigen::Vector3d rotation = shot.at("rotation").vector3();
@@ -268,22 +176,20 @@ class Reader {
       const Eigen::Quaterniond camera_from_world(
           angle > 0.0 ? Eigen::AngleAxisd(angle, rotation / angle)
                       : Eigen::AngleAxisd(0.0, Eigen::Vector3d::UnitX()));
-      const Eigen::Quaterniond q = camera_from_world.conjugate();
-      const auto camera = cameras_.find(shot.at("camera").text());
-      if (camera == cameras_.end()) {
-        shot.at("camera").refuse(printable(shot.at("camera").text()) + " is not among the cameras",
+      const std::string& camera = shot.at("camera").text();
+      const auto image = images_.find(camera);
+      if (image == images_.end()) {
+        shot.at("camera").refuse(printable(camera) + " is not among the cameras",
                                  "the name of a camera");
       }
-      shots_.emplace(name, Shot{FrameIndex{static_cast<std::uint32_t>(frames.ids.size())},
-                                camera->second.image});
-      frames.ids.push_back(FrameId{frames.ids.size()});
-      frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
-      frames.translations.push_back(-(q * translation));
-      frames.cameras.push_back(camera->second.index);
-      frames.image_names.push_back(name);
+      SfmFrame frame =
+          frame_from_inverse(FrameId{out_.frame_count()}, camera_from_world, translation);
+      frame.camera = out_.camera(printable(camera));
+      frame.image_name = name;
       const double time = shot.number_or("capture_time", 0.0);
-      frames.timestamps_s.push_back(time != 0.0 ? std::optional(time) : std::nullopt);
-      read_gnss(shot);
+      if (time != 0.0) frame.timestamp_s = time;
+      frame.gnss = gnss_of(shot);
+      shots_.emplace(name, Shot{out_.add_frame(std::move(frame)), image->second});
       static const std::set<std::string_view> kept = {
           "rotation", "translation", "camera", "capture_time", "gps_dop", "gps_position"};
       for (const auto& [key, value] : json.items()) {
@@ -306,59 +212,113 @@ class Reader {
     } else {
       for (std::size_t i = 0; i < order.size(); ++i) order[i].first = i;
     }
-    LandmarkTable& landmarks = tables_.landmarks;
     for (const auto& [id, name] : order) {
       const JsonValue point = points.at(name);
-      landmarks_.emplace(name, static_cast<std::uint32_t>(landmarks.ids.size()));
-      landmarks.ids.push_back(LandmarkId{id});
-      landmarks.positions.push_back(point.at("coordinates").vector3());
-      if (!point.has("color")) {
-        landmarks.colors.emplace_back();
-        continue;
-      }
-      const Eigen::Vector3d color = point.at("color").vector3();
-      const auto channel = [&](int i) {
-        return static_cast<std::uint8_t>(std::lround(std::clamp(color[i], 0.0, 255.0)));
-      };
-      landmarks.colors.emplace_back(Color{channel(0), channel(1), channel(2)});
+      const Eigen::Vector3d position = point.at("coordinates").vector3();
+      std::optional<Color> color;
+      if (point.has("color")) color = color_of(point.at("color").vector3());
+      landmark_ids_.emplace(name, id);
+      out_.add_landmark(id, position, color);
     }
   }
 
+  void read_tracks() {
+    if (sources_.tracks == nullptr) {
+      out_.remark("there is no tracks.csv beside it: observations are unknown");
+      return;
+    }
+    ReadingProgress progress(options_, sources_.tracks->size().value_or(0));
+    TextRecords in(*sources_.tracks, progress, Separator::kTab);
+    while (in.next_line()) {
+      const std::string image(in.word("image"));
+      const bool is_version = in.line_number() == 1 && image.starts_with("OPENSFM_TRACKS_VERSION");
+      if (!is_version && (in.has_word() || !trimmed(image).empty())) read_track(image, in);
+    }
+  }
+
+  // Behind the image: track, feature, x, y and more.
+  void read_track(const std::string& image, TextRecords& in) {
+    const auto shot = shots_.find(image);
+    const auto landmark = landmark_ids_.find(std::string(in.word("track")));
+    const auto keypoint = in.unsigned_number("feature", std::numeric_limits<std::uint32_t>::max());
+    const double x = in.number("x");
+    const double y = in.number("y");
+    // The file keeps tracks whose point or image OpenSfM excludes from the reconstruction.
+    if (shot == shots_.end() || landmark == landmark_ids_.end()) return;
+    const Pixel pixel = shot->second.image.pixel(x, y);
+    if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
+      in.refuse("x", "the pixel is not finite", "coordinates within the image");
+    }
+    out_.add_observation({.landmark_id = landmark->second,
+                          .frame = shot->second.frame,
+                          .pixel = pixel,
+                          .keypoint = static_cast<std::uint32_t>(keypoint)});
+  }
+
+  void read_control_points() {
+    if (sources_.control_points == nullptr) return;
+    const std::string& name = sources_.control_points->name();
+    const nlohmann::json json = read_json(*sources_.control_points);
+    const JsonValue all(json, name + ": ");
+    std::size_t unplaced = 0;
+    all.at("points").each([&](const JsonValue& json_point) {
+      if (!json_point.has("position")) {
+        ++unplaced;
+        return;
+      }
+      const JsonValue position = json_point.at("position");
+      ControlPoint point;
+      point.name = json_point.at("id").text();
+      point.latitude_deg = position.at("latitude").number();
+      point.longitude_deg = position.at("longitude").number();
+      if (position.has("altitude")) point.altitude_m = position.at("altitude").number();
+      json_point.at("observations").each([&](const JsonValue& view) {
+        const auto shot = shots_.find(view.at("shot_id").text());
+        if (shot == shots_.end() || !view.has("projection")) return;
+        const JsonValue projection = view.at("projection").array();
+        point.views.push_back({shot->first, shot->second.image.pixel(projection.at(0).number(),
+                                                                     projection.at(1).number())});
+      });
+      out_.tables().info.control_points.push_back(std::move(point));
+    });
+    if (unplaced > 0) {
+      log_remark(options_.log, name,
+                 fmt::format("{} control points without a position are left out", unplaced),
+                 RemarkKind::kLoss);
+    }
+  }
+
+  void read_control_list() {
+    if (sources_.control_list == nullptr) return;
+    ReadingProgress progress(options_, 0);
+    TextRecords in(*sources_.control_list, progress);
+    if (!in.next_record()) return;
+    if (const std::string_view system = in.rest(); system != "WGS84") {
+      log_remark(options_.log, sources_.control_list->name(),
+                 fmt::format("control points in {} are left out; those in WGS84 are read",
+                             printable(system)),
+                 RemarkKind::kLoss);
+      return;
+    }
+    while (in.next_record()) read_control_line(in);
+  }
+
   // Longitude, latitude, altitude, u, v and an image. Lines of one place are of one point.
-  void read_control_line(std::string_view text, std::uint64_t line_number) {
-    const auto refuse = [&](std::string_view field, std::string_view what,
-                            std::string_view expected) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}:{}: {}", sources_.control_list->name(), line_number, field), what,
-                  expected);
-    };
-    const auto next = [&](std::string_view field) {
-      if (text.empty()) refuse(field, "the line ends before it", "one field more");
-      const std::size_t end = std::min(text.find_first_of(" \t"), text.size());
-      const std::string_view word = text.substr(0, end);
-      text = trimmed(text.substr(end));
-      return word;
-    };
-    const auto number = [&](std::string_view field) {
-      const std::string_view word = next(field);
-      const auto value = parse_number(word);
-      if (!value) refuse(field, printable(word) + " is not a number", "a finite decimal number");
-      return *value;
-    };
+  void read_control_line(TextRecords& in) {
     ControlPoint point;
-    point.longitude_deg = number("longitude");
-    point.latitude_deg = number("latitude");
-    const std::string_view altitude = next("altitude");
+    point.longitude_deg = in.number("longitude");
+    point.latitude_deg = in.number("latitude");
+    const std::string_view altitude = in.word("altitude");
     if (altitude != "NaN" && altitude != "nan") {
       point.altitude_m = parse_number(altitude);
       if (!point.altitude_m) {
-        refuse("altitude", printable(altitude) + " is not a number", "metres or NaN");
+        in.refuse("altitude", printable(altitude) + " is not a number", "metres or NaN");
       }
     }
-    const double u = number("u");
-    const double v = number("v");
-    const std::string image(next("image"));
-    auto& points = tables_.info.control_points;
+    const double u = in.number("u");
+    const double v = in.number("v");
+    const std::string image(in.word("image"));
+    auto& points = out_.tables().info.control_points;
     const auto [place, is_new] = listed_.try_emplace(
         std::tuple(point.longitude_deg, point.latitude_deg, point.altitude_m), points.size());
     if (is_new) {
@@ -368,68 +328,21 @@ class Reader {
     if (shots_.contains(image)) points[place->second].views.push_back({image, Pixel{u, v}});
   }
 
-  // image, track, feature, x, y and more, apart by tabs.
-  void read_track(std::string_view line, std::uint64_t line_number) {
-    const auto refuse = [&](std::string_view field, std::string_view what,
-                            std::string_view expected) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}:{}: {}", sources_.tracks->name(), line_number, field), what,
-                  expected);
-    };
-    const auto next = [&](std::string_view field) {
-      if (line.data() == nullptr) refuse(field, "the line ends before it", "one field more");
-      const std::size_t tab = line.find('\t');
-      const std::string_view word = line.substr(0, tab);
-      line = tab == std::string_view::npos ? std::string_view() : line.substr(tab + 1);
-      return word;
-    };
-    const auto number = [&](std::string_view field) {
-      const std::string_view text = trimmed(next(field));
-      const auto value = parse_number(text);
-      if (!value) refuse(field, printable(text) + " is not a number", "a finite decimal number");
-      return *value;
-    };
-    const auto shot = shots_.find(std::string(next("image")));
-    const auto landmark = landmarks_.find(std::string(next("track")));
-    const std::string_view feature = next("feature");
-    const auto keypoint = parse_unsigned(feature);
-    constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
-    if (!keypoint || *keypoint > kMost) {
-      refuse("feature", printable(feature) + " is not a whole number", "an index below 2^32");
-    }
-    const double x = number("x");
-    const double y = number("y");
-    // The file keeps tracks whose point or image OpenSfM excludes from the reconstruction.
-    if (shot == shots_.end() || landmark == landmarks_.end()) return;
-    const Pixel pixel = shot->second.image.pixel(x, y);
-    if (!std::isfinite(pixel.u) || !std::isfinite(pixel.v)) {
-      refuse("x", "the pixel is not finite", "coordinates within the image");
-    }
-    observations_.add(landmark->second, shot->second.frame, pixel,
-                      static_cast<std::uint32_t>(*keypoint));
-  }
-
-  struct Shot {
-    FrameIndex frame;
-    ImageFrame image;
-  };
-
   const OpenSfmSources& sources_;
   const MapReadOptions& options_;
-  MapTables tables_;
+  SfmBuilder out_;
   // The control points of gcp_list.txt by longitude, latitude and altitude.
   std::map<std::tuple<double, double, std::optional<double>>, std::size_t> listed_;
-  std::unordered_map<std::string, KnownCamera> cameras_;
+  std::unordered_map<std::string, ImageFrame> images_;  // of the cameras
   std::unordered_map<std::string, Shot> shots_;
-  std::unordered_map<std::string, std::uint32_t> landmarks_;
+  std::unordered_map<std::string, std::uint64_t> landmark_ids_;
   std::set<std::string> dropped_of_shots_;
-  detail::ObservationList observations_;
 };
 
 // --- Writing --------------------------------------------------------------------------------------
 
 // A camera as OpenSfM describes it; std::nullopt for a model that it does not have.
-std::optional<nlohmann::json> json_of(const Camera& camera) {
+std::optional<nlohmann::json> opensfm_camera(const Camera& camera) {
   const ImageFrame image{static_cast<double>(camera.width), static_cast<double>(camera.height)};
   const double size = image.size();
   const std::vector<double>& p = camera.parameters;
@@ -460,32 +373,28 @@ std::optional<nlohmann::json> json_of(const Camera& camera) {
     return two_focals("fisheye_opencv", {{"k1", k1}, {"k2", k2}, {"k3", k3}, {"k4", k4}});
   };
   const std::string& model = camera.model;
-  if (model == "SIMPLE_PINHOLE" || model == "SIMPLE_RADIAL" || model == "RADIAL") {
-    const double k1 = p.size() > 3 ? p[3] : 0.0;
-    const double k2 = p.size() > 4 ? p[4] : 0.0;
-    return is_centred ? one_focal("perspective", k1, k2) : brown(k1, k2, 0.0, 0.0, 0.0);
+  const double k1 = p.size() > 3 ? p[3] : 0.0;
+  const double k2 = p.size() > 4 ? p[4] : 0.0;
+  if (is_centred && (model == "SIMPLE_PINHOLE" || model == "SIMPLE_RADIAL" || model == "RADIAL")) {
+    return one_focal("perspective", k1, k2);
   }
-  if (model == "PINHOLE") return brown(0.0, 0.0, 0.0, 0.0, 0.0);
-  if (model == "OPENCV") return brown(p[4], p[5], p[6], p[7], 0.0);
-  if (model == "FULL_OPENCV" && p[9] == 0.0 && p[10] == 0.0 && p[11] == 0.0) {
-    return brown(p[4], p[5], p[6], p[7], p[8]);
+  if (const auto d = opencv_distortion(camera)) {
+    return d->is_fisheye ? fisheye(d->k1, d->k2, d->k3, d->k4)
+                         : brown(d->k1, d->k2, d->p1, d->p2, d->k3);
   }
-  if (model == "OPENCV_FISHEYE") return fisheye(p[4], p[5], p[6], p[7]);
   if (model == "FISHEYE") return fisheye(0.0, 0.0, 0.0, 0.0);
   if (model == "SIMPLE_FISHEYE" || model == "SIMPLE_RADIAL_FISHEYE" || model == "RADIAL_FISHEYE") {
-    const double k1 = p.size() > 3 ? p[3] : 0.0;
-    const double k2 = p.size() > 4 ? p[4] : 0.0;
     return is_centred ? one_focal("fisheye", k1, k2) : fisheye(k1, k2, 0.0, 0.0);
   }
   return std::nullopt;
 }
 
-class Writer {
+class OpenSfmWriter {
  public:
-  Writer(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options)
+  OpenSfmWriter(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options)
       : map_(map), path_(path), options_(options) {
-    detail::require_cameras(map, "a shot of OpenSfM");
-    names_ = detail::image_names(map);
+    require_cameras(map, "a shot of OpenSfM");
+    names_ = image_names(map);
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
       if (names_[i].find_first_of("\t\n\r") == std::string::npos && is_utf8(names_[i])) continue;
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
@@ -502,7 +411,7 @@ class Writer {
   void write_reconstruction(const ByteSink& sink) const {
     text_ = "[{\"cameras\": {";
     for (const Camera& camera : map_.cameras()) {
-      const auto json = json_of(camera);
+      const auto json = opensfm_camera(camera);
       if (!json) {
         throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
                     "is of model " + camera.model + ", which OpenSfM does not have",
@@ -545,7 +454,7 @@ class Writer {
   }
 
   void write_tracks(const ByteSink& sink) const {
-    const std::vector<std::uint32_t> keypoints = detail::keypoint_indices(map_);
+    const std::vector<std::uint32_t> keypoints = keypoint_indices(map_);
     text_ = "OPENSFM_TRACKS_VERSION_v1\n";
     for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
       const auto frames = map_.observing_frames(LandmarkIndex{i});
@@ -604,12 +513,12 @@ class Writer {
           "otherwise; cairn convert --enu moves it there",
           path_.string()));
     }
-    const detail::Holdings holdings{.timestamps = true,
-                                    .keypoints = true,
-                                    .georeference = is_georeferenced(),
-                                    .gnss = is_georeferenced(),
-                                    .control_points = true};
-    const std::string lost = detail::loss_remark(map_, holdings, path_.string(), "OpenSfM");
+    const Holdings holdings{.timestamps = true,
+                            .keypoints = true,
+                            .georeference = is_georeferenced(),
+                            .gnss = is_georeferenced(),
+                            .control_points = true};
+    const std::string lost = loss_remark(map_, holdings, path_.string(), "OpenSfM");
     if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
   }
 
@@ -680,7 +589,7 @@ class Writer {
 }  // namespace
 
 void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options) {
-  const Writer writer(map, path, options);
+  const OpenSfmWriter writer(map, path, options);
   const fs::path tracks = path.parent_path() / "tracks.csv";
   const bool has_tracks = map.has_observations();
   std::error_code ignored;
@@ -726,7 +635,7 @@ LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std:
   if (sources.reconstruction == nullptr) {
     throw Error(ErrorKind::kMisuse, "sources.reconstruction", "is missing", "the reconstruction");
   }
-  const nlohmann::json json = detail::read_json(*sources.reconstruction);
+  const nlohmann::json json = read_json(*sources.reconstruction);
   const JsonValue all(json, sources.reconstruction->name() + ": ");
   all.array();
   if (json.empty()) all.refuse("holds no reconstruction", "an array of at least one");
@@ -736,51 +645,35 @@ LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std:
                 "has no reconstruction " + printable(part.value_or("0")),
                 fmt::format("#0 to #{}", json.size() - 1));
   }
-  Reader reader(sources, options);
+  OpenSfmReader reader(sources, options);
   if (!part && json.size() > 1) {
-    reader.remark(
+    reader.log().remark(
         fmt::format("holds {} reconstructions, of which the first is read; #1 names the "
                     "second",
                     json.size()));
   }
-  reader.read(all.at(static_cast<std::size_t>(*index)));
-  reader.read_tracks();
-  reader.read_control_points();
-  reader.read_control_list();
-  return std::move(reader).finish();
+  return std::move(reader).read(all.at(static_cast<std::size_t>(*index)));
 }
 
-std::vector<MapFormat> opensfm_formats() {
-  const auto first_keys = [](const MapInput& input) {
-    const std::size_t first = input.first_bytes.find_first_not_of(" \t\r\n");
-    return first != std::string_view::npos && input.first_bytes[first] == '[' &&
-           (input.first_bytes.find("\"shots\"") != std::string_view::npos ||
-            input.first_bytes.find("\"cameras\"") != std::string_view::npos ||
-            input.path.filename() == "reconstruction.json");
+bool is_opensfm(const MapInput& input) {
+  return begins_json(input, '[', {"\"shots\"", "\"cameras\""}) ||
+         (input.path.filename() == "reconstruction.json" && begins_json(input, '[', {""}));
+}
+
+LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options) {
+  OpenSfmSources sources;
+  sources.reconstruction = input.source;
+  const auto beside = [&](const char* name, std::optional<FileReader>& file) {
+    const fs::path path = input.path.parent_path() / name;
+    return is_file(path) ? &file.emplace(path) : nullptr;
   };
-  return {{.name = "opensfm",
-           .title = "OpenSfM",
-           .endings = {"reconstruction.json"},
-           .holds_several = true,
-           .recognises = first_keys,
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 OpenSfmSources sources;
-                 sources.reconstruction = input.source;
-                 const auto beside = [&](const char* name, std::optional<FileReader>& file) {
-                   const fs::path path = input.path.parent_path() / name;
-                   return detail::is_file(path) ? &file.emplace(path) : nullptr;
-                 };
-                 std::optional<FileReader> tracks;
-                 std::optional<FileReader> control_points;
-                 std::optional<FileReader> control_list;
-                 sources.tracks = beside("tracks.csv", tracks);
-                 sources.control_points = beside("ground_control_points.json", control_points);
-                 sources.control_list = beside("gcp_list.txt", control_list);
-                 return read_opensfm(sources, input.part, options);
-               },
-           .write = [](const LandmarkMap& map, const fs::path& path,
-                       const MapWriteOptions& options) { write_opensfm(map, path, options); }}};
+  std::optional<FileReader> tracks;
+  std::optional<FileReader> control_points;
+  std::optional<FileReader> control_list;
+  sources.tracks = beside("tracks.csv", tracks);
+  sources.control_points = beside("ground_control_points.json", control_points);
+  sources.control_list = beside("gcp_list.txt", control_list);
+  return read_opensfm(sources, input.part, options);
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/opensfm.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -12,7 +10,8 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "support/full_file.hpp"
@@ -22,7 +21,7 @@
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -454,4 +453,4 @@ TEST(RealOpenSfm, ReprojectsOntoItsObservations) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

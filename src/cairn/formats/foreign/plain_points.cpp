@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/plain_points.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,16 +18,14 @@
 #include "cairn/formats/detail/bytes/npy_array.hpp"
 #include "cairn/formats/detail/bytes/record_reader.hpp"
 #include "cairn/formats/detail/bytes/zip_archive.hpp"
-#include "cairn/formats/detail/foreign/text_points.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/losses.hpp"
+#include "cairn/formats/detail/memory_budget.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
-#include "cairn/formats/losses.hpp"
-#include "cairn/formats/memory_budget.hpp"
 #include "cairn/geometry/limits.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
-
-using detail::kNpyMagic;
 
 constexpr std::string_view kFurther = "further_descriptors";
 constexpr std::string_view kFurtherOffsets = "further_descriptor_offsets";
@@ -50,8 +46,7 @@ class Points {
   LandmarkMap finish() && {
     if (left_out_ > 0) {
       const std::size_t count = left_out_ + tables_.landmarks.ids.size();
-      detail::log_remark(options_.log, name_, detail::far_landmarks_text(left_out_, count),
-                         RemarkKind::kLoss);
+      log_remark(options_.log, name_, far_landmarks_text(left_out_, count), RemarkKind::kLoss);
     }
     tables_.info.length_unit = LengthUnit::kFree;
     return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
@@ -72,30 +67,21 @@ std::string word_of(std::string_view name) {
   return word;
 }
 
-// Whether a ZIP archive begins with a member that is an array. Other programs use such archives too.
-bool is_archive_of_arrays(std::string_view bytes) {
-  constexpr std::size_t kName =
-      30;  // a name begins there, its length is before the length of the extra field
-  if (!bytes.starts_with("PK\x03\x04") || bytes.size() < kName) return false;
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
-  return bytes.substr(kName, byte(26) + 256U * byte(27)).ends_with(".npy");
-}
-
 // None of these formats can hold frames or observations, as their row in the list of formats states; these
 // are not reported as losses.
-constexpr detail::Holdings kPositionsOnly{.timestamps = true,
-                                          .keypoints = true,
-                                          .depths = true,
-                                          .octaves = true,
-                                          .measured = true,
-                                          .colors = false};
+constexpr Holdings kPositionsOnly{.timestamps = true,
+                                  .keypoints = true,
+                                  .depths = true,
+                                  .octaves = true,
+                                  .measured = true,
+                                  .colors = false};
 
 // --- Archives of arrays ---------------------------------------------------------------------------
 
 class NpzReader {
  public:
   NpzReader(std::string_view archive, const std::string& name, const MapReadOptions& options)
-      : members_(detail::read_zip(archive, name)),
+      : members_(read_zip(archive, name)),
         archive_bytes_(archive.size()),
         name_(name),
         options_(options) {}
@@ -105,10 +91,10 @@ class NpzReader {
       if (!member.ends_with(".npy")) continue;
       const std::string key = member.substr(0, member.size() - 4);
       const std::string where = fmt::format("{}: {}", name_, is_plain(key) ? key : printable(key));
-      arrays_.emplace(key, detail::NpyArray(bytes, where));
+      arrays_.emplace(key, NpyArray(bytes, where));
     }
     require_budget();
-    const detail::NpyArray& positions = find_positions();
+    const NpyArray& positions = find_positions();
     const std::uint64_t count = positions.shape()[0];
     std::vector<std::uint64_t> rows;
     for (std::uint64_t i = 0; i < count; ++i) {
@@ -119,7 +105,7 @@ class NpzReader {
       tables_.landmarks.positions.push_back(x);
     }
     if (rows.size() < count) {
-      lost(detail::far_landmarks_text(count - rows.size(), count));
+      lost(far_landmarks_text(count - rows.size(), count));
     }
     LandmarkTable& landmarks = tables_.landmarks;
     std::vector<std::string> left_out;
@@ -173,10 +159,10 @@ class NpzReader {
     return std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 127; });
   }
   void lost(const std::string& text) const {
-    detail::log_remark(options_.log, name_, text, RemarkKind::kLoss);
+    log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }
 
-  const detail::NpyArray& find_positions() const {
+  const NpyArray& find_positions() const {
     for (const char* key : {"positions", "points", "xyz", "arr_0"}) {
       const auto found = arrays_.find(key);
       if (found == arrays_.end()) continue;
@@ -197,12 +183,12 @@ class NpzReader {
       const bool stays_bytes = key == "colors" || key == "descriptors" || key == kFurther;
       bytes += array.is_text() ? 0 : array.size() * (stays_bytes ? 1 : sizeof(double));
     }
-    if (bytes <= detail::memory_budget(archive_bytes_)) return;
+    if (bytes <= memory_budget(archive_bytes_)) return;
     throw Error(ErrorKind::kInput, name_, fmt::format("its arrays take {} bytes", bytes),
                 "at most 32 times the bytes of the archive and 64 MiB");
   }
 
-  static Eigen::Matrix3d covariance(const detail::NpyArray& array, std::uint64_t row) {
+  static Eigen::Matrix3d covariance(const NpyArray& array, std::uint64_t row) {
     Eigen::Matrix3d matrix;
     for (std::uint64_t i = 0; i < 9; ++i) {
       matrix(static_cast<Eigen::Index>(i / 3), static_cast<Eigen::Index>(i % 3)) =
@@ -213,7 +199,7 @@ class NpzReader {
   }
 
   // Of bytes, or numbers from 0 to 1.
-  static Color color(const detail::NpyArray& array, std::uint64_t row) {
+  static Color color(const NpyArray& array, std::uint64_t row) {
     const auto channel = [&](std::uint64_t i) {
       const double value = array.number(3 * row + i) * (array.kind() == 'f' ? 255.0 : 1.0);
       return static_cast<std::uint8_t>(
@@ -222,7 +208,7 @@ class NpzReader {
     return {channel(0), channel(1), channel(2)};
   }
 
-  void take_descriptors(const detail::NpyArray& array, const std::vector<std::uint64_t>& rows) {
+  void take_descriptors(const NpyArray& array, const std::vector<std::uint64_t>& rows) {
     const std::uint64_t each = array.shape()[1];
     if (array.item_size() != 1 || each == 0 || each > kMostDescriptorBytes) {
       throw Error(ErrorKind::kInput, array.where(),
@@ -245,7 +231,7 @@ class NpzReader {
     const auto offsets = arrays_.find(std::string(kFurtherOffsets));
     if (further == arrays_.end() && offsets == arrays_.end()) return;
     const auto& descriptors = tables_.landmarks.descriptors;
-    const detail::NpyArray& named = further == arrays_.end() ? offsets->second : further->second;
+    const NpyArray& named = further == arrays_.end() ? offsets->second : further->second;
     const auto require = [&](bool valid, std::string_view what, std::string_view expected) {
       if (!valid) throw Error(ErrorKind::kInput, named.where(), what, expected);
     };
@@ -286,29 +272,33 @@ class NpzReader {
   std::uint64_t archive_bytes_;
   std::string name_;
   const MapReadOptions& options_;
-  std::map<std::string, detail::NpyArray> arrays_;
+  std::map<std::string, NpyArray> arrays_;
   MapTables tables_;
 };
-
-template <class Value>
-void append_bytes(std::string& out, Value value) {
-  out.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
 
 std::string position_bytes(const LandmarkMap& map) {
   std::string bytes;
   bytes.reserve(24 * map.landmark_count());
   for (const Eigen::Vector3d& x : map.landmarks().positions) {
-    for (int i = 0; i < 3; ++i) append_bytes(bytes, x[i]);
+    for (int i = 0; i < 3; ++i) append_scalar(bytes, x[i]);
   }
   return bytes;
 }
 
 }  // namespace
 
+bool is_archive_of_arrays(const MapInput& input) {
+  const std::string_view bytes = input.first_bytes;
+  constexpr std::size_t kName =
+      30;  // a name begins there, its length is before the length of the extra field
+  if (!bytes.starts_with("PK\x03\x04") || bytes.size() < kName) return false;
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
+  return bytes.substr(kName, byte(26) + 256U * byte(27)).ends_with(".npy");
+}
+
 LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
-  detail::ReadingProgress progress(options, source.size().value_or(0));
-  detail::BinaryRecords in(source, progress);
+  ReadingProgress progress(options, source.size().value_or(0));
+  BinaryRecords in(source, progress);
   for (const char c : kNpyMagic) {
     if (in.u8("magic") != static_cast<std::uint8_t>(c))
       in.refuse("magic", "is not that of .npy", "\\x93NUMPY");
@@ -326,7 +316,7 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
   if (length > kLongest) in.refuse("header size", fmt::format("{}", length), "at most 65536");
   std::string header;
   for (std::size_t i = 0; i < length; ++i) header += static_cast<char>(in.u8("header"));
-  const detail::NpyHeader parsed = detail::parse_npy_header(header, source.name());
+  const NpyHeader parsed = parse_npy_header(header, source.name());
   const bool is_double = parsed.type == "<f8";
   if (!is_double && parsed.type != "<f4") {
     in.refuse("descr", printable(parsed.type) + " is no type of positions", "'<f8' or '<f4'");
@@ -368,14 +358,14 @@ void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
     text.clear();
   }
   sink(text);
-  detail::log_losses(options.log, map, kPositionsOnly, "XYZ");
+  log_losses(options.log, map, kPositionsOnly, "XYZ");
 }
 
 void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options) {
-  const detail::PointRows rows(map, detail::PointFormat::kPly, detail::ScalarType::kFloat64);
+  const PointRows rows(map, PointFormat::kPly, ScalarType::kFloat64);
   std::string header;
-  for (const detail::PointField& field : rows.fields()) {
+  for (const PointField& field : rows.fields()) {
     if (!header.empty()) header += ' ';
     header += word_of(field.name);
   }
@@ -386,37 +376,37 @@ void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
   });
   std::vector<std::string_view> columns;
   for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
-  detail::Holdings holdings = kPositionsOnly;
+  Holdings holdings = kPositionsOnly;
   holdings.colors = true;
   holdings.covariances = true;
   holdings.columns = columns;
-  detail::log_losses(options.log, map, holdings, "CSV");
+  log_losses(options.log, map, holdings, "CSV");
 }
 
 void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options) {
-  sink(detail::npy_bytes("<f8", {map.landmark_count(), 3}, position_bytes(map)));
-  detail::log_losses(options.log, map, kPositionsOnly, ".npy");
+  sink(npy_bytes("<f8", {map.landmark_count(), 3}, position_bytes(map)));
+  log_losses(options.log, map, kPositionsOnly, ".npy");
 }
 
 void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
                       const MapWriteOptions& options) {
   const LandmarkTable& landmarks = map.landmarks();
   const std::uint64_t count = map.landmark_count();
-  detail::ZipWriter zip(sink);
+  ZipWriter zip(sink);
   std::string bytes;
   const auto add = [&](const std::string& name, std::string_view type,
                        const std::vector<std::uint64_t>& shape) {
-    zip.add(name + ".npy", detail::npy_bytes(type, shape, bytes));
+    zip.add(name + ".npy", npy_bytes(type, shape, bytes));
     bytes.clear();
   };
   bytes = position_bytes(map);
   add("positions", "<f8", {count, 3});
-  for (const LandmarkId id : landmarks.ids) append_bytes(bytes, id.value);
+  for (const LandmarkId id : landmarks.ids) append_scalar(bytes, id.value);
   add("ids", "<u8", {count});
   if (!landmarks.covariances.empty()) {
     for (const Eigen::Matrix3d& c : landmarks.covariances) {
-      for (int i = 0; i < 9; ++i) append_bytes(bytes, c(i / 3, i % 3));
+      for (int i = 0; i < 9; ++i) append_scalar(bytes, c(i / 3, i % 3));
     }
     add("covariances", "<f8", {count, 3, 3});
   }
@@ -439,7 +429,7 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
       bytes.assign(descriptors->further.begin(), descriptors->further.end());
       add("further_descriptors", "|u1",
           {descriptors->further_offsets.back(), descriptors->bytes_each});
-      for (const std::uint64_t offset : descriptors->further_offsets) append_bytes(bytes, offset);
+      for (const std::uint64_t offset : descriptors->further_offsets) append_scalar(bytes, offset);
       add("further_descriptor_offsets", "<u8", {count + 1});
     }
   }
@@ -452,65 +442,23 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
     const bool is_taken = std::find(kTaken.begin(), kTaken.end(), column.name) != kTaken.end();
     if (is_taken || column.name.find_first_of("/\\") != std::string::npos) continue;
     columns.push_back(column.name);
-    for (const double value : column.values) append_bytes(bytes, value);
+    for (const double value : column.values) append_scalar(bytes, value);
     add(column.name, "<f8", {count});
   }
   if (map.has_observations() && count > 0) {
     for (std::uint32_t i = 0; i < count; ++i) {
-      append_bytes(bytes, std::uint64_t{map.observation_count(LandmarkIndex{i})});
+      append_scalar(bytes, std::uint64_t{map.observation_count(LandmarkIndex{i})});
     }
     add("observations", "<u8", {count});
   }
   zip.finish();
-  detail::Holdings holdings = kPositionsOnly;
+  Holdings holdings = kPositionsOnly;
   holdings.colors = all_colors;
   holdings.covariances = true;
   holdings.descriptors = "*";
   holdings.further_descriptors = true;
   holdings.columns = columns;
-  detail::log_losses(options.log, map, holdings, ".npz");
+  log_losses(options.log, map, holdings, ".npz");
 }
 
-std::vector<MapFormat> plain_points_formats() {
-  return {
-      {.name = "xyz",
-       .title = "XYZ",
-       .endings = {".xyz"},
-       .holds_frames = false,
-       .recognises =
-           [](const MapInput& input) {
-             return input.source != nullptr && detail::looks_like_points(input.first_bytes);
-           },
-       .read =
-           [](const MapInput& input, const MapReadOptions& options) {
-             return read_plain_points(*input.source, options);
-           },
-       .write_to = &write_xyz_points},
-      {.name = "csv",
-       .title = "CSV",
-       .endings = {".csv"},
-       .holds_frames = false,
-       .write_to = &write_csv_points},
-      {.name = "npy",
-       .title = "NumPy .npy",
-       .endings = {".npy"},
-       .holds_frames = false,
-       .recognises = [](const MapInput& input) { return input.first_bytes.starts_with(kNpyMagic); },
-       .read =
-           [](const MapInput& input, const MapReadOptions& options) {
-             return read_npy_points(*input.source, options);
-           },
-       .write_to = &write_npy_points},
-      {.name = "npz",
-       .title = "NumPy .npz",
-       .endings = {".npz"},
-       .holds_frames = false,
-       .recognises = [](const MapInput& input) { return is_archive_of_arrays(input.first_bytes); },
-       .read =
-           [](const MapInput& input, const MapReadOptions& options) {
-             return read_npz_points(*input.source, options);
-           },
-       .write_to = &write_npz_points}};
-}
-
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/plain_points.hpp"
-
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -11,14 +9,15 @@
 #include <zlib.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/maps.hpp"
 #include "support/point_clouds.hpp"
 #include "support/real_data.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::AllOf;
@@ -409,4 +408,4 @@ TEST(RealPlainPoints, AreRead) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/rtabmap.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,7 +7,6 @@
 #include <map>
 #include <numeric>
 #include <optional>
-#include <set>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -20,229 +17,17 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/formats/detail/bytes/zlib_stream.hpp"
 #include "cairn/formats/detail/foreign/database_file.hpp"
-#include "cairn/formats/detail/foreign/described_observations.hpp"
-#include "cairn/formats/detail/foreign/descriptor_bytes.hpp"
-#include "cairn/formats/detail/foreign/float_pose.hpp"
-#include "cairn/formats/losses.hpp"
-#include "cairn/geometry/decompositions.hpp"
-#include "cairn/geometry/limits.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/foreign/rtabmap_graph.hpp"
+#include "cairn/formats/detail/foreign/sfm_builder.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Kinds of links, as RTAB-Map numbers them.
-constexpr std::int64_t kNeighbor = 0;
-constexpr std::int64_t kUserClosure = 4;
-constexpr std::int64_t kVirtualClosure = 5;
-constexpr std::int64_t kNeighborMerged = 6;
-
-struct Node {
-  std::uint64_t id = 0;
-  Rigid3 world_from_base;
-  std::optional<double> stamp_s;
-  std::string label;
-  std::uint64_t session = 0;
-  std::optional<GnssFix> gnss = {};
-};
-
-struct GraphLink {
-  std::uint32_t from = 0;  // places in the nodes
-  std::uint32_t to = 0;
-  std::int64_t type = kNeighbor;
-  std::optional<Rigid3> from_from_to;
-  std::optional<Matrix6d> covariance;
-};
-
-[[noreturn]] void refuse(const sqlite::Database& database, const std::string& where,
-                         std::string_view what, std::string_view expected) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", database.name(), where), what, expected);
-}
-
-std::optional<double> finite(std::optional<double> value) {
-  return value && std::isfinite(*value) ? value : std::nullopt;
-}
-
-// Poses that RTAB-Map optimised and kept, by node.
-std::map<std::int64_t, Rigid3> optimised_poses(sqlite::Database& database) {
-  std::map<std::int64_t, Rigid3> poses;
-  const auto columns = database.columns("Admin");
-  const auto has = [&](const char* name) {
-    return std::find(columns.begin(), columns.end(), name) != columns.end();
-  };
-  if (!has("opt_ids") || !has("opt_poses")) return poses;
-  auto rows = database.prepare("SELECT opt_ids, opt_poses FROM Admin LIMIT 1");
-  if (!rows.step()) return poses;
-  const auto packed_ids = rows.optional_blob(0);
-  const auto packed_poses = rows.optional_blob(1);
-  if (!packed_ids || !packed_poses) return poses;
-  // Rows, columns and type follow the zlib data, as three 32-bit numbers.
-  constexpr std::size_t kTail = 12;
-  const auto unpack = [&](std::span<const std::byte> bytes, const char* of) {
-    const auto content = bytes.size() < kTail
-                             ? std::nullopt
-                             : detail::inflate_zlib(bytes.first(bytes.size() - kTail));
-    if (!content) refuse(database, "Admin", fmt::format("{} cannot be unpacked", of), "zlib data");
-    return *content;
-  };
-  const std::string ids = unpack(*packed_ids, "opt_ids");
-  const std::string matrices = unpack(*packed_poses, "opt_poses");
-  constexpr std::size_t kPose = 12 * sizeof(float);
-  const std::size_t count = ids.size() / sizeof(std::int32_t);
-  if (ids.size() % sizeof(std::int32_t) != 0 || matrices.size() != count * kPose) {
-    refuse(database, "Admin", fmt::format("{} poses of {} nodes", matrices.size() / kPose, count),
-           "a pose for each node");
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    std::int32_t id = 0;
-    std::memcpy(&id, ids.data() + i * sizeof id, sizeof id);
-    const auto pose =
-        detail::pose_of_floats(std::as_bytes(std::span(matrices)).subspan(i * kPose, kPose));
-    if (pose) poses.emplace(id, *pose);
-  }
-  return poses;
-}
-
-// Nodes with a pose and the links between them.
-class Graph {
- public:
-  Graph(sqlite::Database& database, const MapReadOptions& options)
-      : database_(database), options_(options) {
-    read_nodes();
-    read_links();
-  }
-
-  std::vector<Node> nodes;  // by id, ascending
-  std::vector<GraphLink> links;
-  bool is_optimised = false;
-
-  std::optional<std::uint32_t> find(std::int64_t id) const {
-    const auto wanted = static_cast<std::uint64_t>(id);
-    const auto found =
-        std::lower_bound(nodes.begin(), nodes.end(), wanted,
-                         [](const Node& node, std::uint64_t x) { return node.id < x; });
-    if (id < 0 || found == nodes.end() || found->id != wanted) return std::nullopt;
-    return static_cast<std::uint32_t>(found - nodes.begin());
-  }
-
-  const LogSink& log() const { return options_.log; }
-  void remark(const std::string& text) const { detail::log_remark(log(), database_.name(), text); }
-  void lost(const std::string& text) const {
-    detail::log_remark(log(), database_.name(), text, RemarkKind::kLoss);
-  }
-
- private:
-  void read_nodes() {
-    const auto optimised = optimised_poses(database_);
-    is_optimised = !optimised.empty();
-    std::size_t without_pose = 0;
-    const auto columns = database_.columns("Node");
-    const bool has_gps = std::find(columns.begin(), columns.end(), "gps") != columns.end();
-    auto rows = database_.prepare(
-        has_gps ? "SELECT id, map_id, stamp, pose, label, gps FROM Node ORDER BY id"
-                : "SELECT id, map_id, stamp, pose, label, NULL FROM Node ORDER BY id");
-    std::size_t no_place = 0;
-    while (rows.step()) {
-      const std::int64_t id = rows.integer(0);
-      if (id < 0) refuse(database_, fmt::format("Node {}", id), "a negative id", "0 or more");
-      std::optional<Rigid3> pose;
-      if (const auto found = optimised.find(id); found != optimised.end()) {
-        pose = found->second;
-      } else if (const auto bytes = rows.optional_blob(3); bytes && optimised.empty()) {
-        pose = detail::pose_of_floats(*bytes);
-      }
-      if (!pose) {
-        ++without_pose;
-        continue;
-      }
-      Node node{static_cast<std::uint64_t>(id), *pose, finite(rows.optional_real(2)), {}};
-      if (const auto label = rows.optional_text(4)) node.label = *label;
-      const std::int64_t session = rows.optional_integer(1).value_or(0);
-      node.session = session < 0 ? 0 : static_cast<std::uint64_t>(session);
-      if (const auto bytes = rows.optional_blob(5); bytes && !bytes->empty()) {
-        node.gnss = gnss_of(*bytes);
-        no_place += node.gnss ? 0 : 1;
-      }
-      nodes.push_back(std::move(node));
-    }
-    if (without_pose > 0) {
-      lost(fmt::format("{} nodes without {} pose are left out", without_pose,
-                       is_optimised ? "an optimised" : "a"));
-    }
-    if (no_place > 0) {
-      lost(fmt::format("GNSS positions of {} nodes are none on the Earth; left out", no_place));
-    }
-  }
-
-  // From doubles: time, longitude, latitude, altitude, accuracy, bearing.
-  static std::optional<GnssFix> gnss_of(std::span<const std::byte> bytes) {
-    std::array<double, 6> numbers{};
-    if (bytes.size() != sizeof numbers) return std::nullopt;
-    std::memcpy(numbers.data(), bytes.data(), sizeof numbers);
-    GnssFix fix{{numbers[2], numbers[1], numbers[3]}, std::nullopt};
-    if (!geodetic_defect(fix.position).empty()) return std::nullopt;
-    if (numbers[4] > 0.0 && numbers[4] <= kLargestCoordinate) fix.accuracy_m = numbers[4];
-    return fix;
-  }
-
-  void read_links() {
-    const auto columns = database_.columns("Link");
-    const bool is_old =
-        std::find(columns.begin(), columns.end(), "information_matrix") == columns.end();
-    std::size_t others = 0;
-    auto rows = database_.prepare(
-        is_old
-            ? "SELECT from_id, to_id, type, transform, NULL FROM Link ORDER BY from_id, to_id, type"
-            : "SELECT from_id, to_id, type, transform, information_matrix FROM Link "
-              "ORDER BY from_id, to_id, type");
-    std::set<std::pair<std::uint32_t, std::uint32_t>> seen;
-    while (rows.step()) {
-      GraphLink link;
-      link.type = rows.integer(2);
-      const auto from = find(rows.integer(0));
-      const auto to = find(rows.integer(1));
-      // Priors, landmarks and gravity link a node with itself or with another object.
-      const bool is_between = link.type >= kNeighbor && link.type <= kNeighborMerged &&
-                              link.type != kVirtualClosure && from && to && *from != *to;
-      if (!is_between) {
-        ++others;
-        continue;
-      }
-      link.from = *from;
-      link.to = *to;
-      // Both directions of a link are stored.
-      if (!seen.emplace(std::min(*from, *to), std::max(*from, *to)).second) continue;
-      if (const auto bytes = rows.optional_blob(3)) {
-        link.from_from_to = detail::pose_of_floats(*bytes);
-      }
-      if (const auto bytes = rows.optional_blob(4)) link.covariance = covariance_of(*bytes);
-      links.push_back(link);
-    }
-    if (others > 0) lost(fmt::format("{} priors and other links are left out", others));
-  }
-
-  // From 6 x 6 doubles; std::nullopt if singular.
-  static std::optional<Matrix6d> covariance_of(std::span<const std::byte> bytes) {
-    std::array<double, 36> numbers{};
-    if (bytes.size() != sizeof numbers) return std::nullopt;
-    std::memcpy(numbers.data(), bytes.data(), sizeof numbers);
-    Eigen::Matrix<double, 6, 6> information;
-    for (int i = 0; i < 36; ++i) information(i / 6, i % 6) = numbers[static_cast<std::size_t>(i)];
-    if (!information.allFinite()) return std::nullopt;
-    const auto inverse =
-        inverse_of_positive_definite(0.5 * (information + information.transpose()));
-    if (!inverse || !inverse->allFinite()) return std::nullopt;
-    return Matrix6d(0.5 * (*inverse + inverse->transpose()));
-  }
-
-  sqlite::Database& database_;
-  const MapReadOptions& options_;
-};
 
 struct Calibration {
   std::optional<Camera> camera;
@@ -296,7 +81,7 @@ class CalibrationReader {
     if (local + 4 * sizes[4] > bytes_.size() || width < 0 || height < 0) return std::nullopt;
     Calibration result;
     if (sizes[4] == 12) {
-      if (const auto pose = detail::pose_of_floats(bytes_.subspan(local, 48))) {
+      if (const auto pose = pose_of_floats(bytes_.subspan(local, 48))) {
         result.base_from_camera = *pose;
       }
     }
@@ -345,7 +130,7 @@ class CalibrationReader {
     } else {
       return std::nullopt;
     }
-    const auto pose = detail::pose_of_floats(bytes_.subspan(4 * numbers, kPose));
+    const auto pose = pose_of_floats(bytes_.subspan(4 * numbers, kPose));
     if (!pose) return std::nullopt;
     result.base_from_camera = *pose;
     const auto value = [&](std::size_t i) { return double{at<float>(4 * i)}; };
@@ -398,7 +183,8 @@ class MapReader {
   MapReader(sqlite::Database& database, const MapReadOptions& options)
       : database_(database),
         file_bytes_(FileReader(database.name()).size().value_or(0)),
-        graph_(database, options) {}
+        graph_(database, options),
+        out_(database.name(), options) {}
 
   LandmarkMap read() {
     read_calibrations();
@@ -406,9 +192,8 @@ class MapReader {
     read_features();
     group();
     make_landmarks();
-    tables_.info.length_unit = LengthUnit::kMetres;
     remark_on_closures();
-    return detail::imported_map(std::move(tables_), database_.name(), graph_.log());
+    return std::move(out_).finish({.length_unit = LengthUnit::kMetres});
   }
 
  private:
@@ -428,39 +213,43 @@ class MapReader {
       }
       unknown += !calibration || !calibration->camera ? 1 : 0;
     }
-    if (unknown > 0) graph_.lost(fmt::format("{} calibrations are unknown to the map", unknown));
+    out_.lost(unknown, "calibrations are unknown to the map");
   }
 
   void add_frame(std::size_t i) {
-    const Node& node = graph_.nodes[i];
+    const RtabmapNode& node = graph_.nodes[i];
     const Rigid3 base_from_camera =
         calibrations_[i] ? calibrations_[i]->base_from_camera : Rigid3();
     const Rigid3 pose = node.world_from_base * base_from_camera;
-    const Eigen::Quaterniond q = pose.quaternion();
-    FrameTable& frames = tables_.frames;
-    frames.ids.push_back(FrameId{node.id});
-    frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
-    frames.translations.push_back(pose.translation());
-    frames.timestamps_s.push_back(node.stamp_s);
-    frames.image_names.push_back(node.label);
-    frames.gnss.push_back(node.gnss);
-    world_from_camera_.push_back(pose);
     std::optional<CameraIndex> camera;
     if (calibrations_[i] && calibrations_[i]->camera) camera = index_of(*calibrations_[i]->camera);
-    frames.cameras.push_back(camera);
+    world_from_camera_.push_back(pose);
+    out_.add_frame({.id = FrameId{node.id},
+                    .world_from_camera = pose.quaternion(),
+                    .centre = pose.translation(),
+                    .camera = camera,
+                    .image_name = node.label,
+                    .timestamp_s = node.stamp_s,
+                    .gnss = node.gnss});
   }
 
   CameraIndex index_of(const Camera& camera) {
-    for (std::size_t i = tables_.cameras.size(); i-- > 0;) {
-      const Camera& other = tables_.cameras[i];
-      if (other.model == camera.model && other.width == camera.width &&
-          other.height == camera.height && other.parameters == camera.parameters) {
-        return CameraIndex{static_cast<std::uint32_t>(i)};
-      }
+    std::vector<Camera>& cameras = out_.tables().cameras;
+    const auto same = std::find_if(cameras.rbegin(), cameras.rend(), [&](const Camera& other) {
+      return is_same_lens(other, camera);
+    });
+    if (same != cameras.rend()) {
+      return CameraIndex{static_cast<std::uint32_t>(cameras.rend() - same - 1)};
     }
-    tables_.cameras.push_back(camera);
-    tables_.cameras.back().id = CameraId{tables_.cameras.size() - 1};
-    return CameraIndex{static_cast<std::uint32_t>(tables_.cameras.size() - 1)};
+    cameras.push_back(camera);
+    cameras.back().id = CameraId{cameras.size() - 1};
+    return CameraIndex{static_cast<std::uint32_t>(cameras.size() - 1)};
+  }
+
+  // Null if unknown.
+  const Camera* camera_of(std::uint32_t frame) const {
+    const auto index = out_.tables().frames.cameras[frame];
+    return index ? &out_.tables().cameras[index->value] : nullptr;
   }
 
   void read_features() {
@@ -496,12 +285,12 @@ class MapReader {
       feature.word = rows.integer(1);
       feature.pixel = {rows.real(2), rows.real(3)};
       if (!std::isfinite(feature.pixel.u) || !std::isfinite(feature.pixel.v)) {
-        refuse(database_, fmt::format("Feature of node {}", node), "the pixel is not finite",
-               "numbers");
+        refuse_database(database_, fmt::format("Feature of node {}", node),
+                        "the pixel is not finite", "numbers");
       }
-      const auto& camera = tables_.frames.cameras[*frame];
+      const Camera* const camera = camera_of(*frame);
       // The images of several cameras lie side by side.
-      if (camera && feature.pixel.u >= tables_.cameras[camera->value].width) {
+      if (camera != nullptr && feature.pixel.u >= camera->width) {
         ++of_other_cameras;
         continue;
       }
@@ -522,13 +311,8 @@ class MapReader {
       }
       features_.push_back(feature);
     }
-    if (unposed > 0) {
-      graph_.lost(fmt::format("{} features of nodes without a pose are left out", unposed));
-    }
-    if (of_other_cameras > 0) {
-      graph_.lost(
-          fmt::format("{} features of a second or further camera are left out", of_other_cameras));
-    }
+    out_.lost(unposed, "features of nodes without a pose are left out");
+    out_.lost(of_other_cameras, "features of a second or further camera are left out");
   }
 
   // All of a database are of one size and type: that of the first. @return whether there is one of them
@@ -546,7 +330,7 @@ class MapReader {
       const auto* const begin = reinterpret_cast<const std::uint8_t*>(blob->data());
       bytes_.insert(bytes_.end(), begin, begin + blob->size());
       // Rows of a damaged database may share a page.
-      detail::require_descriptor_budget(bytes_.size(), file_bytes_, database_.name());
+      require_descriptor_budget(bytes_.size(), file_bytes_, database_.name());
     }
     return fits;
   }
@@ -564,7 +348,7 @@ class MapReader {
     std::vector<float> values(bytes_.size() / sizeof(float));
     std::memcpy(values.data(), bytes_.data(), values.size() * sizeof(float));
     bytes_.resize(values.size());
-    detail::to_bytes<float>(values, bytes_);
+    to_bytes<float>(values, bytes_);
   }
 
   std::uint32_t root(std::uint32_t feature) {
@@ -589,10 +373,9 @@ class MapReader {
   // there is none.
   std::optional<double> pixels_off(const Feature& feature,
                                    const Eigen::Vector3d& x_in_world) const {
-    const auto& camera = tables_.frames.cameras[feature.frame];
-    if (!camera) return std::nullopt;
-    const auto pixel = project(tables_.cameras[camera->value],
-                               world_from_camera_[feature.frame].inverse() * x_in_world);
+    const Camera* const camera = camera_of(feature.frame);
+    if (camera == nullptr) return std::nullopt;
+    const auto pixel = project(*camera, world_from_camera_[feature.frame].inverse() * x_in_world);
     if (!pixel) return std::nullopt;
     return std::hypot(pixel->u - feature.pixel.u, pixel->v - feature.pixel.v);
   }
@@ -627,7 +410,7 @@ class MapReader {
       }
       of_frame = std::move(once);
     }
-    for (const GraphLink& link : graph_.links) {
+    for (const RtabmapLink& link : graph_.links) {
       const bool from_is_smaller = words[link.from].size() <= words[link.to].size();
       const auto& few = words[from_is_smaller ? link.from : link.to];
       const auto& many = words[from_is_smaller ? link.to : link.from];
@@ -643,8 +426,8 @@ class MapReader {
     }
   }
 
-  void make_landmarks() {
-    finish_floats();
+  // The features of each landmark, in the order of their first ones.
+  std::vector<std::vector<std::uint32_t>> groups() {
     std::vector<std::uint32_t> landmark_of(features_.size(), kNone);
     std::vector<std::vector<std::uint32_t>> members;
     for (std::uint32_t i = 0; i < features_.size(); ++i) {
@@ -655,90 +438,99 @@ class MapReader {
       }
       members[landmark_of[first]].push_back(i);
     }
-    detail::DescribedObservations observations(descriptor_bytes_);
+    return members;
+  }
+
+  // Mean of the positions by depth, weighted by their certainty; std::nullopt without a depth.
+  std::optional<Eigen::Vector3d> position_of(const std::vector<std::uint32_t>& group) const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    double weights = 0.0;
+    for (const std::uint32_t i : group) {
+      if (!features_[i].in_camera) continue;
+      const double weight = 1.0 / (tolerance_m(features_[i]) * tolerance_m(features_[i]));
+      sum += weight * in_world(features_[i]);
+      weights += weight;
+    }
+    if (!(weights > 0.0) || !sum.allFinite()) return std::nullopt;
+    return sum / weights;
+  }
+
+  // One feature per frame, the nearest to the projection of the position. Counts the others.
+  std::map<std::uint32_t, std::uint32_t> nearest_of(const std::vector<std::uint32_t>& group,
+                                                    const Eigen::Vector3d& position,
+                                                    std::size_t& others) const {
+    std::map<std::uint32_t, std::uint32_t> nearest;
+    std::map<std::uint32_t, double> distances;
+    for (const std::uint32_t i : group) {
+      const Feature& feature = features_[i];
+      const auto off = pixels_off(feature, position);
+      const bool is_near =
+          camera_of(feature.frame) != nullptr
+              ? off && *off <= kMostPixelsOff
+              : feature.in_camera && (in_world(feature) - position).norm() <= tolerance_m(feature);
+      if (!is_near) {
+        ++others;
+        continue;
+      }
+      const double distance = off.value_or(0.0);
+      const auto [place, is_new] = distances.try_emplace(feature.frame, distance);
+      others += is_new ? 0 : 1;
+      if (!is_new && distance >= place->second) continue;
+      place->second = distance;
+      nearest[feature.frame] = i;
+    }
+    return nearest;
+  }
+
+  void make_landmarks() {
+    finish_floats();
+    const bool is_binary = !are_floats() && descriptor_bytes_ <= 64;
+    out_.set_descriptors(descriptor_kind(database_), descriptor_bytes_,
+                         is_binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared);
     std::size_t without_depth = 0;
     std::size_t disagreeing = 0;
     NamedColumn words{"word", {}};
-    for (const auto& of_landmark : members) {
-      // Mean of the positions by depth, weighted by their certainty.
-      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      double weights = 0.0;
-      for (const std::uint32_t i : of_landmark) {
-        if (!features_[i].in_camera) continue;
-        const double weight = 1.0 / (tolerance_m(features_[i]) * tolerance_m(features_[i]));
-        sum += weight * in_world(features_[i]);
-        weights += weight;
-      }
-      if (!(weights > 0.0) || !sum.allFinite()) {
-        without_depth += of_landmark.size();
+    for (const auto& group : groups()) {
+      const auto position = position_of(group);
+      if (!position) {
+        without_depth += group.size();
         continue;
       }
-      const Eigen::Vector3d position = sum / weights;
-      const std::uint64_t id = tables_.landmarks.ids.size();
-      // One observation per frame, the nearest.
-      std::map<std::uint32_t, std::pair<double, std::uint32_t>> best;
-      for (const std::uint32_t i : of_landmark) {
-        const Feature& feature = features_[i];
-        const auto off = pixels_off(feature, position);
-        const bool has_camera = tables_.frames.cameras[feature.frame].has_value();
-        const bool is_near = has_camera
-                                 ? off && *off <= kMostPixelsOff
-                                 : feature.in_camera && (in_world(feature) - position).norm() <=
-                                                            tolerance_m(feature);
-        if (!is_near) {
-          ++disagreeing;
-          continue;
-        }
-        const auto [place, is_new] = best.try_emplace(feature.frame, off.value_or(0.0), i);
-        if (!is_new) {
-          ++disagreeing;
-          if (off.value_or(0.0) < place->second.first) place->second = {off.value_or(0.0), i};
-        }
-      }
-      if (best.empty()) continue;
-      tables_.landmarks.ids.push_back(LandmarkId{id});
-      tables_.landmarks.positions.push_back(position);
-      words.values.push_back(static_cast<double>(features_[of_landmark.front()].word));
-      for (const auto& [frame, chosen] : best) {
-        const Feature& feature = features_[chosen.second];
-        detail::DescribedObservations::Entry entry{id, FrameIndex{frame}, feature.pixel,
-                                                   feature.keypoint};
-        if (feature.in_camera) entry.depth = feature.in_camera->z();
-        entry.octave = feature.octave;
-        observations.add(entry, descriptor(feature));
+      const auto nearest = nearest_of(group, *position, disagreeing);
+      if (nearest.empty()) continue;
+      const std::uint64_t id = out_.landmark_count();
+      out_.add_landmark(id, *position);
+      words.values.push_back(static_cast<double>(features_[group.front()].word));
+      for (const auto& [frame, chosen] : nearest) {
+        const Feature& feature = features_[chosen];
+        SfmObservation observation{.landmark_id = id,
+                                   .frame = FrameIndex{frame},
+                                   .pixel = feature.pixel,
+                                   .keypoint = feature.keypoint,
+                                   .octave = feature.octave,
+                                   .descriptor = descriptor(feature)};
+        if (feature.in_camera) observation.depth = feature.in_camera->z();
+        out_.add_observation(observation);
       }
     }
-    if (!words.values.empty()) tables_.landmarks.columns.push_back(std::move(words));
-    detail::require_descriptor_budget(
-        bytes_.size() + observations.descriptor_bytes_to_fill(tables_.landmarks.ids.size()),
-        file_bytes_, database_.name());
-    const std::string kind = descriptor_kind(database_);
-    const bool is_binary = !are_floats() && descriptor_bytes_ <= 64;
-    std::move(observations)
-        .fill(tables_, kind, is_binary ? DescriptorNorm::kHamming : DescriptorNorm::kSquared);
-    if (without_depth > 0) {
-      graph_.lost(
-          fmt::format("{} features without a depth, and with no match that has one, are "
-                      "left out",
-                      without_depth));
-    }
-    if (disagreeing > 0) {
-      graph_.lost(
-          fmt::format("{} features are not where their word is elsewhere; left out", disagreeing));
-    }
+    if (!words.values.empty()) out_.tables().landmarks.columns.push_back(std::move(words));
+    require_descriptor_budget(bytes_.size() + out_.descriptor_bytes_to_finish(), file_bytes_,
+                              database_.name());
+    out_.lost(without_depth,
+              "features without a depth, and with no match that has one, are left out");
+    out_.lost(disagreeing, "features are not where their word is elsewhere; left out");
     if (features_.empty()) {
-      graph_.remark(
+      out_.remark(
           "holds no features: the map has frames only (Mem/BinDataKept and "
           "Kp/MaxFeatures decide what RTAB-Map keeps)");
     }
   }
 
   void remark_on_closures() const {
-    const auto closures = std::count_if(
-        graph_.links.begin(), graph_.links.end(),
-        [](const GraphLink& l) { return l.type != kNeighbor && l.type != kNeighborMerged; });
+    const auto closures = std::count_if(graph_.links.begin(), graph_.links.end(),
+                                        [](const RtabmapLink& l) { return !l.is_neighbor(); });
     if (graph_.is_optimised || closures == 0) return;
-    graph_.remark(
+    out_.remark(
         fmt::format("holds {} loop closures but no optimised poses: the poses are those of "
                     "odometry; let RTAB-Map optimise and save the graph first",
                     closures));
@@ -748,8 +540,8 @@ class MapReader {
 
   sqlite::Database& database_;
   std::uint64_t file_bytes_;
-  Graph graph_;
-  MapTables tables_;
+  RtabmapGraph graph_;
+  SfmBuilder out_;
   std::vector<std::optional<Calibration>> calibrations_;  // of each node
   std::vector<Rigid3> world_from_camera_;
   std::vector<Feature> features_;
@@ -763,45 +555,8 @@ class MapReader {
 }  // namespace
 
 LandmarkMap read_rtabmap(const fs::path& path, const MapReadOptions& options) {
-  sqlite::Database database = detail::open_foreign_database(path, options);
+  sqlite::Database database = open_foreign_database(path, options);
   return MapReader(database, options).read();
 }
 
-PoseGraph read_rtabmap_graph(const fs::path& path, const MapReadOptions& options) {
-  sqlite::Database database = detail::open_foreign_database(path, options);
-  const Graph graph(database, options);
-  PoseGraph result;
-  for (const Node& node : graph.nodes) {
-    result.nodes.push_back({NodeId{node.id}, node.label, fmt::format("map {}", node.session),
-                            Similarity3(node.world_from_base)});
-  }
-  for (const GraphLink& link : graph.links) {
-    if (!link.from_from_to) continue;
-    Link out;
-    out.target = NodeId{graph.nodes[link.from].id};
-    out.source = NodeId{graph.nodes[link.to].id};
-    out.target_from_source = Similarity3(*link.from_from_to);
-    out.covariance = link.covariance;
-    const bool is_neighbor = link.type == kNeighbor || link.type == kNeighborMerged;
-    out.kind = is_neighbor                 ? LinkKind::kOdometry
-               : link.type == kUserClosure ? LinkKind::kManual
-                                           : LinkKind::kPlacement;
-    result.links.push_back(std::move(out));
-  }
-  result.validate(path.string());
-  return result;
-}
-
-std::vector<MapFormat> rtabmap_formats() {
-  return {
-      {.name = "rtabmap",
-       .title = "RTAB-Map",
-       .recognises =
-           [](const MapInput& input) {
-             return detail::is_database_with(input, {"Node", "Link", "Data"});
-           },
-       .read = [](const MapInput& input,
-                  const MapReadOptions& options) { return read_rtabmap(input.path, options); }}};
-}
-
-}  // namespace cairn
+}  // namespace cairn::detail

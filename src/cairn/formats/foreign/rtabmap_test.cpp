@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/rtabmap.hpp"
-
 #include <cstring>
 #include <string>
 #include <vector>
@@ -9,14 +7,15 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::AllOf;
@@ -349,4 +348,4 @@ TEST(RealRtabmap, NodesAndLinksAreRead) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

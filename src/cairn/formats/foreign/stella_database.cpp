@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/stella_database.hpp"
-
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -14,10 +12,11 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/formats/detail/foreign/database_file.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/foreign/stella_builder.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Bytes = std::span<const std::byte>;
@@ -34,9 +33,9 @@ struct StoredKeypoint {
 };
 static_assert(sizeof(StoredKeypoint) == 28);
 
-class Reader {
+class StellaDatabaseReader {
  public:
-  Reader(sqlite::Database& database, const MapReadOptions& options)
+  StellaDatabaseReader(sqlite::Database& database, const MapReadOptions& options)
       : database_(database), out_(database.name(), options) {}
 
   LandmarkMap read() {
@@ -86,7 +85,7 @@ class Reader {
         "SELECT name, setup_type, model_type, cols, rows, fx, fy, cx, cy, k1, k2, p1, p2, k3, k4 "
         "FROM cameras ORDER BY id");
     while (row.step()) {
-      detail::StellaCamera camera;
+      StellaCamera camera;
       camera.setup_type = name(row, 1);
       camera.model_type = name(row, 2);
       const auto size = [&](int column) {
@@ -100,12 +99,12 @@ class Reader {
       camera.fy = row.optional_real(6);
       camera.cx = row.optional_real(7);
       camera.cy = row.optional_real(8);
-      camera.k1 = row.optional_real(9).value_or(0.0);
-      camera.k2 = row.optional_real(10).value_or(0.0);
-      camera.p1 = row.optional_real(11).value_or(0.0);
-      camera.p2 = row.optional_real(12).value_or(0.0);
-      camera.k3 = row.optional_real(13).value_or(0.0);
-      camera.k4 = row.optional_real(14).value_or(0.0);
+      camera.distortion.k1 = row.optional_real(9).value_or(0.0);
+      camera.distortion.k2 = row.optional_real(10).value_or(0.0);
+      camera.distortion.p1 = row.optional_real(11).value_or(0.0);
+      camera.distortion.p2 = row.optional_real(12).value_or(0.0);
+      camera.distortion.k3 = row.optional_real(13).value_or(0.0);
+      camera.distortion.k4 = row.optional_real(14).value_or(0.0);
       out_.add_camera(name(row, 0), camera);
     }
   }
@@ -127,7 +126,7 @@ class Reader {
     auto row = database_.prepare(
         "SELECT id, ts, cam, pose_cw, undist_keypts, depths, descs FROM keyframes ORDER BY id");
     while (row.step()) {
-      detail::StellaKeyframe keyframe;
+      StellaKeyframe keyframe;
       const std::int64_t stored_id = row.integer(0);
       const std::string where = fmt::format("keyframes {}", stored_id);
       keyframe.id = id(stored_id, "keyframes");
@@ -144,8 +143,8 @@ class Reader {
         keyframe.octaves.push_back(k.octave);
       }
       keyframe.depths = records<float>(row.optional_blob(5), where + ": depths");
-      keyframe.descriptors = records<std::array<std::uint8_t, detail::kOrbBytes>>(
-          row.optional_blob(6), where + ": descs");
+      keyframe.descriptors =
+          records<std::array<std::uint8_t, kOrbBytes>>(row.optional_blob(6), where + ": descs");
       std::vector<std::int64_t> landmarks;
       if (const auto found = landmarks_of_.find(stored_id); found != landmarks_of_.end()) {
         landmarks.assign(found->second.begin(), found->second.end());
@@ -156,17 +155,14 @@ class Reader {
   }
 
   // 4 x 4 doubles, column by column.
-  void set_pose(detail::StellaKeyframe& keyframe, const std::vector<double>& numbers,
+  void set_pose(StellaKeyframe& keyframe, const std::vector<double>& numbers,
                 const std::string& where) const {
     if (numbers.size() != 16) {
       refuse(where + ": pose_cw", fmt::format("{} numbers", numbers.size()), "16 of them");
     }
     const Eigen::Map<const Eigen::Matrix4d> pose(numbers.data());
     const Eigen::Matrix3d rotation = pose.topLeftCorner<3, 3>();
-    constexpr double kTolerance = 1e-3;
-    const Eigen::Matrix3d off = rotation * rotation.transpose() - Eigen::Matrix3d::Identity();
-    if (!pose.allFinite() || !(off.cwiseAbs().maxCoeff() < kTolerance) ||
-        !(rotation.determinant() > 0.0)) {
+    if (!pose.allFinite() || !is_rotation(rotation)) {
       refuse(where + ": pose_cw", "is no rigid motion", "a rotation and a translation");
     }
     keyframe.rotation_cw = Eigen::Quaterniond(rotation);
@@ -187,28 +183,15 @@ class Reader {
   }
 
   sqlite::Database& database_;
-  detail::StellaBuilder out_;
+  StellaBuilder out_;
   std::unordered_map<std::int64_t, std::vector<std::int32_t>> landmarks_of_;
 };
 
 }  // namespace
 
 LandmarkMap read_stella_database(const std::filesystem::path& path, const MapReadOptions& options) {
-  sqlite::Database database = detail::open_foreign_database(path, options);
-  return Reader(database, options).read();
+  sqlite::Database database = open_foreign_database(path, options);
+  return StellaDatabaseReader(database, options).read();
 }
 
-std::vector<MapFormat> stella_database_formats() {
-  return {{.name = "stella-database",
-           .title = "stella_vslam database",
-           .recognises =
-               [](const MapInput& input) {
-                 return detail::is_database_with(input, {"keyframes", "landmarks", "associations"});
-               },
-           .read =
-               [](const MapInput& input, const MapReadOptions& options) {
-                 return read_stella_database(input.path, options);
-               }}};
-}
-
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/stella_database.hpp"
-
 #include <array>
 #include <cstring>
 #include <string>
@@ -9,13 +7,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 #include "support/imported_maps.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::ElementsAre;
@@ -23,7 +22,7 @@ using ::testing::HasSubstr;
 using testing::refusal;
 
 template <class Number>
-std::vector<std::byte> bytes_of(const std::vector<Number>& numbers) {
+std::vector<std::byte> stella_blob(const std::vector<Number>& numbers) {
   std::vector<std::byte> bytes(numbers.size() * sizeof(Number));
   if (!bytes.empty()) std::memcpy(bytes.data(), numbers.data(), bytes.size());
   return bytes;
@@ -67,13 +66,14 @@ class StellaDatabaseTest : public testing::ImportTest {
     descriptors[32] = 5;
     database.run(
         "INSERT INTO keyframes VALUES(7,NULL,2.5,CAST('cam' AS BLOB),NULL,?1,2,?2,NULL,?3,?4)",
-        std::span<const std::byte>(bytes_of(pose)), std::span<const std::byte>(bytes_of(keypoints)),
-        std::span<const std::byte>(bytes_of(std::vector<float>{-1.0F, 13.0F})),
-        std::span<const std::byte>(bytes_of(descriptors)));
+        std::span<const std::byte>(stella_blob(pose)),
+        std::span<const std::byte>(blob_of(keypoints)),
+        std::span<const std::byte>(stella_blob(std::vector<float>{-1.0F, 13.0F})),
+        std::span<const std::byte>(stella_blob(descriptors)));
     database.run("INSERT INTO landmarks VALUES(11,7,?1,7,4,3)",
-                 std::span<const std::byte>(bytes_of(std::vector<double>{1, 2, 10})));
+                 std::span<const std::byte>(stella_blob(std::vector<double>{1, 2, 10})));
     database.run("INSERT INTO associations VALUES(7,?1,-1)",
-                 std::span<const std::byte>(bytes_of(std::vector<std::int32_t>{-1, 11})));
+                 std::span<const std::byte>(stella_blob(std::vector<std::int32_t>{-1, 11})));
   }
   std::filesystem::path file() const { return folder_ / "map.db"; }
   void change(const std::string& sql) const {
@@ -122,4 +122,4 @@ TEST_F(StellaDatabaseTest, LeavesOutAndCountsPositionsThatAreNotFinite) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

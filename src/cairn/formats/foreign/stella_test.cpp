@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/stella.hpp"
-
 #include <cmath>
 #include <string>
 #include <utility>
@@ -10,7 +8,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "cairn/formats/foreign/all_formats.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/imported_maps.hpp"
@@ -18,7 +17,7 @@
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::Contains;
@@ -332,4 +331,4 @@ TEST(RealStella, ReprojectsOntoItsKeypoints) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

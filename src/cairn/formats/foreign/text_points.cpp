@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/detail/foreign/text_points.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,11 +16,11 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/record_reader.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
-#include "cairn/formats/foreign/plain_points.hpp"
-#include "cairn/formats/losses.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Cells = std::vector<std::string_view>;
@@ -349,7 +347,7 @@ class Survey {
 
 struct Layout {
   Names names;  ///< one a column; empty if it is left out
-  std::vector<detail::ScalarType> types;
+  std::vector<ScalarType> types;
   std::uint64_t header_line = 0;  ///< 0: the names are in a comment, or nowhere
 };
 
@@ -460,7 +458,7 @@ class LayoutFinder {
   void survey_rows() {
     MapReadOptions stop_only;
     stop_only.stop = options_.stop;
-    detail::ReadingProgress progress(stop_only, 0);
+    ReadingProgress progress(stop_only, 0);
     const bool is_named = !layout_.names.empty();
     do {
       constexpr std::size_t kEvery = 65536;
@@ -519,14 +517,13 @@ class LayoutFinder {
     }
     Names taken = layout_.names;
     std::erase(taken, std::string());
-    detail::log_remark(
-        options_.log, name_,
-        fmt::format("the columns have no names; taken as {}", fmt::join(taken, " ")));
+    log_remark(options_.log, name_,
+               fmt::format("the columns have no names; taken as {}", fmt::join(taken, " ")));
   }
 
   // Colours and ids are whole numbers throughout.
   void choose_types() {
-    layout_.types.assign(layout_.names.size(), detail::ScalarType::kFloat64);
+    layout_.types.assign(layout_.names.size(), ScalarType::kFloat64);
     if (survey_.rows() == 0) return;
     const auto is_all = [&](std::size_t column, bool Survey::Column::*property) {
       return column < survey_.width() && survey_[column].*property;
@@ -537,11 +534,11 @@ class LayoutFinder {
         })) {
       for (std::size_t i = 0; i < 3; ++i) {
         layout_.names[(*rgb)[i]] = std::array{"red", "green", "blue"}[i];
-        layout_.types[(*rgb)[i]] = detail::ScalarType::kUint8;
+        layout_.types[(*rgb)[i]] = ScalarType::kUint8;
       }
     }
     if (const auto column = id(); column && is_all(*column, &Survey::Column::is_unsigned)) {
-      layout_.types[*column] = detail::ScalarType::kUint64;
+      layout_.types[*column] = ScalarType::kUint64;
     }
   }
 
@@ -568,8 +565,8 @@ class TableReader {
 
   LandmarkMap read() {
     Cells cells;
-    std::optional<detail::PointTable> table;
-    detail::ReadingProgress progress(options_, source_.size().value_or(0));
+    std::optional<PointTable> table;
+    ReadingProgress progress(options_, source_.size().value_or(0));
     std::uint64_t reported = 0;
     std::string row;
     while (const auto next = lines_.next()) {
@@ -590,7 +587,7 @@ class TableReader {
       if (!table) table.emplace(start(cells));
       row.clear();
       for (const std::size_t i : kept_) {
-        if (layout_.types[i] == detail::ScalarType::kUint8) {
+        if (layout_.types[i] == ScalarType::kUint8) {
           row += fmt::format("{:.0f}", parse_number(cells[i]).value_or(kNoNumber));  // of 1.28e+02
         } else {
           row += cells[i].empty() ? std::string_view("nan") : cells[i];
@@ -612,8 +609,8 @@ class TableReader {
   }
 
   // The first row decides which columns hold numbers.
-  detail::PointTable start(const Cells& cells) {
-    std::vector<detail::PointField> fields;
+  PointTable start(const Cells& cells) {
+    std::vector<PointField> fields;
     std::vector<std::string> of_text;
     std::vector<std::size_t> without_name;
     for (std::size_t i = 0; i < layout_.names.size(); ++i) {
@@ -631,20 +628,20 @@ class TableReader {
         continue;
       }
       kept_.push_back(i);
-      detail::PointField field;
+      PointField field;
       field.name = name;
       field.type = layout_.types[i];
       fields.push_back(std::move(field));
     }
     const auto lost = [&](std::string_view what, const auto& which) {
       if (which.empty()) return;
-      detail::log_remark(options_.log, source_.name(),
-                         fmt::format("columns {} are left out: {}", what, fmt::join(which, ", ")),
-                         RemarkKind::kLoss);
+      log_remark(options_.log, source_.name(),
+                 fmt::format("columns {} are left out: {}", what, fmt::join(which, ", ")),
+                 RemarkKind::kLoss);
     };
     lost("that hold no numbers", of_text);
     lost("without a name", without_name);
-    return {detail::PointFormat::kPly, source_.name(), source_.name(), std::move(fields), options_};
+    return {PointFormat::kPly, source_.name(), source_.name(), std::move(fields), options_};
   }
 
   ByteSource& source_;
@@ -656,9 +653,9 @@ class TableReader {
 
 }  // namespace
 
-namespace detail {
-
-bool looks_like_points(std::string_view bytes) {
+bool is_points_text(const MapInput& input) {
+  if (input.source == nullptr) return false;
+  std::string_view bytes = input.first_bytes;
   Cells cells;
   std::vector<std::string_view> comments;
   while (!bytes.empty()) {
@@ -692,8 +689,6 @@ bool looks_like_points(std::string_view bytes) {
   return false;
 }
 
-}  // namespace detail
-
 LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options) {
   // A pipe cannot be read a second time.
   std::string bytes;
@@ -708,4 +703,4 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
   return TableReader(again, std::move(layout), options).read();
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/binary.hpp"
-
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <string>
@@ -18,94 +15,11 @@
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
+#include "cairn/formats/detail/own/binary_layout.hpp"
+#include "cairn/formats/own_formats.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
-
-static_assert(std::endian::native == std::endian::little, "numbers are stored as they are");
-static_assert(sizeof(FrameId) == 8 && sizeof(LandmarkId) == 8 && sizeof(FrameIndex) == 4 &&
-                  sizeof(Pixel) == 16 && sizeof(Eigen::Vector3d) == 24 &&
-                  sizeof(Eigen::Matrix3d) == 72 && sizeof(std::array<double, 4>) == 32,
-              "columns are stored as they are");
-static_assert(!Eigen::Matrix3d::IsRowMajor, "covariances are stored column by column");
-
-constexpr std::uint32_t kVersion = 1;
-constexpr std::uint64_t kVersionPlace = 8;
-constexpr std::uint64_t kUnitPlace = 12;
-constexpr std::uint64_t kSizePlace = 16;
-constexpr std::uint64_t kFramesPlace = 24;
-constexpr std::uint64_t kLandmarksPlace = 32;
-constexpr std::uint64_t kObservationsPlace = 40;
-constexpr std::uint64_t kSectionsPlace = 48;
-constexpr std::uint64_t kHeaderSize = 56;
-constexpr std::uint64_t kTableEntrySize = 24;
-constexpr std::uint64_t kAlignment = 8;
-constexpr std::uint64_t kChecksumSize = 16;
-
-constexpr std::uint64_t kUnknownBits = 0x7ff8000000000000;  // of a double
-constexpr double kUnknownNumber = std::bit_cast<double>(kUnknownBits);
-constexpr std::int64_t kUnknownInteger = std::numeric_limits<std::int64_t>::min();
-
-constexpr std::size_t kBlockSize = std::size_t{1} << 20;
-
-constexpr std::size_t kUpperTriangle = 21;  // numbers of a symmetric matrix of six rows
-
-// What a section has entries for.
-enum class Per { kFile, kFrame, kLandmark, kOffset, kObservation };
-
-struct Layout {
-  std::string_view name;
-  Per per;
-  std::uint64_t bytes_each;  // 0: different for entries, or not known in advance
-};
-
-constexpr std::array<Layout, 34> kLayouts = {{
-    {"world frame", Per::kFile, 0},
-    {"gravity", Per::kFile, 24},
-    {"uuid", Per::kFile, 0},
-    {"provenance", Per::kFile, 0},
-    {"cameras", Per::kFile, 0},
-    {"frame ids", Per::kFrame, 8},
-    {"translations", Per::kFrame, 24},
-    {"quaternions", Per::kFrame, 32},
-    {"frame cameras", Per::kFrame, 8},
-    {"timestamps", Per::kFrame, 8},
-    {"image names", Per::kFrame, 0},
-    {"landmark ids", Per::kLandmark, 8},
-    {"positions", Per::kLandmark, 24},
-    {"covariances", Per::kLandmark, 72},
-    {"colours", Per::kLandmark, 4},
-    {"descriptor kind", Per::kFile, 0},
-    {"known descriptors", Per::kLandmark, 1},
-    {"descriptors", Per::kLandmark, 0},
-    {"column names", Per::kFile, 0},
-    {"column values", Per::kLandmark, 0},
-    {"offsets", Per::kOffset, 8},
-    {"observing frames", Per::kObservation, 4},
-    {"pixels", Per::kObservation, 16},
-    {"keypoints", Per::kObservation, 8},
-    {"depths", Per::kObservation, 8},
-    {"octaves", Per::kObservation, 8},
-    {"sources", Per::kObservation, 8},
-    {"sigmas", Per::kObservation, 8},
-    {"georeference", Per::kFile, 88},
-    {"GNSS positions", Per::kFrame, 32},
-    {"further offsets", Per::kOffset, 8},
-    {"further descriptors", Per::kFile, 0},
-    {"control points", Per::kFile, 0},
-    {"pose covariances", Per::kFrame, 8 * kUpperTriangle},
-}};
-static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kPoseCovariances));
-
-constexpr std::size_t index_of(MapColumn column) {
-  return static_cast<std::size_t>(column) - 1;
-}
-
-constexpr std::uint64_t aligned(std::uint64_t byte) {
-  return (byte + kAlignment - 1) / kAlignment * kAlignment;
-}
-
-// ---- reading
 
 struct Section {
   std::string_view bytes;
@@ -212,9 +126,9 @@ class BinaryReader {
       refuse(bytes_.size(), "size", fmt::format("the file ends after {} bytes", bytes_.size()),
              fmt::format("at least {}", kSmallest));
     }
-    if (const auto version = at<std::uint32_t>(kVersionPlace); version != kVersion) {
+    if (const auto version = at<std::uint32_t>(kVersionPlace); version != kBinaryVersion) {
       refuse(kVersionPlace, "version", fmt::format("format version {}", version),
-             std::to_string(kVersion));
+             std::to_string(kBinaryVersion));
     }
     if (const auto size = at<std::uint64_t>(kSizePlace); size != bytes_.size()) {
       refuse(kSizePlace, "size",
@@ -226,9 +140,9 @@ class BinaryReader {
 
   void check_checksum() {
     Hasher hasher;
-    for (std::uint64_t byte = 0; byte < checksum_place(); byte += kBlockSize) {
+    for (std::uint64_t byte = 0; byte < checksum_place(); byte += kBinaryBlock) {
       hasher.update(
-          bytes_.substr(byte, std::min<std::uint64_t>(kBlockSize, checksum_place() - byte)));
+          bytes_.substr(byte, std::min<std::uint64_t>(kBinaryBlock, checksum_place() - byte)));
       report(0.5 * static_cast<double>(byte) / static_cast<double>(bytes_.size()));
     }
     const Hash128 stored{at<std::uint64_t>(checksum_place()),
@@ -389,26 +303,36 @@ class BinaryReader {
            fmt::format("{:016x} where unknown, else a number", kUnknownBits));
   }
 
-  // Reads a column with 8 bytes per entry; `value_of` may return std::nullopt.
-  template <class Value, class ValueOf>
+  // Reads a column of this many bytes per entry; `value_of` may return std::nullopt.
+  template <std::size_t kBytes = 8, class Value, class ValueOf>
   void read_optional(MapColumn column, OptionalColumn<Value>& values,
                      const ValueOf& value_of) const {
     const std::string_view bytes = section(column).bytes;
-    values.reserve(bytes.size() / 8);
+    values.reserve(bytes.size() / kBytes);
     bool nothing_known = has(column);
-    for (std::size_t byte = 0; byte < bytes.size(); byte += 8) {
-      values.push_back(value_of(bytes.data() + byte, byte / 8));
-      nothing_known = nothing_known && !values.back();
+    for (std::size_t byte = 0; byte < bytes.size(); byte += kBytes) {
+      const std::optional<Value> value = value_of(bytes.data() + byte, byte / kBytes);
+      values.push_back(value);
+      nothing_known = nothing_known && !value;
     }
     refuse_if_unknown(nothing_known, column);
+  }
+
+  // Whether an entry of doubles is unknown: they are all NaN.
+  template <std::size_t kNumbers>
+  bool is_unknown(MapColumn column, std::size_t row, const double* numbers) const {
+    if (!std::isnan(numbers[0])) return false;
+    for (std::size_t i = 0; i < kNumbers; ++i) {
+      expect_unknown(column, kNumbers * row + i, numbers[i]);
+    }
+    return true;
   }
 
   void read_numbers(MapColumn column, OptionalColumn<double>& values) const {
     read_optional(column, values, [&](const char* bytes, std::size_t row) {
       const auto value = load<double>(bytes);
-      if (!std::isnan(value)) return std::optional(value);
-      expect_unknown(column, row, value);
-      return std::optional<double>();
+      const bool unknown = is_unknown<1>(column, row, &value);
+      return unknown ? std::nullopt : std::optional(value);
     });
   }
 
@@ -494,58 +418,36 @@ class BinaryReader {
   }
 
   void read_gnss() {
-    auto& gnss = tables_.frames.gnss;
-    const std::string_view bytes = section(MapColumn::kGnss).bytes;
+    constexpr MapColumn kColumn = MapColumn::kGnss;
     constexpr std::size_t kNumbers = 4;
-    constexpr std::size_t kSize = kNumbers * sizeof(double);
-    bool nothing_known = has(MapColumn::kGnss);
-    for (std::size_t row = 0; row < bytes.size() / kSize; ++row) {
-      const char* const entry = bytes.data() + row * kSize;
-      if (std::isnan(load<double>(entry))) {
-        for (std::size_t i = 0; i < kNumbers; ++i) {
-          expect_unknown(MapColumn::kGnss, kNumbers * row + i,
-                         load<double>(entry + i * sizeof(double)));
-        }
-        gnss.push_back(std::nullopt);
-        continue;
-      }
-      nothing_known = false;
-      GnssFix fix{geodetic(entry), load<double>(entry + 24)};
-      if (std::isnan(*fix.accuracy_m)) {
-        expect_unknown(MapColumn::kGnss, kNumbers * row + 3, *fix.accuracy_m);
-        fix.accuracy_m.reset();
-      }
-      gnss.push_back(fix);
-    }
-    refuse_if_unknown(nothing_known, MapColumn::kGnss);
+    read_optional<kNumbers * sizeof(double)>(
+        kColumn, tables_.frames.gnss, [&](const char* bytes, std::size_t row) {
+          const auto numbers = load<std::array<double, kNumbers>>(bytes);
+          if (is_unknown<kNumbers>(kColumn, row, numbers.data())) return std::optional<GnssFix>();
+          GnssFix fix{{numbers[0], numbers[1], numbers[2]}, numbers[3]};
+          if (std::isnan(numbers[3])) {
+            expect_unknown(kColumn, kNumbers * row + 3, numbers[3]);
+            fix.accuracy_m.reset();
+          }
+          return std::optional(fix);
+        });
   }
 
   void read_pose_covariances() {
     constexpr MapColumn kColumn = MapColumn::kPoseCovariances;
-    auto& covariances = tables_.frames.pose_covariances;
-    const std::string_view bytes = section(kColumn).bytes;
-    bool nothing_known = has(kColumn);
-    std::array<double, kUpperTriangle> numbers{};
-    for (std::size_t byte = 0; byte < bytes.size(); byte += sizeof numbers) {
-      std::memcpy(numbers.data(), bytes.data() + byte, sizeof numbers);
-      if (std::isnan(numbers[0])) {
-        for (std::size_t i = 0; i < numbers.size(); ++i) {
-          expect_unknown(kColumn, byte / sizeof(double) + i, numbers[i]);
-        }
-        covariances.push_back(std::nullopt);
-        continue;
-      }
-      nothing_known = false;
-      Matrix6d covariance = Matrix6d::Zero();
-      const double* next = numbers.data();
-      for (int row = 0; row < 6; ++row) {
-        for (int column = row; column < 6; ++column) {
-          covariance(row, column) = covariance(column, row) = *next++;
-        }
-      }
-      covariances.push_back(covariance);
-    }
-    refuse_if_unknown(nothing_known, kColumn);
+    read_optional<kUpperTriangle * sizeof(double)>(
+        kColumn, tables_.frames.pose_covariances, [&](const char* bytes, std::size_t row) {
+          const auto numbers = load<std::array<double, kUpperTriangle>>(bytes);
+          if (is_unknown<kUpperTriangle>(kColumn, row, numbers.data())) {
+            return std::optional<Matrix6d>();
+          }
+          Matrix6d covariance = Matrix6d::Zero();
+          const double* next = numbers.data();
+          for (int i = 0; i < 6; ++i) {
+            for (int j = i; j < 6; ++j) covariance(i, j) = covariance(j, i) = *next++;
+          }
+          return std::optional(covariance);
+        });
   }
 
   void read_cameras() {
@@ -600,34 +502,23 @@ class BinaryReader {
     const auto& covariances = tables_.landmarks.covariances;
     bool nothing_known = !covariances.empty();
     for (std::size_t row = 0; row < covariances.size(); ++row) {
-      const Eigen::Matrix3d& covariance = covariances[row];
-      if (!std::isnan(covariance(0, 0))) {
-        nothing_known = false;
-        continue;
-      }
-      for (int i = 0; i < 9; ++i) {
-        expect_unknown(MapColumn::kCovariances, 9 * row + static_cast<std::size_t>(i),
-                       covariance.data()[i]);
-      }
+      const double* const numbers = covariances[row].data();
+      if (!is_unknown<9>(MapColumn::kCovariances, row, numbers)) nothing_known = false;
     }
     refuse_if_unknown(nothing_known, MapColumn::kCovariances);
   }
 
   void read_colors() {
-    auto& colors = tables_.landmarks.colors;
-    const std::string_view bytes = section(MapColumn::kColors).bytes;
-    bool nothing_known = has(MapColumn::kColors);
-    for (std::size_t byte = 0; byte < bytes.size(); byte += 4) {
-      const auto [red, green, blue, known] = load<std::array<std::uint8_t, 4>>(bytes.data() + byte);
+    constexpr MapColumn kColumn = MapColumn::kColors;
+    read_optional<4>(kColumn, tables_.landmarks.colors, [&](const char* bytes, std::size_t row) {
+      const auto [red, green, blue, known] = load<std::array<std::uint8_t, 4>>(bytes);
       if (known > 1 || (known == 0 && (red | green | blue) != 0)) {
-        refuse(section(MapColumn::kColors).begin + byte, MapColumn::kColors,
+        refuse(section(kColumn).begin + 4 * row, kColumn,
                fmt::format("{} {} {} {}", red, green, blue, known),
                "red, green, blue and 1, or four zeros where unknown");
       }
-      colors.push_back(known == 1 ? std::optional(Color{red, green, blue}) : std::nullopt);
-      nothing_known = nothing_known && known == 0;
-    }
-    refuse_if_unknown(nothing_known, MapColumn::kColors);
+      return known == 1 ? std::optional(Color{red, green, blue}) : std::nullopt;
+    });
   }
 
   void read_descriptors() {
@@ -714,322 +605,16 @@ class BinaryReader {
   MapTables tables_;
 };
 
-// ---- writing
-
-class BinaryWriter {
- public:
-  BinaryWriter(const LandmarkMap& map, const ByteSink& sink, const Progress& progress)
-      : map_(map), sink_(sink), progress_(progress) {
-    plan_info();
-    plan_frames();
-    plan_landmarks();
-    plan_observations();
-    plan_places();
-    plan_further_descriptors();
-    plan_control_points();
-    plan_pose_covariances();
-  }
-
-  void write() {
-    std::uint64_t end = kHeaderSize + plan_.size() * kTableEntrySize;
-    for (const Planned& section : plan_) end = aligned(end) + section.size;
-    size_ = aligned(end) + kChecksumSize;
-    put(kBinaryMagic);
-    put(kVersion);
-    put(std::uint32_t{map_.info().length_unit == LengthUnit::kFree});
-    put(size_);
-    put(std::uint64_t{map_.frame_count()});
-    put(std::uint64_t{map_.landmark_count()});
-    put(std::uint64_t{map_.observation_count()});
-    put(std::uint64_t{plan_.size()});
-    std::uint64_t begin = kHeaderSize + plan_.size() * kTableEntrySize;
-    for (const Planned& section : plan_) {
-      put(static_cast<std::uint64_t>(section.column));
-      put(begin);
-      put(section.size);
-      begin = aligned(begin + section.size);
-    }
-    for (const Planned& section : plan_) {
-      section.write();
-      pad();
-    }
-    flush();
-    const Hash128 hash = hasher_.digest();
-    put(hash.low);
-    put(hash.high);
-    flush();
-  }
-
- private:
-  struct Planned {
-    MapColumn column;
-    std::uint64_t size;
-    std::function<void()> write;
-  };
-
-  // ---- bytes
-
-  void flush() {
-    hasher_.update(buffer_);
-    sink_(buffer_);
-    buffer_.clear();
-    if (progress_) progress_(static_cast<double>(written_) / static_cast<double>(size_));
-  }
-
-  void put(std::string_view bytes) {
-    written_ += bytes.size();
-    while (!bytes.empty()) {
-      const std::string_view block = bytes.substr(0, kBlockSize - buffer_.size());
-      buffer_ += block;
-      bytes.remove_prefix(block.size());
-      if (buffer_.size() == kBlockSize) flush();
-    }
-  }
-
-  template <class Number>
-    requires std::is_arithmetic_v<Number>
-  void put(Number number) {
-    put(std::string_view(reinterpret_cast<const char*>(&number), sizeof number));
-  }
-
-  void pad() { put(std::string_view("\0\0\0\0\0\0\0", aligned(written_) - written_)); }
-
-  static std::uint64_t size_of_text(const std::string& text) { return 4 + text.size(); }
-
-  void put_text(const std::string& text) {
-    if (!std::in_range<std::uint32_t>(text.size())) {
-      throw Error(ErrorKind::kMisuse, "binary map", fmt::format("a text of {} bytes", text.size()),
-                  "fewer than 2^32");
-    }
-    put(static_cast<std::uint32_t>(text.size()));
-    put(text);
-  }
-
-  // ---- sections
-
-  // Leaves out an empty section.
-  void plan(MapColumn column, std::uint64_t size, std::function<void()> write) {
-    if (size > 0) plan_.push_back({column, size, std::move(write)});
-  }
-
-  template <class Row>
-  void plan_rows(MapColumn column, const std::vector<Row>& rows) {
-    const std::string_view bytes(reinterpret_cast<const char*>(rows.data()),
-                                 rows.size() * sizeof(Row));
-    plan(column, bytes.size(), [this, bytes] { put(bytes); });
-  }
-
-  void plan_bytes(MapColumn column, const std::optional<std::string>& text) {
-    if (text) plan(column, text->size(), [this, &text] { put(*text); });
-  }
-
-  void plan_texts(MapColumn column, const std::vector<std::string>& texts) {
-    std::uint64_t size = 0;
-    for (const std::string& text : texts) size += size_of_text(text);
-    plan(column, size, [this, &texts] {
-      for (const std::string& text : texts) put_text(text);
-    });
-  }
-
-  void plan_numbers(MapColumn column, const OptionalColumn<double>& values) {
-    plan(column, 8 * values.size(), [this, &values] {
-      for (const auto& value : values) put(value.value_or(kUnknownNumber));
-    });
-  }
-
-  // `integer_of(value)`: the stored integer of a known value.
-  template <class Value, class IntegerOf = std::identity>
-  void plan_integers(MapColumn column, const OptionalColumn<Value>& values,
-                     IntegerOf integer_of = {}) {
-    plan(column, 8 * values.size(), [this, &values, integer_of] {
-      for (const auto& value : values) {
-        put(value ? std::int64_t{integer_of(*value)} : kUnknownInteger);
-      }
-    });
-  }
-
-  void plan_info() {
-    const MapInfo& info = map_.info();
-    plan_bytes(MapColumn::kWorldFrame, info.world_frame);
-    if (info.gravity) {
-      plan(MapColumn::kGravity, 24, [this, &gravity = *info.gravity] {
-        for (const double component : gravity) put(component);
-      });
-    }
-    plan_bytes(MapColumn::kUuid, info.uuid);
-    plan_texts(MapColumn::kProvenance, info.provenance);
-    std::uint64_t size = 0;
-    for (const Camera& camera : map_.cameras()) {
-      size += 8 + 4 + 4 + size_of_text(camera.model) + 4 + 8 * camera.parameters.size();
-    }
-    plan(MapColumn::kCameras, size, [this] {
-      for (const Camera& camera : map_.cameras()) {
-        put(camera.id.value);
-        put(camera.width);
-        put(camera.height);
-        put_text(camera.model);
-        put(static_cast<std::uint32_t>(camera.parameters.size()));
-        for (const double parameter : camera.parameters) put(parameter);
-      }
-    });
-  }
-
-  void plan_frames() {
-    const FrameTable& frames = map_.frames();
-    plan_rows(MapColumn::kFrameIds, frames.ids);
-    plan_rows(MapColumn::kTranslations, frames.translations);
-    plan_rows(MapColumn::kQuaternions, frames.quaternions);
-    plan_integers(MapColumn::kFrameCameras, frames.cameras, [](CameraIndex i) { return i.value; });
-    plan_numbers(MapColumn::kTimestamps, frames.timestamps_s);
-    plan_texts(MapColumn::kImageNames, frames.image_names);
-  }
-
-  void plan_landmarks() {
-    const LandmarkTable& landmarks = map_.landmarks();
-    plan_rows(MapColumn::kLandmarkIds, landmarks.ids);
-    plan_rows(MapColumn::kPositions, landmarks.positions);
-    plan(MapColumn::kCovariances, 72 * landmarks.covariances.size(), [this, &landmarks] {
-      for (const Eigen::Matrix3d& covariance : landmarks.covariances) {
-        const bool known = !std::isnan(covariance(0, 0));
-        for (const double entry : covariance.reshaped()) put(known ? entry : kUnknownNumber);
-      }
-    });
-    plan(MapColumn::kColors, 4 * landmarks.colors.size(), [this, &landmarks] {
-      for (const auto& color : landmarks.colors) {
-        const Color rgb = color.value_or(Color{});
-        for (const std::uint8_t value : {rgb.red, rgb.green, rgb.blue}) put(value);
-        put(std::uint8_t{color.has_value()});
-      }
-    });
-    if (const auto& descriptors = landmarks.descriptors) {
-      plan(MapColumn::kDescriptorKind, 4 + descriptors->kind.size(), [this, &descriptors] {
-        put(static_cast<std::uint32_t>(descriptors->bytes_each));
-        put(descriptors->kind);
-      });
-      plan_rows(MapColumn::kKnownDescriptors, descriptors->known);
-      plan_rows(MapColumn::kDescriptors, descriptors->bytes);
-    }
-    std::uint64_t size = 0;
-    for (const NamedColumn& column : landmarks.columns) size += size_of_text(column.name);
-    plan(MapColumn::kColumnNames, size, [this, &landmarks] {
-      for (const NamedColumn& column : landmarks.columns) put_text(column.name);
-    });
-    plan(MapColumn::kColumnValues, 8 * landmarks.columns.size() * map_.landmark_count(),
-         [this, &landmarks] {
-           for (const NamedColumn& column : landmarks.columns) {
-             for (const double value : column.values)
-               put(std::isnan(value) ? kUnknownNumber : value);
-           }
-         });
-  }
-
-  void plan_observations() {
-    const ObservationTable& observations = map_.observations();
-    plan_rows(MapColumn::kOffsets, observations.offsets);
-    plan_rows(MapColumn::kObservingFrames, observations.frames);
-    plan_rows(MapColumn::kPixels, observations.pixels);
-    plan_integers(MapColumn::kKeypoints, observations.keypoints);
-    plan_numbers(MapColumn::kDepths, observations.depths);
-    plan_integers(MapColumn::kOctaves, observations.octaves);
-    plan_integers(MapColumn::kPixelSources, observations.sources,
-                  [](PixelSource source) { return static_cast<std::int64_t>(source); });
-    plan_numbers(MapColumn::kPixelSigmas, observations.sigmas_px);
-  }
-
-  void put_geodetic(const GeodeticPosition& position) {
-    for (const double value : {position.latitude_deg, position.longitude_deg, position.altitude_m})
-      put(value);
-  }
-
-  // Georeference and GNSS positions.
-  void plan_control_points() {
-    const auto& points = map_.info().control_points;
-    std::uint64_t size = 0;
-    for (const ControlPoint& point : points) {
-      size += 3 * 8 + size_of_text(point.name) + 4;
-      for (const ControlPoint::View& view : point.views) {
-        size += 2 * 8 + size_of_text(view.image_name);
-      }
-    }
-    plan(MapColumn::kControlPoints, size, [this, &points] {
-      for (const ControlPoint& point : points) {
-        put(point.latitude_deg);
-        put(point.longitude_deg);
-        put(point.altitude_m.value_or(kUnknownNumber));
-        put_text(point.name);
-        put(static_cast<std::uint32_t>(point.views.size()));
-        for (const ControlPoint::View& view : point.views) {
-          put(view.pixel.u);
-          put(view.pixel.v);
-          put_text(view.image_name);
-        }
-      }
-    });
-  }
-
-  void plan_places() {
-    if (const auto& georeference = map_.info().georeference) {
-      plan(MapColumn::kGeoReference, 88, [this, &georeference] {
-        put_geodetic(georeference->origin);
-        put(georeference->scale);
-        for (const double value : georeference->quaternion) put(value);
-        for (const double value : georeference->translation) put(value);
-      });
-    }
-    const auto& gnss = map_.frames().gnss;
-    plan(MapColumn::kGnss, 32 * gnss.size(), [this, &gnss] {
-      for (const auto& fix : gnss) {
-        if (fix) {
-          put_geodetic(fix->position);
-          put(fix->accuracy_m.value_or(kUnknownNumber));
-        } else {
-          for (int i = 0; i < 4; ++i) put(kUnknownNumber);
-        }
-      }
-    });
-  }
-
-  void plan_pose_covariances() {
-    const auto& covariances = map_.frames().pose_covariances;
-    plan(MapColumn::kPoseCovariances, sizeof(double) * kUpperTriangle * covariances.size(),
-         [this, &covariances] {
-           const Matrix6d unknown = Matrix6d::Constant(kUnknownNumber);
-           for (const std::optional<Matrix6d>& one : covariances) {
-             const Matrix6d& covariance = one ? *one : unknown;
-             for (int row = 0; row < 6; ++row) {
-               for (int column = row; column < 6; ++column) put(covariance(row, column));
-             }
-           }
-         });
-  }
-
-  void plan_further_descriptors() {
-    const auto& descriptors = map_.landmarks().descriptors;
-    if (!descriptors) return;
-    plan_rows(MapColumn::kFurtherOffsets, descriptors->further_offsets);
-    plan_rows(MapColumn::kFurtherDescriptors, descriptors->further);
-  }
-
-  const LandmarkMap& map_;
-  const ByteSink& sink_;
-  const Progress& progress_;
-  std::vector<Planned> plan_;
-  Hasher hasher_;
-  std::string buffer_;
-  std::uint64_t size_ = 0;
-  std::uint64_t written_ = 0;
-};
-
 }  // namespace
+}  // namespace cairn::detail
+
+namespace cairn {
 
 LandmarkMap read_binary(ByteSource& source, const MapReadOptions& options) {
-  if (const auto bytes = source.in_memory())
-    return BinaryReader(*bytes, source.name(), options).read();
-  return BinaryReader(read_all(source), source.name(), options).read();
-}
-
-void write_binary(const LandmarkMap& map, const ByteSink& sink, const Progress& progress) {
-  BinaryWriter(map, sink, progress).write();
+  if (const auto bytes = source.in_memory()) {
+    return detail::BinaryReader(*bytes, source.name(), options).read();
+  }
+  return detail::BinaryReader(read_all(source), source.name(), options).read();
 }
 
 }  // namespace cairn

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/binary.hpp"
-
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -19,7 +17,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/formats/own/native.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
@@ -56,13 +54,13 @@ std::string text(const LandmarkMap& map) {
   return bytes;
 }
 
-LandmarkMap read(std::string_view bytes) {
+LandmarkMap read_bytes(std::string_view bytes) {
   MemoryReader source(bytes, "desk.cairn");
   return read_binary(source);
 }
 
-std::string refusal(std::string_view bytes) {
-  const std::string message = testing::refusal(ErrorKind::kInput, [&] { read(bytes); });
+std::string binary_refusal(std::string_view bytes) {
+  const std::string message = testing::refusal(ErrorKind::kInput, [&] { read_bytes(bytes); });
   return message.empty() ? "accepted" : message;
 }
 
@@ -156,7 +154,7 @@ std::vector<std::pair<const char*, LandmarkMap>> example_maps() {
 TEST(WriteBinary, IsReadBackBitForBit) {
   for (const auto& [name, map] : example_maps()) {
     SCOPED_TRACE(name);
-    EXPECT_THAT(read(binary(map)), EqualsMap(map));
+    EXPECT_THAT(read_bytes(binary(map)), EqualsMap(map));
   }
 }
 
@@ -165,7 +163,7 @@ TEST(WriteBinary, AndTheTextFormatLoseNothingToEachOther) {
     SCOPED_TRACE(name);
     const std::string as_binary = binary(map);
     const std::string as_text = text(map);
-    EXPECT_EQ(text(read(as_binary)), as_text);
+    EXPECT_EQ(text(read_bytes(as_binary)), as_text);
     MemoryReader source(as_text, "desk.map");
     EXPECT_EQ(binary(read_native(source)), as_binary);
   }
@@ -255,7 +253,7 @@ TEST(ReadMap, NamesWhatATransferAsTextDoes) {
 TEST(ReadBinary, RefusesATruncatedFile) {
   const std::string bytes = binary(full_map());
   for (std::size_t size = 0; size < bytes.size(); ++size) {
-    const std::string message = refusal(bytes.substr(0, size));
+    const std::string message = binary_refusal(bytes.substr(0, size));
     if (size < 8) {
       EXPECT_THAT(message, StartsWith("desk.cairn: byte 0: magic: ")) << size;
     } else {
@@ -265,8 +263,8 @@ TEST(ReadBinary, RefusesATruncatedFile) {
     if (size >= 72) {
       File file(bytes.substr(0, size));
       file.set<std::uint64_t>(16, size);
-      EXPECT_THAT(refusal(file.bytes()), HasSubstr("checksum")) << size;
-      EXPECT_NE(refusal(file.sealed()), "accepted") << size;
+      EXPECT_THAT(binary_refusal(file.bytes()), HasSubstr("checksum")) << size;
+      EXPECT_NE(binary_refusal(file.sealed()), "accepted") << size;
     }
   }
 }
@@ -277,7 +275,7 @@ TEST(ReadBinary, RefusesEveryFlippedBit) {
     for (int bit = 0; bit < 8; ++bit) {
       std::string damaged = bytes;
       damaged[byte] = static_cast<char>(damaged[byte] ^ (1 << bit));
-      EXPECT_THAT(refusal(damaged), StartsWith("desk.cairn: byte ")) << byte << " " << bit;
+      EXPECT_THAT(binary_refusal(damaged), StartsWith("desk.cairn: byte ")) << byte << " " << bit;
     }
   }
 }
@@ -293,7 +291,7 @@ TEST(ReadBinary, AcceptsNoTwoFilesForOneMap) {
       const std::string sealed = file.sealed();
       if (sealed == bytes) continue;  // the size, which is set right again
       try {
-        EXPECT_EQ(binary(read(sealed)), sealed) << byte;
+        EXPECT_EQ(binary(read_bytes(sealed)), sealed) << byte;
         ++accepted;
       } catch (const Error& error) {
         EXPECT_EQ(error.kind(), ErrorKind::kInput);
@@ -309,11 +307,11 @@ struct Breach {
   std::string message;  // after the file's name
 };
 
-void expect_refused(const std::vector<Breach>& breaches) {
+void expect_bytes_refused(const std::vector<Breach>& breaches) {
   for (const Breach& breach : breaches) {
     File file(full_map());
     breach.commit(file);
-    EXPECT_EQ(refusal(file.sealed()), "desk.cairn: " + breach.message);
+    EXPECT_EQ(binary_refusal(file.sealed()), "desk.cairn: " + breach.message);
   }
 }
 
@@ -330,22 +328,22 @@ std::function<void(File&)> setting(MapColumn column, std::uint64_t offset, Numbe
 }
 
 TEST(ReadBinary, RefusesWhatIsNoneOfOurs) {
-  EXPECT_EQ(refusal(""), "desk.cairn: byte 0: magic: ''; expected '\\x89CAIRN\\x0d\\x0a'");
-  EXPECT_EQ(refusal("CAIRN 2\n"),
+  EXPECT_EQ(binary_refusal(""), "desk.cairn: byte 0: magic: ''; expected '\\x89CAIRN\\x0d\\x0a'");
+  EXPECT_EQ(binary_refusal("CAIRN 2\n"),
             "desk.cairn: byte 0: magic: 'CAIRN 2\\x0a'; expected '\\x89CAIRN\\x0d\\x0a'");
-  EXPECT_EQ(refusal("\x89"
-                    "CAIRN\r\n"),
+  EXPECT_EQ(binary_refusal("\x89"
+                           "CAIRN\r\n"),
             "desk.cairn: byte 8: size: the file ends after 8 bytes; expected at least 72");
   std::string longer = binary(full_map());
   const std::size_t size = longer.size();
   longer += '\0';
-  EXPECT_EQ(refusal(longer),
+  EXPECT_EQ(binary_refusal(longer),
             fmt::format("desk.cairn: byte 16: size: the file goes on to byte {}; expected {} "
                         "bytes, as it states",
                         size + 1, size));
   std::string damaged = binary(full_map());
   damaged[200] = static_cast<char>(~damaged[200]);
-  EXPECT_THAT(refusal(damaged),
+  EXPECT_THAT(binary_refusal(damaged),
               StartsWith(fmt::format("desk.cairn: byte {}: checksum: the bytes before are damaged: "
                                      "their XXH3 is ",
                                      size - 16)));
@@ -354,7 +352,7 @@ TEST(ReadBinary, RefusesWhatIsNoneOfOurs) {
 TEST(ReadBinary, RefusesABrokenHeader) {
   const std::uint64_t size = binary(full_map()).size();
   const std::string in_file = fmt::format("in a file of {} bytes", size);
-  expect_refused({
+  expect_bytes_refused({
       {[](File& f) { f.set<std::uint32_t>(8, 2); },
        "byte 8: version: format version 2; expected 1"},
       {[](File& f) { f.set<std::uint32_t>(12, 2); },
@@ -400,7 +398,7 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const std::string at_begin = byte_of_entry(MapColumn::kUuid, 8) + "uuid: ";
   const std::string at_size = byte_of_entry(MapColumn::kUuid, 16) + "uuid: ";
   const std::string once = "; expected each at most once, in the order of their numbers";
-  expect_refused({
+  expect_bytes_refused({
       {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 34"},
       {uuid_entry(0, 35), at_number + "35 is no section; expected 1 to 34"},
       {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 34", kHuge)},
@@ -455,15 +453,15 @@ TEST(ReadBinary, RefusesAMissingSection) {
             "byte 48: observing frames: 0 bytes; expected 20: 5 times 4"},
            {MapColumn::kPixels, "byte 48: pixels: 0 bytes; expected 80: 5 times 16"},
        }) {
-    EXPECT_EQ(refusal(without(full_map(), column)), "desk.cairn: " + message);
+    EXPECT_EQ(binary_refusal(without(full_map(), column)), "desk.cairn: " + message);
   }
-  EXPECT_THAT(refusal(without(full_map(), MapColumn::kOffsets)),
+  EXPECT_THAT(binary_refusal(without(full_map(), MapColumn::kOffsets)),
               HasSubstr("observation offsets: missing; expected one a landmark and one more"));
-  EXPECT_THAT(refusal(without(full_map(), MapColumn::kDescriptorKind)),
+  EXPECT_THAT(binary_refusal(without(full_map(), MapColumn::kDescriptorKind)),
               HasSubstr("known descriptors: 4 bytes; expected 0: 4 times 0"));
-  EXPECT_THAT(refusal(without(full_map(), MapColumn::kColumnNames)),
+  EXPECT_THAT(binary_refusal(without(full_map(), MapColumn::kColumnNames)),
               HasSubstr("column values: 64 bytes; expected 0: 4 times 0"));
-  EXPECT_THAT(read(without(full_map(), MapColumn::kCovariances)).has_covariances(), false);
+  EXPECT_THAT(read_bytes(without(full_map(), MapColumn::kCovariances)).has_covariances(), false);
 }
 
 TEST(ReadBinary, RefusesBrokenFurtherDescriptors) {
@@ -474,7 +472,7 @@ TEST(ReadBinary, RefusesBrokenFurtherDescriptors) {
   const auto refused = [&](MapColumn column, std::uint64_t offset, std::uint64_t value) {
     File file(several_map());
     file.set(file.begin(column) + offset, value);
-    return refusal(file.sealed());
+    return binary_refusal(file.sealed());
   };
   const std::uint64_t size = binary(several_map()).size();
   const std::string most =
@@ -498,15 +496,15 @@ TEST(ReadBinary, RefusesBrokenFurtherDescriptors) {
             at(MapColumn::kFurtherOffsets, 8) +
                 "further offsets: landmark 10: further descriptors without a first one; expected "
                 "a descriptor that represents the landmark");
-  EXPECT_THAT(refusal(without(several_map(), MapColumn::kFurtherOffsets)),
+  EXPECT_THAT(binary_refusal(without(several_map(), MapColumn::kFurtherOffsets)),
               HasSubstr("further descriptors: 6 bytes; expected 0"));
-  EXPECT_THAT(refusal(without(several_map(), MapColumn::kFurtherDescriptors)),
+  EXPECT_THAT(binary_refusal(without(several_map(), MapColumn::kFurtherDescriptors)),
               HasSubstr("further descriptors: 0 bytes; expected 6"));
-  EXPECT_THAT(refusal(without(several_map(), MapColumn::kDescriptorKind)),
+  EXPECT_THAT(binary_refusal(without(several_map(), MapColumn::kDescriptorKind)),
               HasSubstr("known descriptors: 4 bytes; expected 0"));
   File none(several_map());
   none.set<std::uint32_t>(none.begin(MapColumn::kDescriptorKind), 0);
-  EXPECT_THAT(refusal(none.sealed()), StartsWith("desk.cairn: byte "));
+  EXPECT_THAT(binary_refusal(none.sealed()), StartsWith("desk.cairn: byte "));
 }
 
 TEST(ReadBinary, RefusesBrokenCovariancesOfPoses) {
@@ -518,7 +516,7 @@ TEST(ReadBinary, RefusesBrokenCovariancesOfPoses) {
   const auto refused = [](std::uint64_t offset, auto value) {
     File file(several_map());
     file.set(file.begin(kColumn) + offset, value);
-    return refusal(file.sealed());
+    return binary_refusal(file.sealed());
   };
   constexpr std::uint64_t kRow = 21 * sizeof(double);
   EXPECT_EQ(File(several_map()).size(kColumn), 3 * kRow);
@@ -529,14 +527,14 @@ TEST(ReadBinary, RefusesBrokenCovariancesOfPoses) {
   EXPECT_THAT(refused(2 * kRow, -1.0), HasSubstr("pose covariance is indefinite"));
   File unknown(several_map());
   unknown.fill(kColumn, kUnknownBits);
-  EXPECT_EQ(refusal(unknown.sealed()),
+  EXPECT_EQ(binary_refusal(unknown.sealed()),
             at(0) + "nothing is known in it; expected the section left out");
 }
 
 TEST(ReadBinary, RefusesEveryTruncationOfSeveralDescriptors) {
   const std::string whole = binary(several_map());
   for (std::size_t size = 0; size < whole.size(); ++size) {
-    EXPECT_NE(refusal(whole.substr(0, size)), "accepted") << size;
+    EXPECT_NE(binary_refusal(whole.substr(0, size)), "accepted") << size;
   }
 }
 
@@ -550,7 +548,7 @@ TEST(ReadBinary, RefusesBrokenTexts) {
                       fmt::format("{}: the section ends after {} bytes; expected {} bytes", field,
                                   rest, wanted)};
   };
-  expect_refused({
+  expect_bytes_refused({
       too_long(MapColumn::kProvenance, 0, "provenance: a text"),
       too_long(MapColumn::kImageNames, 0, "image names: a name"),
       too_long(MapColumn::kColumnNames, 0, "column names: a name"),
@@ -571,7 +569,7 @@ TEST(ReadBinary, RefusesBrokenTexts) {
 }
 
 TEST(ReadBinary, RefusesBrokenInfoAndCameras) {
-  expect_refused({
+  expect_bytes_refused({
       {setting(MapColumn::kGravity, 16, 9.81),
        byte_of(MapColumn::kGravity) +
            "gravity: gravity: (0, 0.6, 9.81) is not a unit vector; expected norm 1 within 1e-3"},
@@ -593,7 +591,7 @@ TEST(ReadBinary, RefusesBrokenInfoAndCameras) {
 
 TEST(ReadBinary, RefusesBrokenFrames) {
   const auto lowest = std::numeric_limits<std::int64_t>::min();
-  expect_refused({
+  expect_bytes_refused({
       {setting<std::uint64_t>(MapColumn::kFrameIds, 16, 7),
        byte_of(MapColumn::kFrameIds, 16) +
            "frame ids: frame 7: the id occurs twice; expected distinct ids"},
@@ -649,7 +647,7 @@ TEST(ReadBinary, RefusesBrokenLandmarks) {
   const auto covariance = [](std::uint64_t offset, double value) {
     return setting(MapColumn::kCovariances, offset, value);
   };
-  expect_refused({
+  expect_bytes_refused({
       {setting<std::uint64_t>(MapColumn::kLandmarkIds, 24, 30),
        byte_of(MapColumn::kLandmarkIds, 24) +
            "landmark ids: landmark 30: the id occurs twice; expected distinct ids"},
@@ -710,7 +708,7 @@ TEST(ReadBinary, RefusesBrokenObservations) {
       "offsets: observation offsets: do not cut the observations into one range a landmark; "
       "expected ascending from 0 to their number, one more than there are landmarks";
   const auto lowest = std::numeric_limits<std::int64_t>::min();
-  expect_refused({
+  expect_bytes_refused({
       {setting<std::uint64_t>(MapColumn::kOffsets, 0, 1), byte_of(MapColumn::kOffsets) + kOffsets},
       {setting<std::uint64_t>(MapColumn::kOffsets, 16, 1),
        byte_of(MapColumn::kOffsets, 16) + kOffsets},
@@ -751,9 +749,9 @@ TEST(RealMapInBinary, IsReadBackBitForBit) {
   if (!folder) GTEST_SKIP() << testing::kNoRealData;
   const LandmarkMap map = read_map(*folder / "map_fr1_desk.txt");
   const std::string bytes = binary(map);
-  EXPECT_THAT(read(bytes), EqualsMap(map));
+  EXPECT_THAT(read_bytes(bytes), EqualsMap(map));
   const std::string as_text = text(map);
-  EXPECT_EQ(text(read(bytes)), as_text);
+  EXPECT_EQ(text(read_bytes(bytes)), as_text);
   MemoryReader source(as_text, "desk.map");
   EXPECT_EQ(binary(read_native(source)), bytes);
 }

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/native.hpp"
-
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -17,315 +13,22 @@
 
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/losses.hpp"
-#include "cairn/formats/memory_budget.hpp"
+#include "cairn/formats/detail/losses.hpp"
+#include "cairn/formats/detail/memory_budget.hpp"
+#include "cairn/formats/detail/own/numbered_fields.hpp"
+#include "cairn/formats/detail/own/record_estimate.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/geometry/limits.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr std::size_t kBlockSize = std::size_t{1} << 20;
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnknownValue = std::numeric_limits<double>::quiet_NaN();
 
-// ---- sizes, estimated from the bytes alone so that columns grow without copying
-
-struct RecordCounts {
-  std::uint64_t frames = 0;
-  std::uint64_t landmarks = 0;
-  std::uint64_t observations = 0;
-};
-
-struct TokenCount {
-  std::uint64_t starts = 0;
-  std::uint64_t dash_ends = 0;  // of those ending in '-'
-};
-
-// Counts the tokens of a text that follows the byte `before`. First counts in parallel byte counters, which
-// the compiler vectorises, in too few steps to overflow them.
-TokenCount count_tokens(char before, std::string_view text) {
-  constexpr std::size_t kLanes = 32;
-  constexpr std::size_t kMostSteps = 255;
-  const auto starts = [](char a, char b) {
-    return static_cast<std::uint8_t>((b > ' ') & (a <= ' '));
-  };
-  const auto ends_dash = [](char a, char b) {
-    return static_cast<std::uint8_t>((b <= ' ') & (a == '-'));
-  };
-  if (text.empty()) return {};
-  TokenCount count{starts(before, text[0]), ends_dash(before, text[0])};
-  const char* next = text.data() + 1;
-  const char* const end = text.data() + text.size();
-  while (end - next >= std::ptrdiff_t{kLanes}) {
-    std::array<std::uint8_t, kLanes> lane_starts{};
-    std::array<std::uint8_t, kLanes> lane_ends{};
-    const std::size_t steps = std::min(static_cast<std::size_t>(end - next) / kLanes, kMostSteps);
-    for (std::size_t step = 0; step < steps; ++step, next += kLanes) {
-      for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const char a = *(next + lane - 1);
-        const char b = next[lane];
-        lane_starts[lane] = static_cast<std::uint8_t>(lane_starts[lane] + starts(a, b));
-        lane_ends[lane] = static_cast<std::uint8_t>(lane_ends[lane] + ends_dash(a, b));
-      }
-    }
-    for (const std::uint8_t lane : lane_starts) count.starts += lane;
-    for (const std::uint8_t lane : lane_ends) count.dash_ends += lane;
-  }
-  for (; next != end; ++next) {
-    count.starts += starts(next[-1], *next);
-    count.dash_ends += ends_dash(next[-1], *next);
-  }
-  return count;
-}
-
-// Estimates the number of records in a text, block by block.
-class RecordEstimate {
- public:
-  void add(std::string_view block) {
-    const TokenCount all = count_tokens(before_, block);
-    in_landmarks_.starts += all.starts;
-    in_landmarks_.dash_ends += all.dash_ends;
-    bytes_ += block.size();
-    while (!block.empty()) {
-      if (before_ == '\n') {
-        in_landmark_ = block[0] == 'L';
-        counts_.landmarks += in_landmark_ ? 1 : 0;
-        counts_.frames += block[0] == 'F' ? 1 : 0;
-      }
-      const std::size_t newline = block.find('\n');
-      const std::string_view line =
-          newline == std::string_view::npos ? block : block.substr(0, newline + 1);
-      // Most lines are landmarks; the tokens of other lines are subtracted.
-      if (!in_landmark_) {
-        const TokenCount others = count_tokens(before_, line);
-        in_landmarks_.starts -= others.starts;
-        in_landmarks_.dash_ends -= others.dash_ends;
-      }
-      before_ = line.back();
-      block.remove_prefix(line.size());
-    }
-  }
-
-  // Exact if every record starts a line; always bounded by the number of bytes seen.
-  RecordCounts counts() const {
-    // The shortest record bounds the number of records, whatever the lines' first letters are.
-    constexpr std::uint64_t kShortestFrame = sizeof("FRAME 0 0 0 0 0 0 0 1");
-    constexpr std::uint64_t kShortestLandmark = sizeof("LANDMARK 0 0 0 0 - -");
-    RecordCounts counts = counts_;
-    counts.frames = std::min(counts.frames, bytes_ / kShortestFrame);
-    counts.landmarks = std::min(counts.landmarks, bytes_ / kShortestLandmark);
-    const std::uint64_t in_observations =
-        in_landmarks_.starts + 8 * std::min(in_landmarks_.dash_ends, counts.landmarks);
-    const std::uint64_t in_records = 15 * counts.landmarks;
-    if (in_observations > in_records) counts.observations = (in_observations - in_records) / 3;
-    return counts;
-  }
-
- private:
-  RecordCounts counts_;
-  TokenCount in_landmarks_;
-  std::uint64_t bytes_ = 0;
-  bool in_landmark_ = false;
-  char before_ = '\n';  // the last byte seen
-};
-
-RecordCounts estimate_records(ByteSource& source) {
-  RecordEstimate estimate;
-  std::vector<char> block(block_size_for(source));
-  while (const std::size_t size = source.read(block.data(), block.size())) {
-    estimate.add({block.data(), size});
-  }
-  source.rewind();
-  return estimate.counts();
-}
-
-// ---- one line, field by field
-
-class Fields {
- public:
-  Fields(std::string_view line, const std::string& source, std::uint64_t line_number)
-      : next_(line.data()),
-        end_(line.data() + line.size()),
-        source_(source),
-        line_number_(line_number) {
-    while (end_ != next_ && is_blank(end_[-1])) --end_;
-    skip_blanks();
-  }
-
-  bool at_end() const { return next_ == end_; }
-
-  std::string_view word(const char* name) {
-    begin_field(name);
-    const char* const begin = next_;
-    while (next_ != end_ && !is_blank(*next_)) ++next_;
-    const std::string_view text(begin, static_cast<std::size_t>(next_ - begin));
-    skip_blanks();
-    return text;
-  }
-
-  /// Takes the next field if it is a lone '-'.
-  bool take_unknown() {
-    if (next_ == end_ || *next_ != '-' || (next_ + 1 != end_ && !is_blank(next_[1]))) return false;
-    ++field_;
-    ++next_;
-    skip_blanks();
-    return true;
-  }
-
-  double number(const char* name) {
-    begin_field(name);
-    double value = 0.0;
-    const char* const stop = read_six_decimals(next_, end_, value);
-    if (stop == nullptr || !is_blank(*stop)) return any_number();
-    next_ = stop;
-    skip_blanks();
-    return value;
-  }
-
-  /// A number within the limits of coordinates.
-  double coordinate(const char* name) {
-    const double value = number(name);
-    if (std::abs(value) > kLargestCoordinate) {
-      refuse(fmt::format("{} is beyond the limit", value), kExpectedCoordinates);
-    }
-    return value;
-  }
-
-  template <class Integer>
-  Integer integer(const char* name, const char* expected) {
-    begin_field(name);
-    Integer value = 0;
-    const auto [stop, error] = std::from_chars(next_, end_, value);
-    if (error != std::errc{} || (stop != end_ && !is_blank(*stop))) {
-      refuse_field("is not one", expected);
-    }
-    next_ = stop;
-    skip_blanks();
-    return value;
-  }
-
-  std::uint64_t unsigned_integer(const char* name) {
-    return integer<std::uint64_t>(name, "an unsigned integer of at most 64 bits");
-  }
-
-  std::string_view rest(const char* name) {
-    begin_field(name);
-    const std::string_view text(next_, static_cast<std::size_t>(end_ - next_));
-    next_ = end_;
-    return text;
-  }
-
-  void expect_end(std::string_view record) {
-    if (at_end()) return;
-    ++field_;
-    name_ = nullptr;
-    refuse_field("is too much", fmt::format("the {} record to end here", record));
-  }
-
-  /// Refuses the last field taken.
-  [[noreturn]] void refuse(std::string_view what, std::string_view expected) const {
-    throw Error(ErrorKind::kInput, where(), what, expected);
-  }
-
-  /// Refuses the whole line.
-  [[noreturn]] void refuse_line(std::string_view what, std::string_view expected) const {
-    throw Error(ErrorKind::kInput, fmt::format("{}:{}", source_, line_number_), what, expected);
-  }
-
- private:
-  void skip_blanks() {
-    while (next_ != end_ && is_blank(*next_)) ++next_;
-  }
-
-  void begin_field(const char* name) {
-    ++field_;
-    name_ = name;
-    if (next_ == end_) refuse("missing", "more fields on this line");
-  }
-
-  // The number that starts at next_, in any notation.
-  double any_number() {
-    double value = 0.0;
-    const char* const begin = next_ + (*next_ == '+' ? 1 : 0);
-    const auto [stop, error] = read_number(begin, end_, value);
-    const bool whole = error == std::errc{} && (stop == end_ || is_blank(*stop));
-    if (!whole || !std::isfinite(value) || (begin != next_ && *begin == '-')) {
-      refuse_field("is not a number", "a finite decimal number");
-    }
-    next_ = stop;
-    skip_blanks();
-    return value;
-  }
-
-  // The field that starts at next_.
-  [[noreturn]] void refuse_field(std::string_view what, std::string_view expected) const {
-    const char* stop = next_;
-    while (stop != end_ && !is_blank(*stop)) ++stop;
-    refuse(fmt::format("{} {}", printable({next_, static_cast<std::size_t>(stop - next_)}), what),
-           expected);
-  }
-
-  std::string where() const {
-    return name_ == nullptr
-               ? fmt::format("{}:{}: field {}", source_, line_number_, field_)
-               : fmt::format("{}:{}: field {} ({})", source_, line_number_, field_, name_);
-  }
-
-  const char* next_;
-  const char* end_;
-  const std::string& source_;
-  std::uint64_t line_number_;
-  int field_ = 0;
-  const char* name_ = nullptr;
-};
-
-// ---- text within a line
-
-constexpr char kHexDigits[] = "0123456789abcdef";
-
-int hex_value(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
-std::string escaped(std::string_view text) {
-  std::string result;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const bool at_edge = i == 0 || i + 1 == text.size();
-    if (byte < 0x20 || byte == 0x7f || byte == '%' || (byte == ' ' && at_edge)) {
-      result += {'%', kHexDigits[byte >> 4], kHexDigits[byte & 15]};
-    } else {
-      result += text[i];
-    }
-  }
-  return result;
-}
-
-std::string unescaped(std::string_view text, const Fields& fields) {
-  std::string result;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] != '%') {
-      result += text[i];
-      continue;
-    }
-    const bool complete = i + 2 < text.size();
-    const int high = complete ? hex_value(text[i + 1]) : -1;
-    const int low = complete ? hex_value(text[i + 2]) : -1;
-    if (high < 0 || low < 0) {
-      fields.refuse("'%' that starts no escape", "two hexadecimal digits after each '%'");
-    }
-    result += static_cast<char>(high * 16 + low);
-    i += 2;
-  }
-  return result;
-}
-
-// ---- reading
+using detail::NumberedFields;
+using detail::unescaped;
 
 // Line number of each row of one kind, run-length encoded: a new entry only if the distance changes.
 class RowLines {
@@ -350,7 +53,7 @@ class NativeReader {
       : source_(source), options_(options) {}
 
   LandmarkMap read() {
-    if (source_.size()) reserve(estimate_records(source_));
+    if (source_.size()) reserve(detail::estimate_records(source_));
     LineReader lines(source_, options_.log);
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
@@ -378,7 +81,7 @@ class NativeReader {
   }
 
  private:
-  void reserve(const RecordCounts& counts) {
+  void reserve(const detail::RecordCounts& counts) {
     reserve_populated(tables_.frames.ids, counts.frames);
     reserve_populated(tables_.frames.translations, counts.frames);
     reserve_populated(tables_.frames.quaternions, counts.frames);
@@ -392,7 +95,7 @@ class NativeReader {
   }
 
   void read_line(std::string_view line, const LineReader& lines) {
-    Fields fields(line, source_.name(), lines.line_number());
+    NumberedFields fields(line, source_.name(), lines.line_number());
     if (fields.at_end()) return;
     const std::string_view record = fields.word("record");
     line_ = lines.line_number();
@@ -414,7 +117,7 @@ class NativeReader {
     if (version_ == 0) version_ = 1;
   }
 
-  void read_version(Fields& fields) {
+  void read_version(NumberedFields& fields) {
     const std::uint64_t version = fields.unsigned_integer("version");
     if (version != 2 && version != 3) {
       fields.refuse(fmt::format("format version {}", version), "2 or 3");
@@ -423,7 +126,7 @@ class NativeReader {
     version_ = static_cast<int>(version);
   }
 
-  void read_frame(Fields& fields) {
+  void read_frame(NumberedFields& fields) {
     FrameTable& frames = tables_.frames;
     const FrameId id{fields.unsigned_integer("id")};
     if (!frame_index_.emplace(id, FrameIndex{static_cast<std::uint32_t>(frames.ids.size())})
@@ -445,7 +148,7 @@ class NativeReader {
     frames.quaternions.push_back(q);
   }
 
-  void read_landmark(Fields& fields) {
+  void read_landmark(NumberedFields& fields) {
     LandmarkTable& landmarks = tables_.landmarks;
     if (landmarks.ids.size() == std::numeric_limits<std::uint32_t>::max()) {
       fields.refuse_line("too many landmarks", "fewer than 2^32");
@@ -462,10 +165,10 @@ class NativeReader {
     read_observations(fields);
   }
 
-  void read_covariance(Fields& fields) {
+  void read_covariance(NumberedFields& fields) {
     auto& covariances = tables_.landmarks.covariances;
     if (version_ >= 2 && fields.take_unknown()) {
-      covariances.emplace_back(Eigen::Matrix3d::Constant(kNan));
+      covariances.emplace_back(Eigen::Matrix3d::Constant(kUnknownValue));
       return;
     }
     constexpr std::array<const char*, 9> kNames = {"c00", "c01", "c02", "c10", "c11",
@@ -477,7 +180,7 @@ class NativeReader {
     covariances.push_back(covariance);
   }
 
-  void read_observations(Fields& fields) {
+  void read_observations(NumberedFields& fields) {
     ObservationTable& observations = tables_.observations;
     const bool unknown = version_ >= 2 && fields.take_unknown();
     if (tables_.landmarks.ids.size() == 1) observations_unknown_ = unknown;
@@ -506,7 +209,7 @@ class NativeReader {
     observations.offsets.push_back(observations.frames.size());
   }
 
-  FrameIndex frame(FrameId id, const Fields& fields) {
+  FrameIndex frame(FrameId id, const NumberedFields& fields) {
     // Consecutive observations often name neighbouring frames, stored in order.
     const auto found = frame_index_.find(id);
     if (found == frame_index_.end()) {
@@ -517,7 +220,7 @@ class NativeReader {
 
   // ---- versions 2 and 3
 
-  bool read_extra(std::string_view record, Fields& fields) {
+  bool read_extra(std::string_view record, NumberedFields& fields) {
     if (record == "META") {
       read_meta(fields);
     } else if (record == "CAMERA") {
@@ -539,11 +242,11 @@ class NativeReader {
     return true;
   }
 
-  static void refuse_second(bool is_second, const Fields& fields) {
+  static void refuse_second(bool is_second, const NumberedFields& fields) {
     if (is_second) fields.refuse_line("the same is said above already", "it once");
   }
 
-  void read_meta(Fields& fields) {
+  void read_meta(NumberedFields& fields) {
     MapInfo& info = tables_.info;
     const std::string_view key = fields.word("key");
     if (key == "length_unit") {
@@ -591,14 +294,14 @@ class NativeReader {
     }
   }
 
-  static GeodeticPosition geodetic(Fields& fields) {
+  static GeodeticPosition geodetic(NumberedFields& fields) {
     const double latitude = fields.number("latitude");
     const double longitude = fields.number("longitude");
     const double altitude = fields.number("altitude");
     return {latitude, longitude, altitude};
   }
 
-  static GeoReference georeference(Fields& fields) {
+  static GeoReference georeference(NumberedFields& fields) {
     GeoReference result;
     result.origin = geodetic(fields);
     result.scale = fields.number("scale");
@@ -611,7 +314,7 @@ class NativeReader {
     return result;
   }
 
-  static ControlPoint control_point(Fields& fields) {
+  static ControlPoint control_point(NumberedFields& fields) {
     ControlPoint point;
     point.latitude_deg = fields.number("latitude");
     point.longitude_deg = fields.number("longitude");
@@ -620,7 +323,7 @@ class NativeReader {
     return point;
   }
 
-  void read_camera(Fields& fields) {
+  void read_camera(NumberedFields& fields) {
     Camera camera;
     camera.id = CameraId{fields.unsigned_integer("id")};
     if (camera_index_.contains(camera.id)) {
@@ -637,7 +340,7 @@ class NativeReader {
     tables_.cameras.push_back(std::move(camera));
   }
 
-  static std::string name(Fields& fields, const char* field) {
+  static std::string name(NumberedFields& fields, const char* field) {
     const std::string_view text = fields.word(field);
     if (!std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c < '\x7f'; })) {
       fields.refuse(printable(text) + " is not a name", "visible ASCII");
@@ -645,7 +348,7 @@ class NativeReader {
     return std::string(text);
   }
 
-  void read_descriptor_kind(Fields& fields) {
+  void read_descriptor_kind(NumberedFields& fields) {
     auto& descriptors = tables_.landmarks.descriptors;
     refuse_second(descriptors.has_value(), fields);
     descriptors.emplace();
@@ -657,7 +360,7 @@ class NativeReader {
     }
   }
 
-  void read_column(Fields& fields) {
+  void read_column(NumberedFields& fields) {
     std::string column = name(fields, "name");
     refuse_second(find_column(column) != nullptr, fields);
     if (tables_.landmarks.columns.size() == kMostNamedColumns) {
@@ -673,7 +376,7 @@ class NativeReader {
     return found == columns.end() ? nullptr : &*found;
   }
 
-  void read_pose_covariance(Fields& fields) {
+  void read_pose_covariance(NumberedFields& fields) {
     FrameTable& frames = tables_.frames;
     const std::size_t row = frame(FrameId{fields.unsigned_integer("frame")}, fields).value;
     frames.pose_covariances.resize(frames.ids.size());
@@ -689,7 +392,7 @@ class NativeReader {
     pose_covariance_lines_[row] = line_;
   }
 
-  void read_frame_extra(std::string_view record, Fields& fields) {
+  void read_frame_extra(std::string_view record, NumberedFields& fields) {
     FrameTable& frames = tables_.frames;
     const std::size_t row = frame(FrameId{fields.unsigned_integer("frame")}, fields).value;
     const std::size_t count = frames.ids.size();
@@ -722,7 +425,7 @@ class NativeReader {
     }
   }
 
-  void read_landmark_extra(std::string_view record, Fields& fields) {
+  void read_landmark_extra(std::string_view record, NumberedFields& fields) {
     LandmarkTable& landmarks = tables_.landmarks;
     const LandmarkId id{fields.unsigned_integer("landmark")};
     if (landmarks.ids.empty() || landmarks.ids.back() != id) {
@@ -746,7 +449,7 @@ class NativeReader {
         fields.refuse(printable(name) + " is no column", "the name of a COLUMN record above");
       }
       require_budget(fields);
-      column->values.resize(row + 1, kNan);
+      column->values.resize(row + 1, kUnknownValue);
       refuse_second(!std::isnan(column->values[row]), fields);
       column->values[row] = fields.number("value");
     } else if (record == "MEASURED") {
@@ -756,11 +459,11 @@ class NativeReader {
     }
   }
 
-  static std::uint8_t color_value(Fields& fields, const char* name) {
+  static std::uint8_t color_value(NumberedFields& fields, const char* name) {
     return fields.integer<std::uint8_t>(name, "an integer from 0 to 255");
   }
 
-  void read_descriptor(std::size_t row, Fields& fields) {
+  void read_descriptor(std::size_t row, NumberedFields& fields) {
     auto& descriptors = tables_.landmarks.descriptors;
     if (!descriptors) fields.refuse_line("no DESCRIPTORS record stands above", "one");
     require_budget(fields);
@@ -777,8 +480,8 @@ class NativeReader {
                                     ? room_for_further(row, fields)
                                     : descriptors->bytes.data() + row * descriptors->bytes_each;
     for (std::size_t i = 0; i < descriptors->bytes_each; ++i) {
-      const int high = hex_value(hex[2 * i]);
-      const int low = hex_value(hex[2 * i + 1]);
+      const int high = detail::hex_value(hex[2 * i]);
+      const int low = detail::hex_value(hex[2 * i + 1]);
       if (high < 0 || low < 0) fields.refuse("not hexadecimal", "digits 0-9 and a-f");
       bytes[i] = static_cast<std::uint8_t>(high * 16 + low);
     }
@@ -786,7 +489,7 @@ class NativeReader {
   }
 
   // For one more descriptor of the last landmark. Until the end, there are offsets only up to this landmark.
-  std::uint8_t* room_for_further(std::size_t row, const Fields& fields) {
+  std::uint8_t* room_for_further(std::size_t row, const NumberedFields& fields) {
     DescriptorColumn& descriptors = *tables_.landmarks.descriptors;
     const std::size_t rows = descriptors.further.size() / descriptors.bytes_each;
     descriptors.further_offsets.resize(row + 1, rows);
@@ -798,7 +501,7 @@ class NativeReader {
     return descriptors.further.data() + rows * descriptors.bytes_each;
   }
 
-  void read_detail(Fields& fields) {
+  void read_detail(NumberedFields& fields) {
     ObservationTable& observations = tables_.observations;
     const std::size_t end = observations.frames.size();
     const std::size_t begin = observations_unknown_ ? end : observations.offsets.end()[-2];
@@ -819,7 +522,7 @@ class NativeReader {
     }
   }
 
-  void read_measured(Fields& fields) {
+  void read_measured(NumberedFields& fields) {
     ObservationTable& observations = tables_.observations;
     const std::size_t end = observations.frames.size();
     const std::size_t begin = observations_unknown_ ? end : observations.offsets.end()[-2];
@@ -838,7 +541,7 @@ class NativeReader {
     }
   }
 
-  static PixelSource source_of(Fields& fields) {
+  static PixelSource source_of(NumberedFields& fields) {
     const std::string_view word = fields.word("source");
     for (std::size_t i = 0; i < kPixelSourceCount; ++i) {
       if (const auto source = static_cast<PixelSource>(i); word == to_string(source)) return source;
@@ -859,7 +562,7 @@ class NativeReader {
 
   static constexpr std::string_view kBudget = "at most 32 times the bytes of the file and 64 MiB";
 
-  void require_budget(const Fields& fields) const {
+  void require_budget(const NumberedFields& fields) const {
     if (room_of_columns() <= detail::memory_budget(bytes_read_)) return;
     fields.refuse_line(fmt::format("descriptors and columns of {} landmarks take {} bytes",
                                    tables_.landmarks.ids.size(), room_of_columns()),
@@ -890,7 +593,8 @@ class NativeReader {
     fill(observations.octaves, observations.frames.size());
     fill(observations.sources, observations.frames.size());
     fill(observations.sigmas_px, observations.frames.size());
-    for (NamedColumn& column : landmarks.columns) column.values.resize(landmarks.ids.size(), kNan);
+    for (NamedColumn& column : landmarks.columns)
+      column.values.resize(landmarks.ids.size(), kUnknownValue);
     if (auto& descriptors = landmarks.descriptors) {
       descriptors->known.resize(landmarks.ids.size());
       descriptors->bytes.resize(landmarks.ids.size() * descriptors->bytes_each);
@@ -964,324 +668,10 @@ class NativeReader {
   std::unordered_map<CameraId, CameraIndex> camera_index_;
 };
 
-// ---- writing
-
-class NativeWriter {
- public:
-  NativeWriter(const LandmarkMap& map, const ByteSink& sink) : map_(map), sink_(sink) {}
-
-  void write(int version, const Progress& progress) {
-    if (version >= 2) write_head(version);
-    for (std::size_t i = 0; i < map_.frame_count(); ++i) {
-      write_frame(i);
-      if (version >= 2) write_frame_extras(i);
-    }
-    for (std::size_t i = 0; i < map_.landmark_count(); ++i) {
-      write_landmark(i);
-      if (version >= 2) write_landmark_extras(i);
-      constexpr std::size_t kReportEvery = 1 << 16;
-      if (progress && i % kReportEvery == 0) {
-        progress(static_cast<double>(i) / static_cast<double>(map_.landmark_count()));
-      }
-    }
-    flush();
-  }
-
- private:
-  void flush() {
-    sink_(buffer_);
-    buffer_.clear();
-  }
-
-  void end_line() {
-    buffer_ += '\n';
-    if (buffer_.size() >= kBlockSize) flush();
-  }
-
-  template <class... Values>
-  void field(const Values&... values) {
-    (append_field(values), ...);
-  }
-  void append_field(double value) {
-    buffer_ += ' ';
-    append_number(buffer_, value);
-  }
-  void append_field(std::uint64_t value) {
-    buffer_ += ' ';
-    append_number(buffer_, value);
-  }
-  void append_field(std::uint32_t value) { append_field(std::uint64_t{value}); }
-  void append_field(std::int32_t value) { append_field(std::string_view(std::to_string(value))); }
-  void append_field(std::string_view text) {
-    buffer_ += ' ';
-    buffer_ += text;
-  }
-
-  template <class... Values>
-  void line(std::string_view record, const Values&... values) {
-    buffer_ += record;
-    field(values...);
-    end_line();
-  }
-
-  void write_control_point(const ControlPoint& point) {
-    buffer_ += "META control_point";
-    field(point.latitude_deg, point.longitude_deg);
-    if (point.altitude_m) {
-      field(*point.altitude_m);
-    } else {
-      buffer_ += " -";
-    }
-    field(std::string_view(escaped(point.name)));
-    end_line();
-    for (const ControlPoint::View& view : point.views) {
-      line("META", std::string_view("control_view"), view.pixel.u, view.pixel.v,
-           std::string_view(escaped(view.image_name)));
-    }
-  }
-
-  void write_head(int version) {
-    line("CAIRN", static_cast<std::uint64_t>(version));
-    const MapInfo& info = map_.info();
-    if (info.length_unit == LengthUnit::kFree) {
-      line("META", std::string_view("length_unit"), std::string_view("free"));
-    }
-    const auto text = [&](std::string_view key, const std::string& value) {
-      line("META", key, std::string_view(escaped(value)));
-    };
-    if (info.world_frame) text("world_frame", *info.world_frame);
-    if (info.gravity) {
-      line("META", std::string_view("gravity"), info.gravity->x(), info.gravity->y(),
-           info.gravity->z());
-    }
-    if (const auto& georeference = info.georeference) {
-      const auto& q = georeference->quaternion;
-      const Eigen::Vector3d& t = georeference->translation;
-      buffer_ += "META georeference";
-      geodetic(georeference->origin);
-      field(georeference->scale, q[0], q[1], q[2], q[3], t.x(), t.y(), t.z());
-      end_line();
-    }
-    for (const ControlPoint& point : info.control_points) write_control_point(point);
-    if (info.uuid) text("uuid", *info.uuid);
-    for (const std::string& step : info.provenance) text("provenance", step);
-    for (const Camera& camera : map_.cameras()) {
-      buffer_ += "CAMERA";
-      field(camera.id.value, std::string_view(camera.model), std::uint64_t{camera.width},
-            std::uint64_t{camera.height});
-      for (const double parameter : camera.parameters) field(parameter);
-      end_line();
-    }
-    if (const auto& descriptors = map_.landmarks().descriptors) {
-      line("DESCRIPTORS", std::string_view(descriptors->kind),
-           std::uint64_t{descriptors->bytes_each});
-    }
-    for (const NamedColumn& column : map_.landmarks().columns) {
-      line("COLUMN", std::string_view(column.name));
-    }
-  }
-
-  void geodetic(const GeodeticPosition& position) {
-    field(position.latitude_deg, position.longitude_deg, position.altitude_m);
-  }
-
-  void write_frame(std::size_t i) {
-    const FrameTable& frames = map_.frames();
-    const Eigen::Vector3d& t = frames.translations[i];
-    const auto& q = frames.quaternions[i];
-    line("FRAME", frames.ids[i].value, t.x(), t.y(), t.z(), q[0], q[1], q[2], q[3]);
-  }
-
-  void write_frame_extras(std::size_t i) {
-    const FrameTable& frames = map_.frames();
-    const std::uint64_t id = frames.ids[i].value;
-    if (!frames.timestamps_s.empty() && frames.timestamps_s[i]) {
-      line("TIME", id, *frames.timestamps_s[i]);
-    }
-    if (!frames.cameras.empty() && frames.cameras[i]) {
-      line("VIEW", id, map_.cameras()[frames.cameras[i]->value].id.value);
-    }
-    if (!frames.image_names.empty() && !frames.image_names[i].empty()) {
-      line("IMAGE", id, std::string_view(escaped(frames.image_names[i])));
-    }
-    if (!frames.gnss.empty() && frames.gnss[i]) {
-      const GnssFix fix = *frames.gnss[i];
-      buffer_ += "GNSS";
-      field(id);
-      geodetic(fix.position);
-      if (fix.accuracy_m) {
-        field(*fix.accuracy_m);
-      } else {
-        field(std::string_view("-"));
-      }
-      end_line();
-    }
-    if (!frames.pose_covariances.empty() && frames.pose_covariances[i]) {
-      const Matrix6d covariance = *frames.pose_covariances[i];
-      buffer_ += "POSE_COVARIANCE";
-      field(id);
-      for (int row = 0; row < 6; ++row) {
-        for (int column = row; column < 6; ++column) field(covariance(row, column));
-      }
-      end_line();
-    }
-  }
-
-  void write_landmark(std::size_t i) {
-    const LandmarkIndex landmark{static_cast<std::uint32_t>(i)};
-    const Eigen::Vector3d& x = map_.landmarks().positions[i];
-    buffer_ += "LANDMARK";
-    field(map_.landmarks().ids[i].value, x.x(), x.y(), x.z());
-    if (const auto covariance = map_.covariance(landmark)) {
-      for (int k = 0; k < 9; ++k) field((*covariance)(k / 3, k % 3));
-    } else {
-      field(std::string_view("-"));
-    }
-    if (map_.has_observations()) {
-      const auto frames = map_.observing_frames(landmark);
-      const auto pixels = map_.observed_pixels(landmark);
-      field(std::uint64_t{frames.size()});
-      for (std::size_t k = 0; k < frames.size(); ++k) {
-        field(map_.frames().ids[frames[k].value].value, pixels[k].u, pixels[k].v);
-      }
-    } else {
-      field(std::string_view("-"));
-    }
-    end_line();
-  }
-
-  void write_landmark_extras(std::size_t i) {
-    const LandmarkTable& landmarks = map_.landmarks();
-    const std::uint64_t id = landmarks.ids[i].value;
-    if (!landmarks.colors.empty() && landmarks.colors[i]) {
-      const Color color = *landmarks.colors[i];
-      line("COLOR", id, std::uint64_t{color.red}, std::uint64_t{color.green},
-           std::uint64_t{color.blue});
-    }
-    if (const auto& descriptors = landmarks.descriptors) {
-      std::string hex;
-      for (std::size_t k = 0; k < descriptors->count(i); ++k) {
-        hex.clear();
-        for (const std::uint8_t byte : descriptors->descriptor(i, k)) {
-          hex += {kHexDigits[byte >> 4], kHexDigits[byte & 15]};
-        }
-        line("DESCRIPTOR", id, std::string_view(hex));
-      }
-    }
-    for (const NamedColumn& column : landmarks.columns) {
-      if (!std::isnan(column.values[i])) {
-        line("VALUE", id, std::string_view(column.name), column.values[i]);
-      }
-    }
-    write_detail(i);
-    write_measured(i);
-  }
-
-  void write_detail(std::size_t i) {
-    const ObservationTable& observations = map_.observations();
-    if (observations.keypoints.empty() && observations.depths.empty() &&
-        observations.octaves.empty()) {
-      return;
-    }
-    if (observations.offsets[i] == observations.offsets[i + 1]) return;
-    buffer_ += "DETAIL";
-    field(map_.landmarks().ids[i].value);
-    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
-      optional_field(observations.keypoints, k);
-      optional_field(observations.depths, k);
-      optional_field(observations.octaves, k);
-    }
-    end_line();
-  }
-
-  void write_measured(std::size_t i) {
-    const ObservationTable& observations = map_.observations();
-    if (observations.sources.empty() && observations.sigmas_px.empty()) return;
-    if (observations.offsets[i] == observations.offsets[i + 1]) return;
-    buffer_ += "MEASURED";
-    field(map_.landmarks().ids[i].value);
-    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
-      const bool has_source = !observations.sources.empty() && observations.sources[k];
-      field(has_source ? to_string(*observations.sources[k]) : std::string_view("-"));
-      optional_field(observations.sigmas_px, k);
-    }
-    end_line();
-  }
-
-  template <class Column>
-  void optional_field(const Column& column, std::uint64_t k) {
-    if (column.empty() || !column[k]) {
-      field(std::string_view("-"));
-    } else {
-      field(*column[k]);
-    }
-  }
-
-  const LandmarkMap& map_;
-  const ByteSink& sink_;
-  std::string buffer_;
-};
-
 }  // namespace
 
 LandmarkMap read_native(ByteSource& source, const MapReadOptions& options) {
   return NativeReader(source, options).read();
-}
-
-std::optional<std::string> version_1_loss(const LandmarkMap& map) {
-  const MapInfo& info = map.info();
-  const FrameTable& frames = map.frames();
-  const LandmarkTable& landmarks = map.landmarks();
-  const ObservationTable& observations = map.observations();
-  if (map.frame_count() + map.landmark_count() == 0) return "that the map is empty";
-  if (info.length_unit != LengthUnit::kMetres) return "the free scale";
-  if (info.world_frame) return "the name of the world frame";
-  if (info.gravity) return "the direction of gravity";
-  if (info.georeference) return "the georeference";
-  if (!info.control_points.empty()) return "the control points";
-  if (info.uuid) return "the UUID";
-  if (!info.provenance.empty()) return "the provenance";
-  if (!map.cameras().empty()) return "the cameras";
-  if (!frames.timestamps_s.empty()) return "the frames' times";
-  if (!frames.image_names.empty()) return "the frames' image names";
-  if (!frames.gnss.empty()) return "the frames' GNSS positions";
-  if (!frames.pose_covariances.empty()) return "the covariances of the frames' poses";
-  if (!landmarks.colors.empty()) return "the landmarks' colours";
-  if (landmarks.descriptors) return "the landmarks' descriptors";
-  if (!landmarks.columns.empty()) return "the landmarks' named columns";
-  if (!map.has_observations()) return "that observations are unknown";
-  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-    if (!map.covariance(LandmarkIndex{i})) return "that covariances are unknown";
-  }
-  if (!observations.keypoints.empty() || !observations.depths.empty() ||
-      !observations.octaves.empty()) {
-    return "the observations' keypoints, depths and octaves";
-  }
-  if (!observations.sources.empty() || !observations.sigmas_px.empty()) {
-    return "how the observations were measured";
-  }
-  return std::nullopt;
-}
-
-void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<int> version,
-                  const Progress& progress) {
-  const auto loss = version_1_loss(map);
-  const auto& descriptors = map.landmarks().descriptors;
-  const bool has_further = descriptors && descriptors->has_further();
-  const bool has_pose_covariances = !map.frames().pose_covariances.empty();
-  const int least = has_further || has_pose_covariances ? 3 : loss ? 2 : 1;
-  const int chosen = version.value_or(least);
-  if (chosen < 1 || chosen > 3) {
-    throw Error(ErrorKind::kMisuse, "version", std::to_string(chosen), "1, 2 or 3");
-  }
-  if (chosen < least) {
-    throw Error(ErrorKind::kMisuse, fmt::format("version {} of the text format", chosen),
-                "would lose " + (chosen == 1   ? *loss
-                                 : has_further ? "the landmarks' further descriptors"
-                                               : "the covariances of the frames' poses"),
-                fmt::format("version {}", least));
-  }
-  NativeWriter(map, sink).write(chosen, progress);
 }
 
 }  // namespace cairn

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/native.hpp"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -25,6 +23,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/formats/own_formats.hpp"
 #include "cairn/geometry/limits.hpp"
 
 #include "support/maps.hpp"
@@ -51,9 +50,9 @@ using ::testing::SizeIs;
 using ::testing::StartsWith;
 using testing::TemporaryFolder;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kTextNan = std::numeric_limits<double>::quiet_NaN();
 
-LandmarkMap read(std::string_view text, const MapReadOptions& options = {}) {
+LandmarkMap read_text(std::string_view text, const MapReadOptions& options = {}) {
   MemoryReader source(text, "desk.map");
   return read_native(source, options);
 }
@@ -63,7 +62,7 @@ LandmarkMap read_file(const std::filesystem::path& path) {
   return read_native(file);
 }
 
-std::string written(const LandmarkMap& map, std::optional<int> version = std::nullopt) {
+std::string native_text(const LandmarkMap& map, std::optional<int> version = std::nullopt) {
   std::string text;
   write_native(
       map, [&](std::string_view bytes) { text += bytes; }, version);
@@ -71,13 +70,13 @@ std::string written(const LandmarkMap& map, std::optional<int> version = std::nu
 }
 
 // The message with which a file is refused.
-std::string refusal(const std::function<void()>& call, ErrorKind kind = ErrorKind::kInput) {
+std::string text_refusal(const std::function<void()>& call, ErrorKind kind = ErrorKind::kInput) {
   const std::string message = testing::refusal(kind, call);
   return message.empty() ? "accepted" : message;
 }
 
-std::string refusal(std::string_view text) {
-  return refusal([&] { read(text); });
+std::string text_refusal(std::string_view text) {
+  return text_refusal([&] { read_text(text); });
 }
 
 struct Refused {
@@ -85,8 +84,8 @@ struct Refused {
   std::string message;
 };
 
-void expect_refused(const std::vector<Refused>& all) {
-  for (const auto& [text, message] : all) EXPECT_EQ(refusal(text), message) << text;
+void expect_text_refused(const std::vector<Refused>& all) {
+  for (const auto& [text, message] : all) EXPECT_EQ(text_refusal(text), message) << text;
 }
 
 // ---- reading what is right
@@ -99,11 +98,11 @@ constexpr const char* kPlain =
     "LANDMARK 3 1 1 4 1e-04 0 0 0 1e-04 0 0 0 9e-04 0\n";
 
 TEST(ReadNative, ReadsVersion1) {
-  EXPECT_THAT(read(kPlain), EqualsMap(plain_map()));
+  EXPECT_THAT(read_text(kPlain), EqualsMap(plain_map()));
 }
 
 TEST(ReadNative, ReadsTheExampleOfTheFormatsDocument) {
-  const LandmarkMap map = read(
+  const LandmarkMap map = read_text(
       "CAIRN 2\n"
       "META world_frame desk\n"
       "CAMERA 0 PINHOLE 640 480 517.3 516.5 318.6 255.3\n"
@@ -128,7 +127,7 @@ TEST(ReadNative, ReadsTheExampleOfTheFormatsDocument) {
   expected.landmarks.ids = {LandmarkId{3}, LandmarkId{4}};
   expected.landmarks.positions = {{0.5, 0, 2}, {0, 0, 2}};
   expected.landmarks.covariances = {Eigen::Vector3d(1e-4, 1e-4, 9e-4).asDiagonal(),
-                                    Eigen::Matrix3d::Constant(kNan)};
+                                    Eigen::Matrix3d::Constant(kTextNan)};
   expected.landmarks.colors = {Color{200, 180, 40}, std::nullopt};
   expected.observations.offsets = {0, 2, 3};
   expected.observations.frames = {FrameIndex{0}, FrameIndex{1}, FrameIndex{0}};
@@ -144,21 +143,21 @@ TEST(ReadNative, ReadsTheExampleOfTheFormatsDocument) {
 }
 
 TEST(ReadNative, TakesCovariancesRowByRow) {
-  const LandmarkMap map = read("LANDMARK 1 0 0 0 4 1 2 1 5 3 2 3 6 0\n");
+  const LandmarkMap map = read_text("LANDMARK 1 0 0 0 4 1 2 1 5 3 2 3 6 0\n");
   Eigen::Matrix3d expected;
   expected << 4, 1, 2, 1, 5, 3, 2, 3, 6;
   EXPECT_EQ(map.covariance(LandmarkIndex{0}), expected);
 }
 
 TEST(ReadNative, TakesNumbersInEveryUsualForm) {
-  const LandmarkMap map = read("FRAME 1 +1.5 -2e3 .5 1. 0E0 -0 +0.0e-5\n");
+  const LandmarkMap map = read_text("FRAME 1 +1.5 -2e3 .5 1. 0E0 -0 +0.0e-5\n");
   EXPECT_EQ(map.frames().translations[0], Eigen::Vector3d(1.5, -2000.0, 0.5));
   EXPECT_EQ(map.frames().quaternions[0][0], 1.0);
   EXPECT_TRUE(std::signbit(map.frames().quaternions[0][2]));
 }
 
 TEST(ReadNative, TakesIdsOf64Bits) {
-  const LandmarkMap map = read(
+  const LandmarkMap map = read_text(
       "FRAME 18446744073709551615 0 0 0 1 0 0 0\n"
       "LANDMARK 18446744073709551615 0 0 0 0 0 0 0 0 0 0 0 0 1 18446744073709551615 1 2\n");
   EXPECT_EQ(map.frames().ids[0].value, 18446744073709551615U);
@@ -171,7 +170,7 @@ TEST(ReadNative, KeepsQuaternionsAsTheyAreStored) {
                                    "0.241278 -0.91412 -0.292459 "
                                    "0.143657"}) {
     const std::string text = fmt::format("FRAME 239 1.032826 0.145306 1.395813 {}\n", q);
-    EXPECT_EQ(written(read(text)), text);
+    EXPECT_EQ(native_text(read_text(text)), text);
   }
 }
 
@@ -182,22 +181,22 @@ TEST(ReadNative, AcceptsOtherLineEndsAndBlanks) {
     crlf += c == '\n' ? "\r\n" : std::string(1, c);
     padded += c == '\n' ? " \t \r\n\n \t\n\t " : c == ' ' ? "\t  " : std::string(1, c);
   }
-  EXPECT_THAT(read(crlf), EqualsMap(plain_map()));
-  EXPECT_THAT(read(padded), EqualsMap(plain_map()));
+  EXPECT_THAT(read_text(crlf), EqualsMap(plain_map()));
+  EXPECT_THAT(read_text(padded), EqualsMap(plain_map()));
 }
 
 TEST(ReadNative, FindsAnEmptyMapInAVersionLineAlone) {
-  EXPECT_THAT(read("CAIRN 2\n"), EqualsMap(LandmarkMap()));
-  EXPECT_THAT(read("\n  \nCAIRN 2\n"), EqualsMap(LandmarkMap()));
+  EXPECT_THAT(read_text("CAIRN 2\n"), EqualsMap(LandmarkMap()));
+  EXPECT_THAT(read_text("\n  \nCAIRN 2\n"), EqualsMap(LandmarkMap()));
 }
 
 TEST(ReadNative, SkipsCommentsInVersion2) {
-  EXPECT_THAT(read(fmt::format("CAIRN 2\n# a comment\n#\n  #FRAME\n{}# end\n", kPlain)),
+  EXPECT_THAT(read_text(fmt::format("CAIRN 2\n# a comment\n#\n  #FRAME\n{}# end\n", kPlain)),
               EqualsMap(plain_map()));
 }
 
 TEST(ReadNative, TakesExtrasOfFramesAnywhereBelow) {
-  const LandmarkMap map = read(
+  const LandmarkMap map = read_text(
       "CAIRN 2\nFRAME 1 0 0 0 1 0 0 0\nFRAME 2 0 0 0 1 0 0 0\nLANDMARK 1 0 0 0 - 0\n"
       "CAMERA 3 SIMPLE_PINHOLE 64 48 50 32 24\nIMAGE 1 a  b\tc\nVIEW 2 3\nTIME 2 -1.5\n");
   EXPECT_THAT(map.frames().image_names, ElementsAre("a  b\tc", ""));
@@ -206,7 +205,7 @@ TEST(ReadNative, TakesExtrasOfFramesAnywhereBelow) {
 }
 
 TEST(ReadNative, TakesExtrasOfALandmarkInAnyOrder) {
-  const LandmarkMap map = read(
+  const LandmarkMap map = read_text(
       "CAIRN 2\nFRAME 1 0 0 0 1 0 0 0\nDESCRIPTORS ORB 2\nCOLUMN a\nCOLUMN b\n"
       "LANDMARK 5 0 0 0 - 1 1 0 0\n"
       "VALUE 5 b 2\nDETAIL 5 - - -3\nVALUE 5 a 1\nDESCRIPTOR 5 aB0f\nCOLOR 5 0 255 1\n"
@@ -222,7 +221,7 @@ TEST(ReadNative, TakesExtrasOfALandmarkInAnyOrder) {
 }
 
 TEST(ReadNative, KnowsNoObservationsWhereTheCountIsUnknown) {
-  const LandmarkMap map = read("CAIRN 2\nLANDMARK 1 0 0 0 - -\nLANDMARK 2 0 0 0 - -\n");
+  const LandmarkMap map = read_text("CAIRN 2\nLANDMARK 1 0 0 0 - -\nLANDMARK 2 0 0 0 - -\n");
   EXPECT_FALSE(map.has_observations());
   EXPECT_FALSE(map.has_covariances());
   EXPECT_EQ(map.landmark_count(), 2U);
@@ -230,7 +229,7 @@ TEST(ReadNative, KnowsNoObservationsWhereTheCountIsUnknown) {
 
 TEST(ReadNative, UndoesEscapes) {
   const LandmarkMap map =
-      read("CAIRN 2\nMETA world_frame %20a%25%0A%7f%c3%A9 b%20\nMETA provenance %00\n");
+      read_text("CAIRN 2\nMETA world_frame %20a%25%0A%7f%c3%A9 b%20\nMETA provenance %00\n");
   EXPECT_EQ(map.info().world_frame, " a%\n\x7f\xc3\xa9 b ");
   EXPECT_THAT(map.info().provenance, ElementsAre(std::string(1, '\0')));
 }
@@ -283,21 +282,21 @@ std::string landmark_with(std::size_t field, std::string_view text) {
 }
 
 TEST(ReadNative, LeavesOutAByteOrderMarkAtTheStart) {
-  EXPECT_EQ(read("\xef\xbb\xbf" + std::string(kFrame)).frame_count(), 1U);
+  EXPECT_EQ(read_text("\xef\xbb\xbf" + std::string(kFrame)).frame_count(), 1U);
 }
 
 TEST(ReadNative, NamesTheFieldOfACoordinateBeyondTheLimit) {
-  expect_refused({
+  expect_text_refused({
       {"FRAME 7 0 -1e40 0 1 0 0 0\n",
        "desk.map:1: field 4 (ty): -1e+40 is beyond the limit; expected numbers from -1e9 to 1e9"},
       {std::string(kFrame) + "LANDMARK 3 0 0 1 0 0 0 0 0 0 0 0 0 1 7 1 1e10\n",
-       "desk.map:2: field 18 (v): 10000000000 is beyond the limit; expected numbers from -1e9 to "
+       "desk.map:2: field 18 (v): 1e+10 is beyond the limit; expected numbers from -1e9 to "
        "1e9"},
   });
 }
 
 TEST(ReadNative, RefusesUnknownRecords) {
-  expect_refused({
+  expect_text_refused({
       {"FRAM 7 0 0 0 1 0 0 0\n", "desk.map:1: unknown record 'FRAM'; expected FRAME or LANDMARK"},
       {frame_line("8 0 0 0 1 0 0 0") + "frame 9 0 0 0 1 0 0 0\n",
        "desk.map:4: unknown record 'frame'; expected FRAME or LANDMARK"},
@@ -312,7 +311,7 @@ TEST(ReadNative, RefusesUnknownRecords) {
 }
 
 TEST(ReadNative, RefusesBrokenFrames) {
-  expect_refused({
+  expect_text_refused({
       {frame_line(""), "desk.map:3: field 2 (id): missing; expected more fields on this line"},
       {frame_line("8 0 0 0 1 0 0"),
        "desk.map:3: field 9 (qz): missing; expected more fields on this line"},
@@ -371,7 +370,7 @@ TEST(ReadNative, RefusesNumbersThatAreNotFinite) {
     if (field == 15 || field == 16) continue;
     for (const std::string_view text :
          {"nan", "NaN", "-nan", "inf", "-inf", "infinity", "1e400", "-1e400", "1e-400"}) {
-      EXPECT_EQ(refusal(landmark_with(field, text)),
+      EXPECT_EQ(text_refusal(landmark_with(field, text)),
                 fmt::format("desk.map:2: field {} ({}): '{}' is not a number; expected a finite "
                             "decimal number",
                             field, kNames[field - 1], text));
@@ -385,7 +384,7 @@ TEST(ReadNative, RefusesBrokenLandmarks) {
     return fmt::format("{}{}{}\n", kFrame, kHead, rest);
   };
   const std::string unsigned_expected = "; expected an unsigned integer of at most 64 bits";
-  expect_refused({
+  expect_text_refused({
       {landmark_with(2, "-3"), "desk.map:2: field 2 (id): '-3' is not one" + unsigned_expected},
       {landmark_with(2, "99999999999999999999"),
        "desk.map:2: field 2 (id): '99999999999999999999' is not one" + unsigned_expected},
@@ -433,7 +432,7 @@ TEST(ReadNative, RefusesBrokenLandmarks) {
        "is -0.25; expected a symmetric positive semi-definite matrix"},
   });
   EXPECT_THAT(
-      refusal("LANDMARK 1 0 0 0 1 2 0 2 1 0 0 0 1 0\n"),
+      text_refusal("LANDMARK 1 0 0 0 1 2 0 2 1 0 0 0 1 0\n"),
       StartsWith("desk.map:1: fields 6-14 (c00 ... c22): landmark 1: covariance is indefinite"));
 }
 
@@ -454,15 +453,15 @@ TEST(ReadNative, NamesTheSecondLineOfALandmarkThatOccursTwice) {
     }
     const std::string rest = fmt::format(
         ": field 2 (id): landmark {}: the id occurs twice; expected distinct ids", repeated);
-    EXPECT_EQ(refusal(text), fmt::format("desk.map:{}{}", line, rest));
-    EXPECT_EQ(refusal(spread), fmt::format("desk.map:{}{}", 3 * line, rest));
+    EXPECT_EQ(text_refusal(text), fmt::format("desk.map:{}{}", line, rest));
+    EXPECT_EQ(text_refusal(spread), fmt::format("desk.map:{}{}", 3 * line, rest));
   }
 }
 
 TEST(ReadNative, RefusesFilesWithoutRecords) {
   const std::string message = "desk.map: the file is empty; expected FRAME and LANDMARK records";
   for (const std::string_view text : {"", "\n", "\n\n  \n\t\r\n", "   "}) {
-    EXPECT_EQ(refusal(text), message);
+    EXPECT_EQ(text_refusal(text), message);
   }
 }
 
@@ -483,7 +482,7 @@ TEST(ReadNative, SaysThatTheLastLineDoesNotEnd) {
   EXPECT_THAT(losses, ::testing::IsEmpty());
   EXPECT_EQ(frames(text), 2U);
   EXPECT_THAT(losses, ::testing::ElementsAre(HasSubstr("desk.map:2: the last line does not end")));
-  EXPECT_THAT(refusal(text.substr(0, text.size() - 2)), HasSubstr("(qz): missing"));
+  EXPECT_THAT(text_refusal(text.substr(0, text.size() - 2)), HasSubstr("(qz): missing"));
 }
 
 TEST(ReadNative, LeavesOutLandmarksThatAreTooFarAway) {
@@ -500,18 +499,18 @@ TEST(ReadNative, LeavesOutLandmarksThatAreTooFarAway) {
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{0})[0].u, 3.0);
   EXPECT_THAT(losses, ::testing::ElementsAre(HasSubstr("desk.map: 1 of 2 landmarks left out")));
   // Messages still name the line.
-  EXPECT_THAT(refusal(text + "LANDMARK 4 0 0 1 - 0\n"), HasSubstr("desk.map:7: field 2 (id)"));
+  EXPECT_THAT(text_refusal(text + "LANDMARK 4 0 0 1 - 0\n"), HasSubstr("desk.map:7: field 2 (id)"));
 }
 
 TEST(ReadNative, GivesAWholePartOrNothingOfACutFile) {
-  for (const std::string& text : {std::string(kPlain), written(full_map())}) {
-    const LandmarkMap whole = read(text);
+  for (const std::string& text : {std::string(kPlain), native_text(full_map())}) {
+    const LandmarkMap whole = read_text(text);
     std::size_t accepted = 0;
     std::size_t accepted_within_lines = 0;
     for (std::size_t size = 0; size < text.size(); ++size) {
       const std::string_view cut = std::string_view(text).substr(0, size);
       try {
-        const LandmarkMap part = read(cut);
+        const LandmarkMap part = read_text(cut);
         ++accepted;
         accepted_within_lines += cut.back() == '\n' ? 0 : 1;
         EXPECT_LE(part.frame_count(), whole.frame_count());
@@ -539,24 +538,24 @@ TEST(ReadNative, RefusesBytesThatAreNoText) {
   for (int i = 0; i < 200; ++i) {
     std::string rubbish(1 + random() % 5000, '\0');
     for (char& c : rubbish) c = static_cast<char>(random());
-    EXPECT_THAT(refusal(rubbish), StartsWith("desk.map:")) << i;
+    EXPECT_THAT(text_refusal(rubbish), StartsWith("desk.map:")) << i;
   }
-  EXPECT_THAT(refusal(std::string("FRAME\0 7", 8)), StartsWith("desk.map:1: "));
-  EXPECT_EQ(refusal(std::string("FRAME 7\0 0 0 0 1 0 0 0\n", 23)),
+  EXPECT_THAT(text_refusal(std::string("FRAME\0 7", 8)), StartsWith("desk.map:1: "));
+  EXPECT_EQ(text_refusal(std::string("FRAME 7\0 0 0 0 1 0 0 0\n", 23)),
             "desk.map:1: field 2 (id): '7\\x00' is not one; expected an unsigned integer of at "
             "most 64 bits");
 }
 
 TEST(ReadNative, SurvivesDamageOfSingleBytes) {
-  const std::string whole = written(full_map());
+  const std::string whole = native_text(full_map());
   std::mt19937 random(2);
   std::size_t refused = 0;
   for (int i = 0; i < 3000; ++i) {
     std::string damaged = whole;
     damaged[random() % damaged.size()] = static_cast<char>(random());
     try {
-      const std::string text = written(read(damaged), 2);
-      EXPECT_EQ(written(read(text), 2), text);
+      const std::string text = native_text(read_text(damaged), 2);
+      EXPECT_EQ(native_text(read_text(text), 2), text);
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kInput) << error.what();
       EXPECT_THAT(error.what(), StartsWith("desk.map"));
@@ -568,14 +567,14 @@ TEST(ReadNative, SurvivesDamageOfSingleBytes) {
 
 TEST(ReadNative, SaysWhyAFileCannotBeRead) {
   const TemporaryFolder folder;
-  EXPECT_EQ(refusal([&] { read_file(folder / "missing.map"); }),
+  EXPECT_EQ(text_refusal([&] { read_file(folder / "missing.map"); }),
             (folder / "missing.map").string() +
                 ": cannot be read: No such file or directory; expected a readable file");
-  EXPECT_EQ(refusal([&] { read_file(folder.path()); }),
+  EXPECT_EQ(text_refusal([&] { read_file(folder.path()); }),
             folder.path().string() + ": cannot be read: Is a directory; expected a readable file");
   const auto path = folder.write("broken.map", "FRAME x\n");
   EXPECT_EQ(
-      refusal([&] { read_file(path); }),
+      text_refusal([&] { read_file(path); }),
       path.string() +
           ":1: field 2 (id): 'x' is not one; expected an unsigned integer of at most 64 bits");
 }
@@ -587,14 +586,14 @@ TEST(ReadNative, SaysThatAFileMayNotBeRead) {
   const TemporaryFolder folder;
   const auto path = folder.write("secret.map", kPlain);
   ASSERT_EQ(::chmod(path.c_str(), 0), 0);
-  EXPECT_EQ(refusal([&] { read_file(path); }),
+  EXPECT_EQ(text_refusal([&] { read_file(path); }),
             path.string() + ": cannot be read: Permission denied; expected a readable file");
 }
 
 // ---- refusing what is wrong in version 2
 
 TEST(ReadNative, RefusesOtherVersions) {
-  expect_refused({
+  expect_text_refused({
       {"CAIRN 4\n", "desk.map:1: field 2 (version): format version 4; expected 2 or 3"},
       {"CAIRN 1\n", "desk.map:1: field 2 (version): format version 1; expected 2 or 3"},
       {"CAIRN two\n",
@@ -623,7 +622,7 @@ constexpr const char* kMissing = "missing; expected more fields on this line";
 
 TEST(ReadNative, RefusesBrokenMeta) {
   const auto meta = [](std::string_view lines) { return fmt::format("CAIRN 2\n{}\n", lines); };
-  expect_refused({
+  expect_text_refused({
       {meta("META"), fmt::format("desk.map:2: field 2 (key): {}", kMissing)},
       {meta("META colour red"),
        "desk.map:2: field 2 (key): 'colour' is no key; expected length_unit, world_frame, gravity, "
@@ -660,7 +659,7 @@ TEST(ReadNative, RefusesBrokenMeta) {
       {meta("META provenance"), fmt::format("desk.map:2: field 3 (provenance): {}", kMissing)},
   });
   for (const std::string_view text : {"%", "a%", "a%2", "%2 b", "%g0", "%0g", "%%25", "100 %"}) {
-    EXPECT_EQ(refusal(meta(fmt::format("META uuid {}", text))),
+    EXPECT_EQ(text_refusal(meta(fmt::format("META uuid {}", text))),
               "desk.map:2: field 3 (uuid): '%' that starts no escape; expected two hexadecimal "
               "digits after each '%'")
         << text;
@@ -669,7 +668,7 @@ TEST(ReadNative, RefusesBrokenMeta) {
 
 TEST(ReadNative, RefusesBrokenCameras) {
   const auto camera = [](std::string_view line) { return after_landmark(line); };
-  expect_refused({
+  expect_text_refused({
       {camera("CAMERA 0 SIMPLE_PINHOLE 64 48 50 32 24"),
        "desk.map:7: field 2 (id): camera 0 stands above already; expected distinct ids"},
       {camera("CAMERA 1 SIMPLE_PINHOLE 64 48 50 32"),
@@ -686,14 +685,14 @@ TEST(ReadNative, RefusesBrokenCameras) {
        "desk.map:7: field 8 (parameter): 'x' is not a number; expected a finite decimal number"},
       {camera("CAMERA 1"), fmt::format("desk.map:7: field 3 (model): {}", kMissing)},
   });
-  EXPECT_THAT(refusal(camera("CAMERA 1 EUCM 64 48 50 32 24")),
+  EXPECT_THAT(text_refusal(camera("CAMERA 1 EUCM 64 48 50 32 24")),
               AllOf(StartsWith("desk.map:7: camera model 'EUCM' is none of SIMPLE_PINHOLE, "),
                     HasSubstr("; expected a usable camera")));
 }
 
 TEST(ReadNative, RefusesBrokenExtrasOfFrames) {
   const std::string unknown = " is unknown; expected the id of a ";
-  expect_refused({
+  expect_text_refused({
       {after_landmark("TIME 8 1"),
        "desk.map:7: field 2 (frame): frame 8" + unknown + "FRAME record above"},
       {after_landmark("VIEW 8 0\nFRAME 8 0 0 0 1 0 0 0"),
@@ -729,18 +728,18 @@ TEST(ReadNative, RefusesExtrasOfLandmarksOutOfPlace) {
     const std::string elsewhere =
         ": field 2 (landmark): landmark 3 is not the one directly above; expected the id of the "
         "LANDMARK record above";
-    EXPECT_EQ(refusal(after_landmark(fmt::format("LANDMARK 4 0 0 0 - 0\n{}", extra))),
+    EXPECT_EQ(text_refusal(after_landmark(fmt::format("LANDMARK 4 0 0 0 - 0\n{}", extra))),
               "desk.map:8" + elsewhere);
-    EXPECT_EQ(refusal(fmt::format("CAIRN 2\n{}\n", extra)), "desk.map:2" + elsewhere);
-    EXPECT_EQ(refusal(after_landmark(fmt::format("{0}\n{0}", extra))),
+    EXPECT_EQ(text_refusal(fmt::format("CAIRN 2\n{}\n", extra)), "desk.map:2" + elsewhere);
+    EXPECT_EQ(text_refusal(after_landmark(fmt::format("{0}\n{0}", extra))),
               fmt::format("desk.map:8: {}", kSecond));
-    EXPECT_EQ(read(after_landmark(extra)).landmark_count(), 1U);
+    EXPECT_EQ(read_text(after_landmark(extra)).landmark_count(), 1U);
   }
 }
 
 TEST(ReadNative, RefusesBrokenExtrasOfLandmarks) {
   constexpr const char* kByte = "; expected an integer from 0 to 255";
-  expect_refused({
+  expect_text_refused({
       {after_landmark("COLOR 3 1 2"), fmt::format("desk.map:7: field 5 (blue): {}", kMissing)},
       {after_landmark("COLOR 3 1 256 3"),
        fmt::format("desk.map:7: field 4 (green): '256' is not one{}", kByte)},
@@ -788,8 +787,8 @@ TEST(ReadNative, RefusesBrokenExtrasOfLandmarks) {
 TEST(ReadNative, RefusesBrokenDeclarations) {
   std::string many;
   for (std::size_t i = 0; i < kMostNamedColumns; ++i) many += fmt::format("COLUMN c{}\n", i);
-  EXPECT_EQ(read("CAIRN 2\n" + many).landmarks().columns.size(), kMostNamedColumns);
-  expect_refused({
+  EXPECT_EQ(read_text("CAIRN 2\n" + many).landmarks().columns.size(), kMostNamedColumns);
+  expect_text_refused({
       {after_landmark("DESCRIPTORS ORB 2"), fmt::format("desk.map:7: {}", kSecond)},
       {"CAIRN 2\nDESCRIPTORS ORB 0\n", "desk.map:2: field 3 (bytes): 0 bytes; expected 1 to 4096"},
       {"CAIRN 2\nDESCRIPTORS ORB 4097\n",
@@ -815,23 +814,23 @@ TEST(ReadNative, RefusesMapsThatHalfKnowTheirObservations) {
   const std::string message =
       "desk.map:3: some observation counts are '-' and some are not; expected all of them or none, "
       "as for the first landmark";
-  EXPECT_EQ(refusal("CAIRN 2\nLANDMARK 1 0 0 0 - -\nLANDMARK 2 0 0 0 - 0\n"), message);
-  EXPECT_EQ(refusal("CAIRN 2\nLANDMARK 1 0 0 0 - 0\nLANDMARK 2 0 0 0 - -\n"), message);
-  EXPECT_EQ(refusal("CAIRN 2\nLANDMARK 1 0 0 0 - - 7\n"),
+  EXPECT_EQ(text_refusal("CAIRN 2\nLANDMARK 1 0 0 0 - -\nLANDMARK 2 0 0 0 - 0\n"), message);
+  EXPECT_EQ(text_refusal("CAIRN 2\nLANDMARK 1 0 0 0 - 0\nLANDMARK 2 0 0 0 - -\n"), message);
+  EXPECT_EQ(text_refusal("CAIRN 2\nLANDMARK 1 0 0 0 - - 7\n"),
             "desk.map:2: field 8: '7' is too much; expected the LANDMARK record to end here");
 }
 
 // ---- writing, and reading that back
 
 TEST(WriteNative, WritesVersion1ByteForByte) {
-  EXPECT_EQ(written(plain_map()), kPlain);
-  EXPECT_EQ(written(plain_map(), 1), kPlain);
+  EXPECT_EQ(native_text(plain_map()), kPlain);
+  EXPECT_EQ(native_text(plain_map(), 1), kPlain);
 }
 
 TEST(WriteNative, WritesVersion2ByteForByte) {
-  EXPECT_EQ(written(plain_map(), 2), std::string("CAIRN 2\n") + kPlain);
+  EXPECT_EQ(native_text(plain_map(), 2), std::string("CAIRN 2\n") + kPlain);
   EXPECT_EQ(
-      written(full_map()),
+      native_text(full_map()),
       "CAIRN 2\n"
       "META length_unit free\n"
       "META world_frame desk\n"
@@ -883,14 +882,14 @@ TEST(WriteNative, WritesVersion2ByteForByte) {
 }
 
 TEST(WriteNative, IsReadBackBitForBit) {
-  EXPECT_THAT(read(written(plain_map(), 1)), EqualsMap(plain_map()));
-  EXPECT_THAT(read(written(plain_map(), 2)), EqualsMap(plain_map()));
-  EXPECT_THAT(read(written(full_map())), EqualsMap(full_map()));
-  EXPECT_THAT(read(written(LandmarkMap())), EqualsMap(LandmarkMap()));
+  EXPECT_THAT(read_text(native_text(plain_map(), 1)), EqualsMap(plain_map()));
+  EXPECT_THAT(read_text(native_text(plain_map(), 2)), EqualsMap(plain_map()));
+  EXPECT_THAT(read_text(native_text(full_map())), EqualsMap(full_map()));
+  EXPECT_THAT(read_text(native_text(LandmarkMap())), EqualsMap(LandmarkMap()));
   MapTables unknown = full_tables();
   unknown.observations = {};
   const LandmarkMap map(std::move(unknown));
-  EXPECT_THAT(read(written(map)), EqualsMap(map));
+  EXPECT_THAT(read_text(native_text(map)), EqualsMap(map));
 }
 
 TEST(WriteNative, IsReadBackBitForBitWithAnyDoubles) {
@@ -943,7 +942,7 @@ TEST(WriteNative, IsReadBackBitForBitWithAnyDoubles) {
   }
   const LandmarkMap version_1(tables);
   EXPECT_EQ(version_1_loss(version_1), std::nullopt);
-  EXPECT_THAT(read(written(version_1, 1)), EqualsMap(version_1));
+  EXPECT_THAT(read_text(native_text(version_1, 1)), EqualsMap(version_1));
 
   tables.landmarks.columns = {{"any", {}}};
   tables.frames.timestamps_s.resize(2000);
@@ -955,7 +954,7 @@ TEST(WriteNative, IsReadBackBitForBitWithAnyDoubles) {
     tables.observations.depths.emplace_back(length());
   }
   const LandmarkMap version_2(tables);
-  EXPECT_THAT(read(written(version_2)), EqualsMap(version_2));
+  EXPECT_THAT(read_text(native_text(version_2)), EqualsMap(version_2));
 }
 
 TEST(WriteNative, EscapesEveryTextSoThatItIsReadBack) {
@@ -970,15 +969,15 @@ TEST(WriteNative, EscapesEveryTextSoThatItIsReadBack) {
     tables.info.provenance = {text, text};
     tables.frames.image_names = {text, "b"};
     const LandmarkMap map(std::move(tables));
-    EXPECT_THAT(read(written(map)), EqualsMap(map));
+    EXPECT_THAT(read_text(native_text(map)), EqualsMap(map));
   }
 }
 
 TEST(WriteNative, ChoosesVersion1WhereNothingIsLost) {
   EXPECT_EQ(version_1_loss(plain_map()), std::nullopt);
-  EXPECT_THAT(written(plain_map()), StartsWith("FRAME"));
-  EXPECT_THAT(written(full_map()), StartsWith("CAIRN 2\n"));
-  EXPECT_EQ(written(LandmarkMap()), "CAIRN 2\n");
+  EXPECT_THAT(native_text(plain_map()), StartsWith("FRAME"));
+  EXPECT_THAT(native_text(full_map()), StartsWith("CAIRN 2\n"));
+  EXPECT_EQ(native_text(LandmarkMap()), "CAIRN 2\n");
 }
 
 TEST(WriteNative, NamesWhatVersion1WouldLose) {
@@ -1029,7 +1028,7 @@ TEST(WriteNative, NamesWhatVersion1WouldLose) {
       {"that observations are unknown", [](MapTables& t) { t.observations = {}; }},
       {"that covariances are unknown", [](MapTables& t) { t.landmarks.covariances = {}; }},
       {"that covariances are unknown",
-       [](MapTables& t) { t.landmarks.covariances[1].setConstant(kNan); }},
+       [](MapTables& t) { t.landmarks.covariances[1].setConstant(kTextNan); }},
       {"the observations' keypoints, depths and octaves",
        [](MapTables& t) {
          t.observations.keypoints = {1U, std::nullopt, std::nullopt};
@@ -1059,16 +1058,16 @@ TEST(WriteNative, NamesWhatVersion1WouldLose) {
     const LandmarkMap map(std::move(tables));
     EXPECT_EQ(version_1_loss(map), loss.what);
     EXPECT_EQ(
-        refusal([&] { written(map, 1); }, ErrorKind::kMisuse),
+        text_refusal([&] { native_text(map, 1); }, ErrorKind::kMisuse),
         fmt::format("version 1 of the text format: would lose {}; expected version 2", loss.what));
-    EXPECT_THAT(written(map), StartsWith("CAIRN 2\n"));
-    EXPECT_THAT(read(written(map)), EqualsMap(map));
+    EXPECT_THAT(native_text(map), StartsWith("CAIRN 2\n"));
+    EXPECT_THAT(read_text(native_text(map)), EqualsMap(map));
   }
 }
 
 TEST(WriteNative, RefusesVersionsThatDoNotExist) {
   for (const int version : {0, 4, -1}) {
-    EXPECT_EQ(refusal([&] { written(plain_map(), version); }, ErrorKind::kMisuse),
+    EXPECT_EQ(text_refusal([&] { native_text(plain_map(), version); }, ErrorKind::kMisuse),
               fmt::format("version: {}; expected 1, 2 or 3", version));
   }
 }
@@ -1076,36 +1075,36 @@ TEST(WriteNative, RefusesVersionsThatDoNotExist) {
 // ---- several descriptors of a landmark
 
 TEST(WriteNative, WritesSeveralDescriptorsOneBelowTheOtherInVersion3) {
-  const std::string text = written(several_map());
+  const std::string text = native_text(several_map());
   EXPECT_THAT(text, StartsWith("CAIRN 3\n"));
   EXPECT_THAT(text, HasSubstr("\nDESCRIPTOR 30 00ff\nDESCRIPTOR 30 01fe\nDESCRIPTOR 30 0000\n"));
-  EXPECT_THAT(read(text), EqualsMap(several_map()));
+  EXPECT_THAT(read_text(text), EqualsMap(several_map()));
   // All else is as in version 2.
-  std::string alike = written(full_map(), 3);
+  std::string alike = native_text(full_map(), 3);
   EXPECT_THAT(alike, StartsWith("CAIRN 3\n"));
   alike[6] = '2';
-  EXPECT_EQ(alike, written(full_map()));
-  EXPECT_THAT(read(written(full_map(), 3)), EqualsMap(full_map()));
+  EXPECT_EQ(alike, native_text(full_map()));
+  EXPECT_THAT(read_text(native_text(full_map(), 3)), EqualsMap(full_map()));
 }
 
 TEST(WriteNative, RefusesVersionsThatLoseFurtherDescriptors) {
-  EXPECT_EQ(refusal([] { written(several_map(), 2); }, ErrorKind::kMisuse),
+  EXPECT_EQ(text_refusal([] { native_text(several_map(), 2); }, ErrorKind::kMisuse),
             "version 2 of the text format: would lose the landmarks' further descriptors; expected "
             "version 3");
   MapTables tables = plain_tables();
   tables.landmarks.descriptors =
       DescriptorColumn{"ORB", 1, {1, 0, 0}, {1, 0, 0}, {0, 1, 1, 1}, {2}};
-  EXPECT_EQ(refusal([&] { written(LandmarkMap(tables), 1); }, ErrorKind::kMisuse),
+  EXPECT_EQ(text_refusal([&] { native_text(LandmarkMap(tables), 1); }, ErrorKind::kMisuse),
             "version 1 of the text format: would lose the landmarks' descriptors; expected version "
             "3");
 }
 
 TEST(ReadNative, ReadsFurtherDescriptorsOfAnyLandmark) {
   const std::string head = "CAIRN 3\nDESCRIPTORS ORB 1\n";
-  const LandmarkMap map = read(head +
-                               "LANDMARK 1 0 0 0 - -\nLANDMARK 2 0 0 0 - -\nDESCRIPTOR 2 0a\n"
-                               "COLOR 2 1 2 3\nDESCRIPTOR 2 0b\nLANDMARK 3 0 0 0 - -\n"
-                               "DESCRIPTOR 3 0c\nLANDMARK 4 0 0 0 - -\n");
+  const LandmarkMap map = read_text(head +
+                                    "LANDMARK 1 0 0 0 - -\nLANDMARK 2 0 0 0 - -\nDESCRIPTOR 2 0a\n"
+                                    "COLOR 2 1 2 3\nDESCRIPTOR 2 0b\nLANDMARK 3 0 0 0 - -\n"
+                                    "DESCRIPTOR 3 0c\nLANDMARK 4 0 0 0 - -\n");
   const DescriptorColumn& column = *map.landmarks().descriptors;
   EXPECT_THAT(column.known, ElementsAre(0, 1, 1, 0));
   EXPECT_THAT(column.bytes, ElementsAre(0, 0x0a, 0x0c, 0));
@@ -1122,22 +1121,23 @@ TEST(ReadNative, RefusesASecondDescriptorInVersion2AndTooManyInVersion3) {
     for (std::size_t i = 0; i < count; ++i) text += fmt::format("DESCRIPTOR 1 {:02x}\n", i);
     return text;
   };
-  EXPECT_EQ(refusal(with(2, 2)), "desk.map:5: the same is said above already; expected it once");
-  EXPECT_EQ(read(with(3, kMostDescriptorsEach)).landmarks().descriptors->count(0),
+  EXPECT_EQ(text_refusal(with(2, 2)),
+            "desk.map:5: the same is said above already; expected it once");
+  EXPECT_EQ(read_text(with(3, kMostDescriptorsEach)).landmarks().descriptors->count(0),
             kMostDescriptorsEach);
-  EXPECT_EQ(refusal(with(3, kMostDescriptorsEach + 1)),
+  EXPECT_EQ(text_refusal(with(3, kMostDescriptorsEach + 1)),
             "desk.map:20: too many descriptors of one landmark; expected at most 16");
-  EXPECT_EQ(refusal(with(3, 2) + "DESCRIPTOR 1 0g\n"),
+  EXPECT_EQ(text_refusal(with(3, 2) + "DESCRIPTOR 1 0g\n"),
             "desk.map:6: field 3 (descriptor): not hexadecimal; expected digits 0-9 and a-f");
-  EXPECT_EQ(refusal("CAIRN 3\nPOINT 1\n"),
+  EXPECT_EQ(text_refusal("CAIRN 3\nPOINT 1\n"),
             "desk.map:2: unknown record 'POINT'; expected a record of version 3");
 }
 
 TEST(ReadNative, RefusesEveryLineOfSeveralDescriptorsThatIsCut) {
-  const std::string whole = written(several_map());
+  const std::string whole = native_text(several_map());
   for (std::size_t size = whole.find("DESCRIPTOR 30"); size + 1 < whole.size(); ++size) {
     if (whole[size - 1] == '\n') continue;  // whole lines
-    EXPECT_NE(refusal(whole.substr(0, size)), "") << size;
+    EXPECT_NE(text_refusal(whole.substr(0, size)), "") << size;
   }
 }
 
@@ -1149,14 +1149,14 @@ TEST(WriteNative, WritesCovariancesOfPosesInVersion3) {
   covariance(1, 3) = covariance(3, 1) = 0.5;
   tables.frames.pose_covariances = {std::nullopt, covariance};
   const LandmarkMap map(tables);
-  const std::string text = written(map);
+  const std::string text = native_text(map);
   EXPECT_THAT(text, StartsWith("CAIRN 3\n"));
   EXPECT_THAT(text, HasSubstr("\nPOSE_COVARIANCE 2 1 0 0 0 0 0 1 0 0.5 0 0 1 0 0 0 1 0 0 1 0 1\n"));
-  EXPECT_THAT(read(text), EqualsMap(map));
-  EXPECT_EQ(refusal([&] { written(map, 2); }, ErrorKind::kMisuse),
+  EXPECT_THAT(read_text(text), EqualsMap(map));
+  EXPECT_EQ(text_refusal([&] { native_text(map, 2); }, ErrorKind::kMisuse),
             "version 2 of the text format: would lose the covariances of the frames' poses; "
             "expected version 3");
-  EXPECT_EQ(refusal([&] { written(map, 1); }, ErrorKind::kMisuse),
+  EXPECT_EQ(text_refusal([&] { native_text(map, 1); }, ErrorKind::kMisuse),
             "version 1 of the text format: would lose the covariances of the frames' poses; "
             "expected version 3");
 }
@@ -1164,18 +1164,19 @@ TEST(WriteNative, WritesCovariancesOfPosesInVersion3) {
 TEST(ReadNative, RefusesBrokenCovariancesOfPoses) {
   const std::string head = "CAIRN 3\nFRAME 2 0 0 0 1 0 0 0\nPOSE_COVARIANCE ";
   const std::string good = "2 1 0 0 0 0 0 1 0 0.5 0 0 1 0 0 0 1 0 0 1 0 1\n";
-  EXPECT_EQ(read(head + good).frames().pose_covariances.size(), 1U);
-  EXPECT_EQ(refusal(head + "3 1\n"),
+  EXPECT_EQ(read_text(head + good).frames().pose_covariances.size(), 1U);
+  EXPECT_EQ(text_refusal(head + "3 1\n"),
             "desk.map:3: field 2 (frame): frame 3 is unknown; expected the id of a FRAME record "
             "above");
-  EXPECT_THAT(refusal(head + "2 1 0 0\n"), StartsWith("desk.map:3: field 6 (covariance): "));
-  EXPECT_THAT(refusal(head + good.substr(0, good.size() - 1) + " 7\n"), StartsWith("desk.map:3: "));
-  EXPECT_EQ(refusal(head + good + "POSE_COVARIANCE " + good),
+  EXPECT_THAT(text_refusal(head + "2 1 0 0\n"), StartsWith("desk.map:3: field 6 (covariance): "));
+  EXPECT_THAT(text_refusal(head + good.substr(0, good.size() - 1) + " 7\n"),
+              StartsWith("desk.map:3: "));
+  EXPECT_EQ(text_refusal(head + good + "POSE_COVARIANCE " + good),
             "desk.map:4: the same is said above already; expected it once");
-  EXPECT_EQ(refusal(head + "2 1 0 0 0 0 0 1 0 1.5 0 0 1 0 0 0 1 0 0 1 0 1\n"),
+  EXPECT_EQ(text_refusal(head + "2 1 0 0 0 0 0 1 0 1.5 0 0 1 0 0 0 1 0 0 1 0 1\n"),
             "desk.map:3: frame 2: pose covariance has a correlation that is greater than 1; "
             "expected a symmetric matrix without negative eigenvalues");
-  EXPECT_THAT(refusal("CAIRN 2" + (head + good).substr(7)),
+  EXPECT_THAT(text_refusal("CAIRN 2" + (head + good).substr(7)),
               HasSubstr("unknown record 'POSE_COVARIANCE'; expected a record of version 2"));
 }
 
@@ -1196,14 +1197,14 @@ std::string long_text(std::size_t megabytes) {
 
 TEST(ReadNative, IsReadBackBitForBitOverManyBlocks) {
   const std::string text = long_text(5);
-  EXPECT_TRUE(written(read(text)) == text);  // too long to be printed
+  EXPECT_TRUE(native_text(read_text(text)) == text);  // too long to be printed
 }
 
 TEST(ReadNative, ReportsProgressThatNeverGoesBack) {
   std::vector<double> shares;
   MapReadOptions options;
   options.progress = [&](double share) { shares.push_back(share); };
-  read(long_text(13), options);
+  read_text(long_text(13), options);
   EXPECT_THAT(shares, SizeIs(Ge(3U)));
   EXPECT_THAT(shares, Each(AllOf(Ge(0.0), Le(1.0))));
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
@@ -1211,7 +1212,7 @@ TEST(ReadNative, ReportsProgressThatNeverGoesBack) {
 }
 
 TEST(WriteNative, ReportsProgressThatNeverGoesBack) {
-  const LandmarkMap map = read(long_text(20));
+  const LandmarkMap map = read_text(long_text(20));
   std::vector<double> shares;
   write_native(
       map, [](std::string_view) {}, 1, [&](double share) { shares.push_back(share); });
@@ -1229,11 +1230,11 @@ TEST(ReadNative, StopsWhenAskedTo) {
     if (++reports == 2) stop.request_stop();
   };
   const std::string text = long_text(13);
-  EXPECT_EQ(refusal([&] { read(text, options); }, ErrorKind::kCancelled),
+  EXPECT_EQ(text_refusal([&] { read_text(text, options); }, ErrorKind::kCancelled),
             "desk.map: reading was cancelled");
   EXPECT_EQ(reports, 2U);
   // Asked for before it began, even of a small file.
-  EXPECT_EQ(refusal([&] { read(kPlain, options); }, ErrorKind::kCancelled),
+  EXPECT_EQ(text_refusal([&] { read_text(kPlain, options); }, ErrorKind::kCancelled),
             "desk.map: reading was cancelled");
 }
 

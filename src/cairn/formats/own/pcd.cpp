@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/pcd.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -14,8 +12,10 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
+#include "cairn/formats/detail/memory_budget.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
-#include "cairn/formats/memory_budget.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 namespace cairn {
 namespace {
@@ -25,41 +25,32 @@ using detail::PointField;
 using detail::PointTable;
 using detail::ScalarType;
 
-constexpr std::string_view kPoints = "points";
+constexpr std::string_view kPcdPoints = "points";
 
-struct TypeName {
-  char letter;
-  int size;
-  ScalarType type;
-};
-// The writer uses the first entry of a type.
-constexpr std::array<TypeName, 11> kTypeNames = {{
-    {'I', 1, ScalarType::kInt8},
-    {'U', 1, ScalarType::kUint8},
-    {'I', 2, ScalarType::kInt16},
-    {'U', 2, ScalarType::kUint16},
-    {'I', 4, ScalarType::kInt32},
-    {'U', 4, ScalarType::kUint32},
-    {'I', 8, ScalarType::kInt64},
-    {'U', 8, ScalarType::kUint64},
-    {'F', 4, ScalarType::kFloat32},
-    {'F', 8, ScalarType::kFloat64},
-    {'B', 1, ScalarType::kUint8},  // bool, as PCL writes it since 1.13
-}};
+// B is bool, as PCL writes it since 1.13.
+std::optional<ScalarType> type_of(char letter, int size) {
+  if (letter == 'B') return size == 1 ? std::optional(ScalarType::kUint8) : std::nullopt;
+  const char kind = letter == 'I' ? 'i' : letter == 'U' ? 'u' : 'f';
+  return detail::scalar_type(kind, static_cast<std::size_t>(size));
+}
 
-enum class Encoding { kAscii, kBinary, kBinaryCompressed };
+char letter_of(ScalarType type) {
+  return is_integer(type) ? detail::scalar(type).kind == 'i' ? 'I' : 'U' : 'F';
+}
+
+enum class PcdEncoding { kAscii, kBinary, kBinaryCompressed };
 
 // ---- header
 
-class HeaderReader {
+class PcdHeaderReader {
  public:
-  HeaderReader(HeadedSource& source, const LogSink& log) : source_(source), log_(log) {}
+  PcdHeaderReader(HeadedSource& source, const LogSink& log) : source_(source), log_(log) {}
 
   void read() {
     while (!encoding_) {
       const std::string_view line = source_.header_line("a line 'DATA ...'");
       if (line.starts_with('#') && !unit_) unit_ = detail::unit_in_comment(trimmed(line.substr(1)));
-      split(line);
+      detail::split_words(line, words_);
       if (words_.empty() || words_[0].starts_with('#')) continue;
       Entry* const entry = find(words_[0] == "COLUMNS" ? "FIELDS" : words_[0]);
       if (entry == nullptr) {
@@ -76,7 +67,7 @@ class HeaderReader {
     finish();
   }
 
-  Encoding encoding() const { return *encoding_; }
+  PcdEncoding encoding() const { return *encoding_; }
   std::optional<LengthUnit> length_unit() const { return unit_; }
   const std::vector<PointField>& fields() const { return fields_; }
   const std::string& fields_place() const { return entries_[1].place; }
@@ -85,18 +76,9 @@ class HeaderReader {
  private:
   struct Entry {
     std::string_view name;
-    void (HeaderReader::*read)();
+    void (PcdHeaderReader::*read)();
     std::string place;  // "file:line" once read
   };
-
-  void split(std::string_view line) {
-    words_.clear();
-    while (!line.empty()) {
-      const std::size_t size = std::min(line.find_first_of(kBlanks), line.size());
-      words_.push_back(line.substr(0, size));
-      line.remove_prefix(std::min(line.find_first_not_of(kBlanks, size), line.size()));
-    }
-  }
 
   Entry* find(std::string_view name) {
     const auto found = std::find_if(entries_.begin(), entries_.end(),
@@ -220,11 +202,11 @@ class HeaderReader {
   void read_data() {
     expect_words(1, "ascii, binary or binary_compressed");
     if (words_[0] == "ascii") {
-      encoding_ = Encoding::kAscii;
+      encoding_ = PcdEncoding::kAscii;
     } else if (words_[0] == "binary") {
-      encoding_ = Encoding::kBinary;
+      encoding_ = PcdEncoding::kBinary;
     } else if (words_[0] == "binary_compressed") {
-      encoding_ = Encoding::kBinaryCompressed;
+      encoding_ = PcdEncoding::kBinaryCompressed;
     } else {
       refuse(fmt::format("unknown kind of data {}", printable(words_[0])),
              "ascii, binary or binary_compressed");
@@ -237,17 +219,14 @@ class HeaderReader {
       if (find(name)->place.empty()) refuse(fmt::format("no {} above DATA", name), "it");
     }
     for (std::size_t i = 0; i < fields_.size(); ++i) {
-      const auto found =
-          std::find_if(kTypeNames.begin(), kTypeNames.end(), [&](const TypeName& name) {
-            return name.letter == letters_[i] && name.size == sizes_[i];
-          });
-      if (found == kTypeNames.end()) {
+      const auto type = type_of(letters_[i], sizes_[i]);
+      if (!type) {
         throw Error(ErrorKind::kInput, find("TYPE")->place,
                     fmt::format("type {} with {} bytes for field {}", letters_[i], sizes_[i],
                                 printable(fields_[i].name)),
                     "4 or 8 bytes for F, 1 for B");
       }
-      fields_[i].type = found->type;
+      fields_[i].type = *type;
     }
     // Cannot overflow: both are below 2^32.
     if (width_) {
@@ -274,16 +253,16 @@ class HeaderReader {
   const LogSink& log_;
   std::vector<std::string_view> words_;
   std::array<Entry, 10> entries_ = {{
-      {"VERSION", &HeaderReader::read_version, {}},
-      {"FIELDS", &HeaderReader::read_fields, {}},
-      {"SIZE", &HeaderReader::read_size, {}},
-      {"TYPE", &HeaderReader::read_type, {}},
-      {"COUNT", &HeaderReader::read_count, {}},
-      {"WIDTH", &HeaderReader::read_width, {}},
-      {"HEIGHT", &HeaderReader::read_height, {}},
-      {"VIEWPOINT", &HeaderReader::read_viewpoint, {}},
-      {"POINTS", &HeaderReader::read_points, {}},
-      {"DATA", &HeaderReader::read_data, {}},
+      {"VERSION", &PcdHeaderReader::read_version, {}},
+      {"FIELDS", &PcdHeaderReader::read_fields, {}},
+      {"SIZE", &PcdHeaderReader::read_size, {}},
+      {"TYPE", &PcdHeaderReader::read_type, {}},
+      {"COUNT", &PcdHeaderReader::read_count, {}},
+      {"WIDTH", &PcdHeaderReader::read_width, {}},
+      {"HEIGHT", &PcdHeaderReader::read_height, {}},
+      {"VIEWPOINT", &PcdHeaderReader::read_viewpoint, {}},
+      {"POINTS", &PcdHeaderReader::read_points, {}},
+      {"DATA", &PcdHeaderReader::read_data, {}},
   }};
   std::vector<PointField> fields_;
   std::vector<int> sizes_;
@@ -291,7 +270,7 @@ class HeaderReader {
   std::optional<std::uint64_t> width_;
   std::optional<std::uint64_t> height_;
   std::optional<std::uint64_t> points_;
-  std::optional<Encoding> encoding_;
+  std::optional<PcdEncoding> encoding_;
   std::optional<LengthUnit> unit_;
 };
 
@@ -368,8 +347,8 @@ void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTab
     refuse_at(source, source.offset(), "the file ends before the compressed data",
               "its two sizes of 4 bytes each");
   }
-  const std::uint64_t compressed_size = detail::load_little_endian_32(sizes.data());
-  const std::uint64_t size = detail::load_little_endian_32(sizes.data() + 4);
+  const std::uint64_t compressed_size = detail::load_scalar<std::uint32_t>(sizes.data());
+  const std::uint64_t size = detail::load_scalar<std::uint32_t>(sizes.data() + 4);
 
   // PCL leaves padding out of compressed data, other programs may not; the size decides.
   std::uint64_t bytes_used = 0;
@@ -439,17 +418,17 @@ void skip_page_filling(HeadedSource& source) {
 
 LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
   HeadedSource headed(source, options);
-  HeaderReader header(headed, options.log);
+  PcdHeaderReader header(headed, options.log);
   header.read();
   PointTable table(detail::PointFormat::kPcd, source.name(), header.fields_place(), header.fields(),
                    options);
-  if (header.encoding() == Encoding::kAscii) {
+  if (header.encoding() == PcdEncoding::kAscii) {
     detail::TextRows rows(headed, options.log);
-    detail::read_text_points(rows, headed, header.points(), kPoints, table);
+    detail::read_text_points(rows, headed, header.points(), kPcdPoints, table);
     rows.expect_end();
   } else {
-    if (header.encoding() == Encoding::kBinary) {
-      detail::read_binary_points(headed, header.points(), kPoints, false, table);
+    if (header.encoding() == PcdEncoding::kBinary) {
+      detail::read_binary_points(headed, header.points(), kPcdPoints, false, table);
     } else {
       read_compressed_points(headed, header.points(), table);
     }
@@ -459,7 +438,7 @@ LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
   return std::move(table).finish(header.length_unit());
 }
 
-void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptions& options) {
+void write_pcd(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
   const detail::PointRows rows(
       map, detail::PointFormat::kPcd,
       options.double_precision ? detail::ScalarType::kFloat64 : detail::ScalarType::kFloat32);
@@ -468,11 +447,9 @@ void write_pcd(const LandmarkMap& map, const ByteSink& sink, const PcdWriteOptio
   std::string types = "TYPE";
   std::string counts = "COUNT";
   for (const PointField& field : rows.fields()) {
-    const auto type = std::find_if(kTypeNames.begin(), kTypeNames.end(),
-                                   [&](const TypeName& name) { return name.type == field.type; });
     names += ' ' + field.name;
-    sizes += fmt::format(" {}", type->size);
-    types += fmt::format(" {}", type->letter);
+    sizes += fmt::format(" {}", detail::size_of(field.type));
+    types += fmt::format(" {}", letter_of(field.type));
     counts += " 1";
   }
   rows.write(

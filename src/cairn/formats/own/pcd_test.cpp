@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/pcd.hpp"
-
 #include <algorithm>
 #include <bit>
 #include <cstdint>
@@ -15,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 #include "support/point_clouds.hpp"
 #include "support/refusal.hpp"
@@ -29,18 +28,18 @@ using testing::peak_memory_kb;
 using testing::Pipe;
 using testing::same_bits;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kPcdNan = std::numeric_limits<double>::quiet_NaN();
 
-MapTables rich_tables() {
+MapTables rich_pcd_tables() {
   return testing::rich_tables(LandmarkId{18446744073709551615U});
 }
 
-LandmarkMap read(std::string_view bytes, const MapReadOptions& options = {}) {
+LandmarkMap read_pcd_text(std::string_view bytes, const MapReadOptions& options = {}) {
   MemoryReader source(bytes, "test.pcd");
   return read_pcd(source, options);
 }
 
-std::string written(const LandmarkMap& map, bool ascii) {
+std::string pcd_text(const LandmarkMap& map, bool ascii) {
   std::string bytes;
   write_pcd(map, [&](std::string_view piece) { bytes += piece; },
             {.ascii = ascii, .double_precision = true});
@@ -48,13 +47,13 @@ std::string written(const LandmarkMap& map, bool ascii) {
 }
 
 // The message with which `bytes` are refused; empty if they are not.
-std::string refusal(std::string_view bytes) {
-  return testing::refusal(ErrorKind::kInput, [&] { read(bytes); });
+std::string pcd_refusal(std::string_view bytes) {
+  return testing::refusal(ErrorKind::kInput, [&] { read_pcd_text(bytes); });
 }
 
 // PCD data is little-endian.
 template <class T>
-void put(std::string& bytes, T value) {
+void put_pcd(std::string& bytes, T value) {
   char raw[sizeof value];
   std::memcpy(raw, &value, sizeof value);
   if (std::endian::native == std::endian::big) std::reverse(raw, raw + sizeof value);
@@ -84,9 +83,9 @@ std::string xyz_header(std::string_view points, std::string_view data) {
 }
 
 TEST(Pcd, RoundTripKeepsEveryColumnBitExact) {
-  const LandmarkMap map(rich_tables());
+  const LandmarkMap map(rich_pcd_tables());
   for (const bool ascii : {false, true}) {
-    const LandmarkMap back = read(written(map, ascii));
+    const LandmarkMap back = read_pcd_text(pcd_text(map, ascii));
     expect_same_landmarks(map, back);
     EXPECT_EQ(back.landmarks().columns.size(), 2U);
     EXPECT_FALSE(back.has_observations());
@@ -94,7 +93,7 @@ TEST(Pcd, RoundTripKeepsEveryColumnBitExact) {
 }
 
 TEST(Pcd, WritesAHeaderThatOthersUnderstand) {
-  const std::string bytes = written(LandmarkMap(rich_tables()), true);
+  const std::string bytes = pcd_text(LandmarkMap(rich_pcd_tables()), true);
   const std::size_t size = bytes.find("DATA ascii\n");
   EXPECT_EQ(bytes.substr(0, size),
             "# .PCD v0.7 - Point Cloud Data file format\n# cairn length_unit metres\nVERSION 0.7\n"
@@ -108,7 +107,7 @@ TEST(Pcd, WritesAHeaderThatOthersUnderstand) {
 
 TEST(Pcd, EmptyMapSurvives) {
   for (const bool ascii : {false, true}) {
-    EXPECT_EQ(read(written(LandmarkMap(), ascii)).landmark_count(), 0U);
+    EXPECT_EQ(read_pcd_text(pcd_text(LandmarkMap(), ascii)).landmark_count(), 0U);
   }
 }
 
@@ -122,21 +121,21 @@ TEST(Pcd, ReadsEveryTypeInEveryEncoding) {
           "0.1 1.5 -3 -128 255 -32768 65535 -2147483648 4294967295 -9007199254740992 "
           "9007199254740992 -0.25 -nan\n";
     } else {
-      put(file, 0.1);
-      put(file, 1.5F);
-      put(file, std::int16_t{-3});
-      put(file, std::int8_t{-128});
-      put(file, std::uint8_t{255});
-      put(file, std::int16_t{-32768});
-      put(file, std::uint16_t{65535});
-      put(file, std::numeric_limits<std::int32_t>::min());
-      put(file, std::uint32_t{4294967295U});
-      put(file, std::int64_t{-9007199254740992});
-      put(file, std::uint64_t{9007199254740992});
-      put(file, -0.25F);
-      put(file, kNan);
+      put_pcd(file, 0.1);
+      put_pcd(file, 1.5F);
+      put_pcd(file, std::int16_t{-3});
+      put_pcd(file, std::int8_t{-128});
+      put_pcd(file, std::uint8_t{255});
+      put_pcd(file, std::int16_t{-32768});
+      put_pcd(file, std::uint16_t{65535});
+      put_pcd(file, std::numeric_limits<std::int32_t>::min());
+      put_pcd(file, std::uint32_t{4294967295U});
+      put_pcd(file, std::int64_t{-9007199254740992});
+      put_pcd(file, std::uint64_t{9007199254740992});
+      put_pcd(file, -0.25F);
+      put_pcd(file, kPcdNan);
     }
-    const LandmarkMap map = read(file);
+    const LandmarkMap map = read_pcd_text(file);
     ASSERT_EQ(map.landmark_count(), 1U);
     EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(0.1, 1.5, -3));
     const std::vector<std::pair<const char*, double>> expected = {{"i1", -128},
@@ -148,7 +147,7 @@ TEST(Pcd, ReadsEveryTypeInEveryEncoding) {
                                                                   {"i8", -9.007199254740992e15},
                                                                   {"u8", 9.007199254740992e15},
                                                                   {"f4", -0.25},
-                                                                  {"f8", kNan}};
+                                                                  {"f8", kPcdNan}};
     for (const auto& [name, value] : expected) {
       ASSERT_NE(map.column(name), nullptr) << name;
       EXPECT_TRUE(same_bits(map.column(name)->values[0], value)) << encoding << name;
@@ -164,35 +163,36 @@ TEST(Pcd, ReadsPackedColoursOfEitherType) {
       std::string file =
           header("x y z " + name, "4 4 4 4", "F F F " + type, "1 1 1 1", "3", "binary");
       for (const std::uint32_t packed : packed_colors) {
-        for (const float value : {1.0F, 2.0F, 3.0F}) put(file, value);
-        put(file, packed);
+        for (const float value : {1.0F, 2.0F, 3.0F}) put_pcd(file, value);
+        put_pcd(file, packed);
       }
-      EXPECT_THAT(read(file).landmarks().colors,
+      EXPECT_THAT(read_pcd_text(file).landmarks().colors,
                   ElementsAre(Color{0xc8, 0x80, 0x28}, Color{0x80, 0x01, 0xfe}, Color{0, 0, 0}))
           << name << type;
     }
   }
   const std::string body_of_floats = "1 2 3 1.8413073e-38\n1 2 3 nan\n1 2 3 0\n";
-  const LandmarkMap floats =
-      read(header("x y z rgb", "4 4 4 4", "F F F F", "1 1 1 1", "3", "ascii") + body_of_floats);
+  const LandmarkMap floats = read_pcd_text(
+      header("x y z rgb", "4 4 4 4", "F F F F", "1 1 1 1", "3", "ascii") + body_of_floats);
   EXPECT_THAT(floats.landmarks().colors,
               ElementsAre(Color{0xc8, 0x80, 0x28}, std::nullopt, Color{0, 0, 0}));
-  const LandmarkMap integers =
-      read(header("x y z rgb", "4 4 4 4", "F F F U", "1 1 1 1", "1", "ascii") + "1 2 3 13139968\n");
+  const LandmarkMap integers = read_pcd_text(
+      header("x y z rgb", "4 4 4 4", "F F F U", "1 1 1 1", "1", "ascii") + "1 2 3 13139968\n");
   EXPECT_THAT(integers.landmarks().colors, ElementsAre(Color{0xc8, 0x80, 0x00}));
   // A number of eight bytes is no packed colour.
-  const LandmarkMap wide =
-      read(header("x y z rgb", "4 4 4 8", "F F F F", "1 1 1 1", "1", "ascii") + "1 2 3 0.5\n");
+  const LandmarkMap wide = read_pcd_text(
+      header("x y z rgb", "4 4 4 8", "F F F F", "1 1 1 1", "1", "ascii") + "1 2 3 0.5\n");
   EXPECT_TRUE(wide.landmarks().colors.empty());
   EXPECT_THAT(wide.column("rgb")->values, ElementsAre(0.5));
   // Its name stays its own when the map is written: no other field is a colour then.
-  const LandmarkMap both = read(header("x y z rgb rgba red green blue", "4 4 4 8 4 1 1 1",
-                                       "F F F F U U U U", "1 1 1 1 1 1 1 1", "1", "ascii") +
-                                "1 2 3 0.5 9 1 1 1\n");
+  const LandmarkMap both =
+      read_pcd_text(header("x y z rgb rgba red green blue", "4 4 4 8 4 1 1 1", "F F F F U U U U",
+                           "1 1 1 1 1 1 1 1", "1", "ascii") +
+                    "1 2 3 0.5 9 1 1 1\n");
   EXPECT_TRUE(both.landmarks().colors.empty());
-  expect_same_landmarks(both, read(written(both, false)));
+  expect_same_landmarks(both, read_pcd_text(pcd_text(both, false)));
   // Neither are separate channels lost.
-  const LandmarkMap channels = read(
+  const LandmarkMap channels = read_pcd_text(
       header("x y z red green blue", "4 4 4 1 1 1", "F F F U U U", "1 1 1 1 1 1", "1", "ascii") +
       "1 2 3 4 5 6\n");
   EXPECT_THAT(channels.landmarks().colors, ElementsAre(Color{4, 5, 6}));
@@ -209,15 +209,15 @@ TEST(Pcd, PassesOverPaddingAndFieldsOfManyValues) {
   std::string binary = head("binary");
   for (const float offset : {0.0F, 10.0F}) {
     binary += "abc";
-    for (const float value : {1.0F, 2.0F, 3.0F}) put(binary, value + offset);
+    for (const float value : {1.0F, 2.0F, 3.0F}) put_pcd(binary, value + offset);
     binary += "defg";
-    for (const float value : {0.5F, 0.25F}) put(binary, value);
-    put(binary, static_cast<std::uint16_t>(offset));
+    for (const float value : {0.5F, 0.25F}) put_pcd(binary, value);
+    put_pcd(binary, static_cast<std::uint16_t>(offset));
   }
   const std::string ascii =
       head("ascii") + "0 0 0 1 2 3 0 0 0 0 0.5 0.25 0\n0 0 0 11 12 13 0 0 0 0 0.5 0.25 10\n";
   for (const std::string& file : {binary, ascii}) {
-    const LandmarkMap map = read(file, options);
+    const LandmarkMap map = read_pcd_text(file, options);
     ASSERT_EQ(map.landmark_count(), 2U);
     EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(11, 12, 13));
     ASSERT_EQ(map.landmarks().columns.size(), 1U);
@@ -231,9 +231,10 @@ TEST(Pcd, LeavesOutPointsWithoutAFinitePosition) {
   std::vector<std::string> remarks;
   MapReadOptions options;
   options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  const LandmarkMap map = read(header("x y z id", "4 4 4 8", "F F F U", "1 1 1 1", "3", "ascii") +
-                                   "nan nan nan 5\n1 2 3 18446744073709551615\n1 inf 3 5\n",
-                               options);
+  const LandmarkMap map =
+      read_pcd_text(header("x y z id", "4 4 4 8", "F F F U", "1 1 1 1", "3", "ascii") +
+                        "nan nan nan 5\n1 2 3 18446744073709551615\n1 inf 3 5\n",
+                    options);
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{18446744073709551615U}));
   EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd: 2 of 3 landmarks left out")));
 }
@@ -242,19 +243,20 @@ TEST(Pcd, TakesOlderHeadersAndTellsOfAViewpoint) {
   std::vector<std::string> remarks;
   MapReadOptions options;
   options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  const LandmarkMap old = read(
+  const LandmarkMap old = read_pcd_text(
       "# .PCD v.5 - Point Cloud Data file format\r\nVERSION .5\r\nCOLUMNS x y z\r\nSIZE 4 4 4\r\n"
       "TYPE F F F\r\nWIDTH 2\r\nHEIGHT 1\r\nDATA ascii\r\n1 2 3\r\n4 5 6\r\n",
       options);
   EXPECT_EQ(old.landmark_count(), 2U);
   EXPECT_TRUE(remarks.empty());
-  const LandmarkMap moved = read(
+  const LandmarkMap moved = read_pcd_text(
       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n# a remark\nWIDTH 1\n"
       "HEIGHT 1\nVIEWPOINT 1 2 3 1 0 0 0\nPOINTS 1\nDATA ascii\n1 2 3\n",
       options);
   EXPECT_EQ(moved.landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
   EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd:9: the VIEWPOINT is not applied")));
-  EXPECT_EQ(read("VERSION 0.6\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 1\nDATA ascii\n1 2 3\n")
+  EXPECT_EQ(read_pcd_text(
+                "VERSION 0.6\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 1\nDATA ascii\n1 2 3\n")
                 .landmark_count(),
             1U);
 }
@@ -262,17 +264,17 @@ TEST(Pcd, TakesOlderHeadersAndTellsOfAViewpoint) {
 // Compressed data of `size` bytes, with the sizes in front.
 std::string compressed_block(const std::string& instructions, std::uint32_t size) {
   std::string bytes;
-  put(bytes, static_cast<std::uint32_t>(instructions.size()));
-  put(bytes, size);
+  put_pcd(bytes, static_cast<std::uint32_t>(instructions.size()));
+  put_pcd(bytes, size);
   return bytes + instructions;
 }
 
 // Twelve points, field by field: x 1.0, y 1.0 and z 2.0 throughout.
 std::string compressed_points() {
   std::string one;
-  put(one, 1.0F);
+  put_pcd(one, 1.0F);
   std::string two;
-  put(two, 2.0F);
+  put_pcd(two, 2.0F);
   std::string instructions;
   instructions += '\x03';  // four bytes as they are
   instructions += one;
@@ -291,8 +293,8 @@ std::string compressed_points() {
 }
 
 TEST(Pcd, ReadsCompressedData) {
-  const LandmarkMap map =
-      read(xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144));
+  const LandmarkMap map = read_pcd_text(xyz_header("12", "binary_compressed") +
+                                        compressed_block(compressed_points(), 144));
   ASSERT_EQ(map.landmark_count(), 12U);
   for (const auto& position : map.landmarks().positions) {
     EXPECT_EQ(position, Eigen::Vector3d(1, 1, 2));
@@ -303,10 +305,10 @@ TEST(Pcd, BinaryDataMayBeFilledUpWithAPageOfZeros) {
   for (const std::string& file :
        {xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144),
         xyz_header("12", "binary") + std::string(144, '\0')}) {
-    EXPECT_EQ(read(file + std::string(4096, '\0')).landmark_count(), 12U);
-    EXPECT_EQ(read(file + std::string(65536, '\0')).landmark_count(), 12U);
-    EXPECT_THAT(refusal(file + std::string(65537, '\0')), HasSubstr("more data"));
-    EXPECT_THAT(refusal(file + std::string(50, '\0') + 'a'),
+    EXPECT_EQ(read_pcd_text(file + std::string(4096, '\0')).landmark_count(), 12U);
+    EXPECT_EQ(read_pcd_text(file + std::string(65536, '\0')).landmark_count(), 12U);
+    EXPECT_THAT(pcd_refusal(file + std::string(65537, '\0')), HasSubstr("more data"));
+    EXPECT_THAT(pcd_refusal(file + std::string(50, '\0') + 'a'),
                 HasSubstr("test.pcd: byte " + std::to_string(file.size() + 50) + ": more data"));
   }
 }
@@ -322,10 +324,10 @@ TEST(Pcd, SaysThatLineEndsFollowTheData) {
        {xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144),
         xyz_header("12", "binary") + std::string(144, '\0')}) {
     losses.clear();
-    EXPECT_EQ(read(file + "\r\n", options).landmark_count(), 12U);
+    EXPECT_EQ(read_pcd_text(file + "\r\n", options).landmark_count(), 12U);
     EXPECT_THAT(losses, ElementsAre(HasSubstr("test.pcd: byte " + std::to_string(file.size()) +
                                               ": 2 bytes after the data")));
-    EXPECT_THAT(refusal(file + "\n1"), HasSubstr("more data"));
+    EXPECT_THAT(pcd_refusal(file + "\n1"), HasSubstr("more data"));
   }
 }
 
@@ -336,7 +338,7 @@ TEST(Pcd, SaysThatTheLastLineDoesNotEnd) {
     EXPECT_EQ(remark.kind, RemarkKind::kLoss);
     losses.emplace_back(remark.text);
   };
-  EXPECT_EQ(read(xyz_header("2", "ascii") + "1 2 3\n4 5 6", options).landmark_count(), 2U);
+  EXPECT_EQ(read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n4 5 6", options).landmark_count(), 2U);
   EXPECT_THAT(losses, ElementsAre(HasSubstr("test.pcd:13: the last line does not end")));
 }
 
@@ -350,10 +352,10 @@ TEST(Pcd, TakesThePointsOfAHeaderWithoutAnArea) {
   const std::string head =
       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 0\nHEIGHT 0\nPOINTS 2\nDATA "
       "binary\n";
-  EXPECT_EQ(read(head + std::string(24, '\0'), options).landmark_count(), 2U);
+  EXPECT_EQ(read_pcd_text(head + std::string(24, '\0'), options).landmark_count(), 2U);
   EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd:7: WIDTH times HEIGHT is 0; POINTS, 2")));
-  EXPECT_THAT(refusal(head + std::string(12, '\0')), HasSubstr("ends after 1 of 2 points"));
-  EXPECT_THAT(refusal(head + std::string(36, '\0') + 'x'), HasSubstr("more data"));
+  EXPECT_THAT(pcd_refusal(head + std::string(12, '\0')), HasSubstr("ends after 1 of 2 points"));
+  EXPECT_THAT(pcd_refusal(head + std::string(36, '\0') + 'x'), HasSubstr("more data"));
 }
 
 TEST(Pcd, LeavesOutPointsThatAreTooFarAway) {
@@ -361,18 +363,21 @@ TEST(Pcd, LeavesOutPointsThatAreTooFarAway) {
   MapReadOptions options;
   options.log = [&](const Remark& remark) { losses.emplace_back(remark.text); };
   const LandmarkMap map =
-      read(xyz_header("2", "ascii") + "1 2 3\n-1.687745e+09 -213.4 -1.5e-11\n", options);
+      read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n-1.687745e+09 -213.4 -1.5e-11\n", options);
   EXPECT_EQ(map.landmark_count(), 1U);
   EXPECT_THAT(losses, ElementsAre(HasSubstr("1 of 2 landmarks left out")));
 }
 
 TEST(Pcd, StatesItsUnitOrHasNone) {
-  EXPECT_EQ(read(xyz_header("0", "ascii")).info().length_unit, LengthUnit::kFree);
-  EXPECT_EQ(read("# cairn length_unit metres\n" + xyz_header("0", "ascii")).info().length_unit,
-            LengthUnit::kMetres);
+  EXPECT_EQ(read_pcd_text(xyz_header("0", "ascii")).info().length_unit, LengthUnit::kFree);
+  EXPECT_EQ(
+      read_pcd_text("# cairn length_unit metres\n" + xyz_header("0", "ascii")).info().length_unit,
+      LengthUnit::kMetres);
   // Cairn once stated free scales only.
   const auto unit_of = [](std::string_view fields, std::string_view types) {
-    return read(header(fields, "4 4 4 4 4", types, "1 1 1 1 1", "0", "ascii")).info().length_unit;
+    return read_pcd_text(header(fields, "4 4 4 4 4", types, "1 1 1 1 1", "0", "ascii"))
+        .info()
+        .length_unit;
   };
   EXPECT_EQ(unit_of("x y z observations id", "F F F U U"), LengthUnit::kMetres);
   EXPECT_EQ(unit_of("x y z observations id", "F F F F U"), LengthUnit::kFree);
@@ -384,11 +389,11 @@ TEST(Pcd, CompressedDataMayHoldPaddingOrNot) {
                                   "2", "binary_compressed");
   for (const bool has_padding : {false, true}) {
     std::string bytes;
-    for (const float value : {1.0F, 4.0F, 2.0F, 5.0F, 3.0F, 6.0F}) put(bytes, value);
+    for (const float value : {1.0F, 4.0F, 2.0F, 5.0F, 3.0F, 6.0F}) put_pcd(bytes, value);
     if (has_padding) bytes += "________";
     bytes += "aabb";
-    put(bytes, std::uint16_t{7});
-    put(bytes, std::uint16_t{8});
+    put_pcd(bytes, std::uint16_t{7});
+    put_pcd(bytes, std::uint16_t{8});
     // As they are: no more than 32 at once.
     std::string instructions;
     for (std::size_t i = 0; i < bytes.size(); i += 32) {
@@ -396,8 +401,8 @@ TEST(Pcd, CompressedDataMayHoldPaddingOrNot) {
       instructions += static_cast<char>(part.size() - 1);
       instructions += part;
     }
-    const LandmarkMap map =
-        read(head + compressed_block(instructions, static_cast<std::uint32_t>(bytes.size())));
+    const LandmarkMap map = read_pcd_text(
+        head + compressed_block(instructions, static_cast<std::uint32_t>(bytes.size())));
     ASSERT_EQ(map.landmark_count(), 2U);
     EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
     EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
@@ -412,34 +417,34 @@ TEST(Pcd, RefusesMalformedCompressedData) {
     return "test.pcd: byte " + std::to_string(head.size() + offset) + ": ";
   };
   const std::string size_144 = compressed_block(good, 144);
-  EXPECT_EQ(refusal(head + size_144), "");
-  EXPECT_THAT(refusal(head), HasSubstr(at(0) + "the file ends before the compressed data"));
-  EXPECT_THAT(refusal(head + size_144 + "x"),
+  EXPECT_EQ(pcd_refusal(head + size_144), "");
+  EXPECT_THAT(pcd_refusal(head), HasSubstr(at(0) + "the file ends before the compressed data"));
+  EXPECT_THAT(pcd_refusal(head + size_144 + "x"),
               HasSubstr(at(8 + good.size()) + "more data than the header announces"));
-  EXPECT_THAT(refusal(head + compressed_block(good, 145)),
+  EXPECT_THAT(pcd_refusal(head + compressed_block(good, 145)),
               HasSubstr(at(4) + "an uncompressed size of 145 bytes; expected 12 points of 12"));
-  EXPECT_THAT(refusal(head + size_144.substr(0, 20)),
+  EXPECT_THAT(pcd_refusal(head + size_144.substr(0, 20)),
               HasSubstr(at(20) + "the file ends after 12 bytes of compressed data"));
   // Literals and references that are cut off.
   for (const char* const cut : {"\5ab", "\40", "\340\1"}) {
-    EXPECT_THAT(refusal(head + compressed_block(std::string(good).append(cut), 144)),
+    EXPECT_THAT(pcd_refusal(head + compressed_block(std::string(good).append(cut), 144)),
                 HasSubstr(at(8 + good.size()) + "the compressed data ends within an instruction"));
   }
-  EXPECT_THAT(refusal(head + compressed_block(std::string("\x00"
-                                                          "a\x20\x01",
-                                                          4),
-                                              144)),
+  EXPECT_THAT(pcd_refusal(head + compressed_block(std::string("\x00"
+                                                              "a\x20\x01",
+                                                              4),
+                                                  144)),
               HasSubstr(at(10) + "the compressed data refers to before its start"));
-  EXPECT_THAT(refusal(head + compressed_block(good + std::string("\x20\x00", 2), 144)),
+  EXPECT_THAT(pcd_refusal(head + compressed_block(good + std::string("\x20\x00", 2), 144)),
               HasSubstr(at(8 + good.size()) + "the compressed data holds more than announced"));
-  EXPECT_THAT(refusal(head + compressed_block(good + std::string("\x00x", 2), 144)),
+  EXPECT_THAT(pcd_refusal(head + compressed_block(good + std::string("\x00x", 2), 144)),
               HasSubstr("the compressed data holds more than announced"));
-  EXPECT_THAT(refusal(head + compressed_block(good.substr(0, good.size() - 3), 144)),
+  EXPECT_THAT(pcd_refusal(head + compressed_block(good.substr(0, good.size() - 3), 144)),
               HasSubstr(at(8 + good.size() - 3) + "the compressed data holds less than announced"));
-  EXPECT_THAT(
-      refusal(xyz_header("300000000", "binary_compressed") + compressed_block(good, 3600000000U)),
-      HasSubstr("at most 88 times as many"));
-  EXPECT_EQ(refusal(xyz_header("0", "binary_compressed") + compressed_block("", 0)), "");
+  EXPECT_THAT(pcd_refusal(xyz_header("300000000", "binary_compressed") +
+                          compressed_block(good, 3600000000U)),
+              HasSubstr("at most 88 times as many"));
+  EXPECT_EQ(pcd_refusal(xyz_header("0", "binary_compressed") + compressed_block("", 0)), "");
 }
 
 TEST(Pcd, RefusesMalformedInput) {
@@ -496,25 +501,25 @@ TEST(Pcd, RefusesMalformedInput) {
        {"test.pcd:12: field 6 (d)", "missing"}},
   };
   for (const Case& malformed : cases) {
-    const std::string message = refusal(malformed.file);
+    const std::string message = pcd_refusal(malformed.file);
     for (const std::string& fragment : malformed.fragments) {
       EXPECT_THAT(message, HasSubstr(fragment)) << malformed.file.substr(0, 400);
     }
   }
   const std::string binary = xyz_header("2", "binary");
-  EXPECT_EQ(refusal(binary + std::string(24, '\0')), "");
-  EXPECT_EQ(refusal(binary + std::string(17, '\0')),
+  EXPECT_EQ(pcd_refusal(binary + std::string(24, '\0')), "");
+  EXPECT_EQ(pcd_refusal(binary + std::string(17, '\0')),
             "test.pcd: byte " + std::to_string(binary.size() + 17) +
                 ": field 2 (y): the file ends after 1 of 2 points; expected 12 bytes for each");
-  EXPECT_THAT(refusal(binary + std::string(24, '\0') + 'x'), HasSubstr("the file to end here"));
+  EXPECT_THAT(pcd_refusal(binary + std::string(24, '\0') + 'x'), HasSubstr("the file to end here"));
 }
 
 TEST(Pcd, AColumnOfATakenNameIsNotWritten) {
   for (const char* const name : {"x", "rgb", "_"}) {
-    MapTables tables = rich_tables();
+    MapTables tables = rich_pcd_tables();
     tables.landmarks.columns[0].name = name;
     try {
-      written(LandmarkMap(std::move(tables)), true);
+      pcd_text(LandmarkMap(std::move(tables)), true);
       FAIL() << name;
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
@@ -524,20 +529,20 @@ TEST(Pcd, AColumnOfATakenNameIsNotWritten) {
 }
 
 std::vector<std::string> samples() {
-  const LandmarkMap map(rich_tables());
-  return {written(map, false), written(map, true),
+  const LandmarkMap map(rich_pcd_tables());
+  return {pcd_text(map, false), pcd_text(map, true),
           xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144)};
 }
 
 TEST(Pcd, RefusesEveryTruncation) {
   for (const std::string& whole : samples()) {
-    EXPECT_EQ(refusal(whole), "");
+    EXPECT_EQ(pcd_refusal(whole), "");
     // Within the last number of a text, the cut is only remarked on.
     const bool is_text = whole.back() == '\n';
     const std::size_t end = is_text ? whole.rfind(' ') + 1 : whole.size() - 1;
     for (std::size_t size = 0; size <= end; ++size) {
       const std::string_view cut = std::string_view(whole).substr(0, size);
-      EXPECT_THAT(refusal(cut), HasSubstr("test.pcd:")) << size;
+      EXPECT_THAT(pcd_refusal(cut), HasSubstr("test.pcd:")) << size;
       Pipe pipe(cut, 5);
       EXPECT_THROW(read_pcd(pipe), Error) << size;
     }
@@ -552,7 +557,7 @@ TEST(Pcd, AnyDamageIsReadOrRefused) {
       for (std::uint32_t k = random() % 4; k < 4; ++k) {
         damaged[random() % damaged.size()] = static_cast<char>(random() % 256);
       }
-      refusal(damaged);
+      pcd_refusal(damaged);
     }
   }
 }
@@ -567,7 +572,7 @@ TEST(Pcd, AnnouncedCountsCostNoMemory) {
         xyz_header("300000000", "binary_compressed") +
             compressed_block(compressed_points(), 3600000000U),
         xyz_header("12", "binary_compressed") + "\xff\xff\xff\xff\x90" + std::string(3, '\0')}) {
-    EXPECT_NE(refusal(file), "");
+    EXPECT_NE(pcd_refusal(file), "");
     Pipe pipe(file, 1 << 20);
     EXPECT_THROW(read_pcd(pipe), Error);
   }
@@ -578,7 +583,7 @@ TEST(Pcd, APipeIsReadLikeAFile) {
   for (const std::size_t piece : {1, 7, 100000}) {
     for (const std::string& bytes : samples()) {
       Pipe pipe(bytes, piece);
-      expect_same_landmarks(read(bytes), read_pcd(pipe));
+      expect_same_landmarks(read_pcd_text(bytes), read_pcd(pipe));
     }
   }
 }
@@ -590,7 +595,7 @@ TEST(Pcd, StopsWhenAsked) {
   options.stop = stop.get_token();
   for (const std::string& bytes : samples()) {
     try {
-      read(bytes, options);
+      read_pcd_text(bytes, options);
       FAIL();
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kCancelled);

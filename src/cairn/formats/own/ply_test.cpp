@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own/ply.hpp"
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -16,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/formats/own_formats.hpp"
 
 #include "support/point_clouds.hpp"
 #include "support/refusal.hpp"
@@ -30,30 +29,30 @@ using testing::peak_memory_kb;
 using testing::Pipe;
 using testing::same_bits;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kPlyNan = std::numeric_limits<double>::quiet_NaN();
 
-MapTables rich_tables() {
+MapTables rich_ply_tables() {
   return testing::rich_tables(LandmarkId{4294967295U});
 }
 
-LandmarkMap read(std::string_view bytes, const MapReadOptions& options = {}) {
+LandmarkMap read_ply_text(std::string_view bytes, const MapReadOptions& options = {}) {
   MemoryReader source(bytes, "test.ply");
   return read_ply(source, options);
 }
 
-std::string written(const LandmarkMap& map, bool ascii) {
+std::string ply_text(const LandmarkMap& map, bool ascii) {
   std::string bytes;
   write_ply(map, [&](std::string_view piece) { bytes += piece; }, {.ascii = ascii});
   return bytes;
 }
 
 // The message with which `bytes` are refused; empty if they are not.
-std::string refusal(std::string_view bytes) {
-  return testing::refusal(ErrorKind::kInput, [&] { read(bytes); });
+std::string ply_refusal(std::string_view bytes) {
+  return testing::refusal(ErrorKind::kInput, [&] { read_ply_text(bytes); });
 }
 
 template <class T>
-void put(std::string& bytes, T value, bool big_endian) {
+void put_ply(std::string& bytes, T value, bool big_endian) {
   char raw[sizeof value];
   std::memcpy(raw, &value, sizeof value);
   if (big_endian != (std::endian::native == std::endian::big)) {
@@ -63,9 +62,9 @@ void put(std::string& bytes, T value, bool big_endian) {
 }
 
 TEST(Ply, RoundTripKeepsEveryColumnBitExact) {
-  const LandmarkMap map(rich_tables());
+  const LandmarkMap map(rich_ply_tables());
   for (const bool ascii : {false, true}) {
-    const LandmarkMap back = read(written(map, ascii));
+    const LandmarkMap back = read_ply_text(ply_text(map, ascii));
     expect_same_landmarks(map, back);
     EXPECT_EQ(back.landmarks().columns.size(), 2U);
     EXPECT_EQ(back.frame_count(), 0U);
@@ -74,7 +73,7 @@ TEST(Ply, RoundTripKeepsEveryColumnBitExact) {
 }
 
 TEST(Ply, WritesAHeaderThatOthersUnderstand) {
-  const std::string bytes = written(LandmarkMap(rich_tables()), false);
+  const std::string bytes = ply_text(LandmarkMap(rich_ply_tables()), false);
   EXPECT_EQ(
       bytes.substr(0, bytes.find("end_header\n")),
       "ply\nformat binary_little_endian 1.0\ncomment cairn length_unit metres\nelement vertex 3\n"
@@ -87,7 +86,7 @@ TEST(Ply, WritesAHeaderThatOthersUnderstand) {
 
 TEST(Ply, EmptyMapSurvives) {
   for (const bool ascii : {false, true}) {
-    EXPECT_EQ(read(written(LandmarkMap(), ascii)).landmark_count(), 0U);
+    EXPECT_EQ(read_ply_text(ply_text(LandmarkMap(), ascii)).landmark_count(), 0U);
   }
 }
 
@@ -104,12 +103,13 @@ TEST(Ply, ObservationCountsComeBackAsAColumn) {
   tables.observations.pixels.resize(3);
   const LandmarkMap map(std::move(tables));
   for (const bool ascii : {false, true}) {
-    const LandmarkMap back = read(written(map, ascii));
+    const LandmarkMap back = read_ply_text(ply_text(map, ascii));
     ASSERT_NE(back.column("observations"), nullptr);
     EXPECT_THAT(back.column("observations")->values, ElementsAre(2, 0, 1));
     EXPECT_FALSE(back.has_observations());
     // And once more, now from the column.
-    EXPECT_THAT(read(written(back, ascii)).column("observations")->values, ElementsAre(2, 0, 1));
+    EXPECT_THAT(read_ply_text(ply_text(back, ascii)).column("observations")->values,
+                ElementsAre(2, 0, 1));
   }
 }
 
@@ -132,31 +132,31 @@ TEST(Ply, ReadsEveryTypeInEveryEncoding) {
         file += "+4 5 6 127 0 32767 0 2147483647 0 nan -1e300\n";
       } else {
         const bool big = encoding == "binary_big_endian";
-        for (const float value : {1.5F, -2.0F, 30.0F}) put(file, value, big);
-        put(file, std::int8_t{-128}, big);
-        put(file, std::uint8_t{255}, big);
-        put(file, std::int16_t{-32768}, big);
-        put(file, std::uint16_t{65535}, big);
-        put(file, std::numeric_limits<std::int32_t>::min(), big);
-        put(file, std::uint32_t{4294967295U}, big);
-        put(file, -0.25F, big);
-        put(file, 0.1, big);
-        for (const float value : {4.0F, 5.0F, 6.0F}) put(file, value, big);
-        put(file, std::int8_t{127}, big);
-        put(file, std::uint8_t{0}, big);
-        put(file, std::int16_t{32767}, big);
-        put(file, std::uint16_t{0}, big);
-        put(file, std::numeric_limits<std::int32_t>::max(), big);
-        put(file, std::uint32_t{0}, big);
-        put(file, std::numeric_limits<float>::quiet_NaN(), big);
-        put(file, -1e300, big);
+        for (const float value : {1.5F, -2.0F, 30.0F}) put_ply(file, value, big);
+        put_ply(file, std::int8_t{-128}, big);
+        put_ply(file, std::uint8_t{255}, big);
+        put_ply(file, std::int16_t{-32768}, big);
+        put_ply(file, std::uint16_t{65535}, big);
+        put_ply(file, std::numeric_limits<std::int32_t>::min(), big);
+        put_ply(file, std::uint32_t{4294967295U}, big);
+        put_ply(file, -0.25F, big);
+        put_ply(file, 0.1, big);
+        for (const float value : {4.0F, 5.0F, 6.0F}) put_ply(file, value, big);
+        put_ply(file, std::int8_t{127}, big);
+        put_ply(file, std::uint8_t{0}, big);
+        put_ply(file, std::int16_t{32767}, big);
+        put_ply(file, std::uint16_t{0}, big);
+        put_ply(file, std::numeric_limits<std::int32_t>::max(), big);
+        put_ply(file, std::uint32_t{0}, big);
+        put_ply(file, std::numeric_limits<float>::quiet_NaN(), big);
+        put_ply(file, -1e300, big);
       }
-      const LandmarkMap map = read(file);
+      const LandmarkMap map = read_ply_text(file);
       ASSERT_EQ(map.landmark_count(), 2U) << encoding;
       EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(1.5, -2, 30));
       EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
       const double first[] = {-128, 255, -32768, 65535, -2147483648.0, 4294967295.0, -0.25, 0.1};
-      const double second[] = {127, 0, 32767, 0, 2147483647.0, 0, kNan, -1e300};
+      const double second[] = {127, 0, 32767, 0, 2147483647.0, 0, kPlyNan, -1e300};
       for (std::size_t i = 0; i < 8; ++i) {
         const NamedColumn* const column = map.column(std::string("c_") + names[i]);
         ASSERT_NE(column, nullptr) << names[i];
@@ -180,31 +180,31 @@ std::string file_with_lists(const std::string& encoding) {
     return file + "500 2 1 -1\n501 0\n3\n4\n2 0.5 0.5 1 2 0 3 10\n0 4 5 3 7 8 9 6 11\n3 0 1 0\n0\n";
   }
   const bool big = encoding == "binary_big_endian";
-  put(file, 500.0F, big);
-  put(file, std::uint8_t{2}, big);
-  put(file, std::int16_t{1}, big);
-  put(file, std::int16_t{-1}, big);
-  put(file, 501.0F, big);
-  put(file, std::uint8_t{0}, big);
-  for (const double value : {3.0, 4.0}) put(file, value, big);
-  put(file, std::uint8_t{2}, big);
-  put(file, 0.5, big);
-  put(file, 0.5, big);
-  put(file, 1.0F, big);
-  put(file, 2.0F, big);
-  put(file, std::int32_t{0}, big);
-  put(file, 3.0F, big);
-  put(file, std::uint16_t{10}, big);
-  put(file, std::uint8_t{0}, big);
-  put(file, 4.0F, big);
-  put(file, 5.0F, big);
-  put(file, std::int32_t{3}, big);
+  put_ply(file, 500.0F, big);
+  put_ply(file, std::uint8_t{2}, big);
+  put_ply(file, std::int16_t{1}, big);
+  put_ply(file, std::int16_t{-1}, big);
+  put_ply(file, 501.0F, big);
+  put_ply(file, std::uint8_t{0}, big);
+  for (const double value : {3.0, 4.0}) put_ply(file, value, big);
+  put_ply(file, std::uint8_t{2}, big);
+  put_ply(file, 0.5, big);
+  put_ply(file, 0.5, big);
+  put_ply(file, 1.0F, big);
+  put_ply(file, 2.0F, big);
+  put_ply(file, std::int32_t{0}, big);
+  put_ply(file, 3.0F, big);
+  put_ply(file, std::uint16_t{10}, big);
+  put_ply(file, std::uint8_t{0}, big);
+  put_ply(file, 4.0F, big);
+  put_ply(file, 5.0F, big);
+  put_ply(file, std::int32_t{3}, big);
   file += "\x07\x08\x09";
-  put(file, 6.0F, big);
-  put(file, std::uint16_t{11}, big);
-  put(file, std::uint8_t{3}, big);
-  for (const std::int32_t value : {0, 1, 0}) put(file, value, big);
-  put(file, std::uint8_t{0}, big);
+  put_ply(file, 6.0F, big);
+  put_ply(file, std::uint16_t{11}, big);
+  put_ply(file, std::uint8_t{3}, big);
+  for (const std::int32_t value : {0, 1, 0}) put_ply(file, value, big);
+  put_ply(file, std::uint8_t{0}, big);
   return file;
 }
 
@@ -213,7 +213,7 @@ TEST(Ply, PassesOverListsAndOtherElements) {
     std::vector<std::string> remarks;
     MapReadOptions options;
     options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-    const LandmarkMap map = read(file_with_lists(encoding), options);
+    const LandmarkMap map = read_ply_text(file_with_lists(encoding), options);
     ASSERT_EQ(map.landmark_count(), 2U) << encoding;
     EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
     EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
@@ -225,7 +225,7 @@ TEST(Ply, PassesOverListsAndOtherElements) {
 }
 
 TEST(Ply, TakesCommentsBlankLinesAndCrLf) {
-  const LandmarkMap map = read(
+  const LandmarkMap map = read_ply_text(
       "ply\r\ncomment made by hand\r\nformat ascii 1.0\r\nobj_info what ever\r\n"
       "element vertex 2\r\nproperty float x\r\ncomment\r\nproperty\tfloat  y\r\n"
       "property float z\r\n\r\nend_header\r\n\r\n1 2 3\r\n\r\n  4\t5   6 \r\n\r\n");
@@ -235,8 +235,8 @@ TEST(Ply, TakesCommentsBlankLinesAndCrLf) {
   std::string binary =
       "ply\r\nformat binary_little_endian 1.0\r\nelement vertex 1\r\nproperty float x\r\n"
       "property float y\r\nproperty float z\r\nend_header\r\n";
-  for (const float value : {1.0F, 2.0F, 3.0F}) put(binary, value, false);
-  EXPECT_EQ(read(binary).landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
+  for (const float value : {1.0F, 2.0F, 3.0F}) put_ply(binary, value, false);
+  EXPECT_EQ(read_ply_text(binary).landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
 }
 
 constexpr std::string_view kXyz = "property float x\nproperty float y\nproperty float z\n";
@@ -250,7 +250,7 @@ TEST(Ply, LeavesOutPointsWithoutAFinitePosition) {
   std::vector<std::string> remarks;
   MapReadOptions options;
   options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  const LandmarkMap map = read(
+  const LandmarkMap map = read_ply_text(
       ascii_file(4,
                  "property uint id\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
                  "property float q\n",
@@ -268,8 +268,8 @@ TEST(Ply, TakesInfiniteValuesAsUnknown) {
   std::vector<std::string> remarks;
   MapReadOptions options;
   options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  const LandmarkMap map =
-      read(ascii_file(3, "property float q\n", "0 0 0 inf\n0 0 1 2.5\n0 0 2 -inf\n"), options);
+  const LandmarkMap map = read_ply_text(
+      ascii_file(3, "property float q\n", "0 0 0 inf\n0 0 1 2.5\n0 0 2 -inf\n"), options);
   ASSERT_EQ(map.landmark_count(), 3U);
   EXPECT_TRUE(std::isnan(map.column("q")->values[0]));
   EXPECT_EQ(map.column("q")->values[1], 2.5);
@@ -277,57 +277,58 @@ TEST(Ply, TakesInfiniteValuesAsUnknown) {
 }
 
 TEST(Ply, TakesColoursAndCovariancesOnlyIfComplete) {
-  const LandmarkMap partial = read(ascii_file(
+  const LandmarkMap partial = read_ply_text(ascii_file(
       1, "property uchar red\nproperty uchar green\nproperty double cov_xx\n", "1 2 3 9 8 7\n"));
   EXPECT_TRUE(partial.landmarks().colors.empty());
   EXPECT_FALSE(partial.has_covariances());
   EXPECT_THAT(partial.column("green")->values, ElementsAre(8));
   EXPECT_THAT(partial.column("cov_xx")->values, ElementsAre(7));
-  expect_same_landmarks(partial, read(written(partial, false)));
+  expect_same_landmarks(partial, read_ply_text(ply_text(partial, false)));
 
   // Shares from 0 to 1 are not what a colour is here.
-  const LandmarkMap shares = read(ascii_file(
+  const LandmarkMap shares = read_ply_text(ascii_file(
       1, "property float red\nproperty float green\nproperty float blue\n", "1 2 3 0.5 1 0\n"));
   EXPECT_TRUE(shares.landmarks().colors.empty());
   EXPECT_THAT(shares.column("red")->values, ElementsAre(0.5));
 
-  MapTables tables = rich_tables();
+  MapTables tables = rich_ply_tables();
   tables.landmarks.colors[1].reset();
-  EXPECT_TRUE(read(written(LandmarkMap(std::move(tables)), false)).landmarks().colors.empty());
+  EXPECT_TRUE(
+      read_ply_text(ply_text(LandmarkMap(std::move(tables)), false)).landmarks().colors.empty());
 }
 
 TEST(Ply, TakesIdsOnlyIfTheyAreDistinctIntegers) {
   const std::string body = "0 0 0 9\n0 0 1 3\n";
-  EXPECT_THAT(read(ascii_file(2, "property int id\n", body)).landmarks().ids,
+  EXPECT_THAT(read_ply_text(ascii_file(2, "property int id\n", body)).landmarks().ids,
               ElementsAre(LandmarkId{9}, LandmarkId{3}));
   for (const auto& [properties, rows] :
        {std::pair<std::string, std::string>{"property float id\n", body},
         {"property int id\n", "0 0 0 -1\n0 0 1 3\n"},
         {"property uchar id\n", "0 0 0 3\n0 0 1 3\n"}}) {
-    const LandmarkMap map = read(ascii_file(2, properties, rows));
+    const LandmarkMap map = read_ply_text(ascii_file(2, properties, rows));
     EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{0}, LandmarkId{1})) << rows;
     ASSERT_NE(map.column("id"), nullptr);
     EXPECT_EQ(map.column("id")->values[1], 3.0);
-    expect_same_landmarks(map, read(written(map, true)));
+    expect_same_landmarks(map, read_ply_text(ply_text(map, true)));
   }
 }
 
 TEST(Ply, LeavesOutIdsThatDoNotFit) {
-  MapTables tables = rich_tables();
+  MapTables tables = rich_ply_tables();
   tables.landmarks.ids[2] = LandmarkId{1ULL << 32};
-  const std::string bytes = written(LandmarkMap(std::move(tables)), false);
+  const std::string bytes = ply_text(LandmarkMap(std::move(tables)), false);
   EXPECT_EQ(bytes.find("property uint id"), std::string::npos);
-  EXPECT_THAT(read(bytes).landmarks().ids,
+  EXPECT_THAT(read_ply_text(bytes).landmarks().ids,
               ElementsAre(LandmarkId{0}, LandmarkId{1}, LandmarkId{2}));
 }
 
 TEST(Ply, AColumnOfATakenNameIsNotWritten) {
   for (const char* const name : {"x", "cov_yz", "blue"}) {
-    MapTables tables = rich_tables();
+    MapTables tables = rich_ply_tables();
     tables.landmarks.columns[0].name = name;
     const LandmarkMap map(std::move(tables));
     try {
-      written(map, true);
+      ply_text(map, true);
       FAIL() << name;
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kMisuse);
@@ -345,7 +346,7 @@ TEST(Ply, AlmostSymmetricCovarianceIsStillOneAfterwards) {
   tables.landmarks.ids = {LandmarkId{0}};
   tables.landmarks.positions = {Eigen::Vector3d::Zero()};
   tables.landmarks.covariances = {covariance};
-  const LandmarkMap back = read(written(LandmarkMap(std::move(tables)), false));
+  const LandmarkMap back = read_ply_text(ply_text(LandmarkMap(std::move(tables)), false));
   EXPECT_EQ(back.covariance(LandmarkIndex{0})->coeff(0, 1), covariance(1, 0));
 }
 
@@ -412,7 +413,7 @@ TEST(Ply, RefusesMalformedInput) {
        {"test.ply: landmark 0: covariance is indefinite"}},
   };
   for (const Case& malformed : cases) {
-    const std::string message = refusal(malformed.file);
+    const std::string message = ply_refusal(malformed.file);
     for (const std::string& fragment : malformed.fragments) {
       EXPECT_THAT(message, HasSubstr(fragment)) << malformed.file.substr(0, 400);
     }
@@ -423,12 +424,13 @@ TEST(Ply, RefusesMalformedBinaryInput) {
   const std::string head =
       "ply\nformat binary_big_endian 1.0\nelement vertex 2\n" + std::string(kXyz) + "end_header\n";
   const std::string whole = head + std::string(24, '\0');
-  EXPECT_EQ(refusal(whole), "");
-  EXPECT_EQ(refusal(whole + 'x'), "test.ply: byte " + std::to_string(whole.size()) +
-                                      ": more data than the header announces; expected the file "
-                                      "to end here");
-  EXPECT_EQ(refusal(whole + '\n'), "");
-  EXPECT_EQ(refusal(head + std::string(17, '\0')),
+  EXPECT_EQ(ply_refusal(whole), "");
+  EXPECT_EQ(ply_refusal(whole + 'x'),
+            "test.ply: byte " + std::to_string(whole.size()) +
+                ": more data than the header announces; expected the file "
+                "to end here");
+  EXPECT_EQ(ply_refusal(whole + '\n'), "");
+  EXPECT_EQ(ply_refusal(head + std::string(17, '\0')),
             "test.ply: byte " + std::to_string(head.size() + 17) +
                 ": field 2 (y): the file ends after 1 of 2 vertices; expected 12 bytes for each");
 
@@ -436,21 +438,22 @@ TEST(Ply, RefusesMalformedBinaryInput) {
       "ply\nformat binary_big_endian 1.0\nelement face 1\nproperty list char int l\n"
       "element vertex 0\n" +
       std::string(kXyz) + "end_header\n\xff";
-  EXPECT_THAT(refusal(negative), HasSubstr("field 1 (l): a list of -1 values; expected 0 or more"));
+  EXPECT_THAT(ply_refusal(negative),
+              HasSubstr("field 1 (l): a list of -1 values; expected 0 or more"));
 }
 
 TEST(Ply, RefusesEveryTruncation) {
   for (const std::string& whole :
-       {written(LandmarkMap(rich_tables()), false), file_with_lists("binary_big_endian"),
+       {ply_text(LandmarkMap(rich_ply_tables()), false), file_with_lists("binary_big_endian"),
         file_with_lists("binary_little_endian"), file_with_lists("ascii")}) {
-    EXPECT_EQ(refusal(whole), "");
+    EXPECT_EQ(ply_refusal(whole), "");
     // Within the last number of a text, the cut is only remarked on.
     const bool is_text = whole.find("format ascii") != std::string::npos;
     const std::size_t end =
         is_text ? whole.find_last_of(" \n", whole.size() - 2) + 1 : whole.size() - 1;
     for (std::size_t size = 0; size <= end; ++size) {
       const std::string_view cut = std::string_view(whole).substr(0, size);
-      const std::string message = refusal(cut);
+      const std::string message = ply_refusal(cut);
       EXPECT_THAT(message, HasSubstr("test.ply:")) << size;
       Pipe pipe(cut, 5);
       EXPECT_THROW(read_ply(pipe), Error) << size;
@@ -467,14 +470,14 @@ TEST(Ply, SaysThatTheLastLineDoesNotEnd) {
   };
   const std::string text =
       "ply\r\nformat ascii 1.0\r\nelement vertex 1\r\n" + std::string(kXyz) + "end_header\r\n1 2 3";
-  EXPECT_EQ(read(text, options).landmark_count(), 1U);
+  EXPECT_EQ(read_ply_text(text, options).landmark_count(), 1U);
   EXPECT_THAT(losses, ElementsAre(HasSubstr("test.ply:8: the last line does not end")));
 }
 
 TEST(Ply, StatesItsUnitOrHasNone) {
   const auto unit_of = [](const std::string& comment, const std::string& properties) {
-    return read("ply\nformat ascii 1.0\n" + comment + "element vertex 0\n" + std::string(kXyz) +
-                properties + "end_header\n")
+    return read_ply_text("ply\nformat ascii 1.0\n" + comment + "element vertex 0\n" +
+                         std::string(kXyz) + properties + "end_header\n")
         .info()
         .length_unit;
   };
@@ -497,14 +500,15 @@ TEST(Ply, StatesItsUnitOrHasNone) {
 TEST(Ply, AnyDamageIsReadOrRefused) {
   std::mt19937 random(1);
   for (const std::string& whole :
-       {written(LandmarkMap(rich_tables()), false), written(LandmarkMap(rich_tables()), true),
-        file_with_lists("binary_big_endian"), file_with_lists("ascii")}) {
+       {ply_text(LandmarkMap(rich_ply_tables()), false),
+        ply_text(LandmarkMap(rich_ply_tables()), true), file_with_lists("binary_big_endian"),
+        file_with_lists("ascii")}) {
     for (int i = 0; i < 1000; ++i) {
       std::string damaged = whole;
       for (std::uint32_t k = random() % 4; k < 4; ++k) {
         damaged[random() % damaged.size()] = static_cast<char>(random() % 256);
       }
-      refusal(damaged);
+      ply_refusal(damaged);
     }
   }
 }
@@ -523,7 +527,7 @@ TEST(Ply, AnnouncedCountsCostNoMemory) {
         binary_file("face 18446744073709551615",
                     "element vertex 0\n" + std::string(kXyz) + "end_header\n"),
         ascii_file(4294967295, "", "1 2 3\n")}) {
-    EXPECT_NE(refusal(file), "");
+    EXPECT_NE(ply_refusal(file), "");
     Pipe pipe(file, 1 << 20);
     EXPECT_THROW(read_ply(pipe), Error);
   }
@@ -531,17 +535,17 @@ TEST(Ply, AnnouncedCountsCostNoMemory) {
 }
 
 TEST(Ply, APipeIsReadLikeAFile) {
-  const LandmarkMap map(rich_tables());
+  const LandmarkMap map(rich_ply_tables());
   for (const std::size_t piece : {1, 7, 100000}) {
     for (const bool ascii : {false, true}) {
-      const std::string bytes = written(map, ascii);
+      const std::string bytes = ply_text(map, ascii);
       Pipe pipe(bytes, piece);
       expect_same_landmarks(map, read_ply(pipe));
     }
     for (const char* const encoding : {"ascii", "binary_big_endian"}) {
       const std::string bytes = file_with_lists(encoding);
       Pipe pipe(bytes, piece);
-      expect_same_landmarks(read(bytes), read_ply(pipe));
+      expect_same_landmarks(read_ply_text(bytes), read_ply(pipe));
     }
   }
 }
@@ -560,15 +564,16 @@ LandmarkMap large_map(std::size_t size) {
 
 TEST(Ply, BlocksMayEndAnywhere) {
   const LandmarkMap map = large_map(200000);
-  for (const bool ascii : {false, true}) expect_same_landmarks(map, read(written(map, ascii)));
+  for (const bool ascii : {false, true})
+    expect_same_landmarks(map, read_ply_text(ply_text(map, ascii)));
 }
 
 TEST(Ply, ReportsProgressAndStops) {
-  const std::string bytes = written(large_map(400000), false);
+  const std::string bytes = ply_text(large_map(400000), false);
   std::vector<double> shares;
   MapReadOptions options;
   options.progress = [&](double share) { shares.push_back(share); };
-  read(bytes, options);
+  read_ply_text(bytes, options);
   ASSERT_GE(shares.size(), 3U);
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
   EXPECT_EQ(shares.back(), 1.0);
@@ -579,7 +584,7 @@ TEST(Ply, ReportsProgressAndStops) {
     if (share > 0.2) stop.request_stop();
   };
   try {
-    read(bytes, options);
+    read_ply_text(bytes, options);
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kCancelled);

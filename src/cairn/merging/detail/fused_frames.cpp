@@ -11,7 +11,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/map/turning_columns.hpp"
 #include "cairn/merging/detail/fusion.hpp"
 
 // Keyframes, observations and what a fused map says of itself.

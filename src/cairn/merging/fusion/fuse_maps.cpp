@@ -20,7 +20,6 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/map/turning_columns.hpp"
 #include "cairn/merging/detail/fusion.hpp"
 
 namespace cairn {

@@ -16,7 +16,7 @@
 #include "cairn/geometry/rigid3.hpp"
 
 // Foxglove messages (https://docs.foxglove.dev/docs/sdk/schemas) that show maps, as Protocol Buffers: the
-// fields that Cairn fills, with the names and numbers of the public schemas. Private to cairn/interchange.
+// fields that Cairn fills, with the names and numbers of the public schemas.
 namespace cairn::detail {
 
 inline constexpr std::string_view kPointCloudSchema = "foxglove.PointCloud";

@@ -26,6 +26,15 @@ nlohmann::json read_json(ByteSource& source) {
   }
 }
 
+bool begins_json(const MapInput& input, char bracket,
+                 std::initializer_list<std::string_view> texts) {
+  const std::size_t first = input.first_bytes.find_first_not_of(" \t\r\n");
+  return first != std::string_view::npos && input.first_bytes[first] == bracket &&
+         std::any_of(texts.begin(), texts.end(), [&](std::string_view text) {
+           return input.first_bytes.find(text) != std::string_view::npos;
+         });
+}
+
 JsonValue JsonValue::at(const std::string& key) const {
   object();
   const auto found = json_->find(key);
@@ -75,10 +84,17 @@ const std::string& JsonValue::text() const {
   return json_->get_ref<const std::string&>();
 }
 
+std::vector<double> JsonValue::numbers(std::size_t count) const {
+  if (size() != count) {
+    refuse(fmt::format("has {} entries", size()), fmt::format("{} numbers", count));
+  }
+  std::vector<double> numbers;
+  each([&](const JsonValue& value) { numbers.push_back(value.number()); });
+  return numbers;
+}
+
 Eigen::Vector3d JsonValue::vector3() const {
-  array();
-  if (json_->size() != 3) refuse(fmt::format("has {} entries", json_->size()), "3 numbers");
-  return {at(0).number(), at(1).number(), at(2).number()};
+  return Eigen::Map<const Eigen::Vector3d>(numbers(3).data());
 }
 
 void JsonValue::refuse(std::string_view what, std::string_view expected) const {

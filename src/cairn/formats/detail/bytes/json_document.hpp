@@ -1,20 +1,28 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
+#include <initializer_list>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 #include "cairn/core/file.hpp"
+#include "cairn/formats/map_file.hpp"
 
-// Other systems' JSON files, with errors that name the place. Private to cairn/interchange.
+// Other systems' JSON files, with errors that name the place.
 namespace cairn::detail {
 
 /// Parses a whole source.
 /// @throws Error (input) naming the byte that is not JSON or is nested more than 64 levels deep
 nlohmann::json read_json(ByteSource& source);
+
+/// Whether a file begins as JSON with this bracket, and one of the texts is among its first bytes.
+bool begins_json(const MapInput& input, char bracket,
+                 std::initializer_list<std::string_view> texts);
 
 /// A value with its place, e.g. "reconstruction.json: 0/shots/a.jpg".
 class JsonValue {
@@ -33,6 +41,13 @@ class JsonValue {
   /// This value. @throws Error (input) unless it is an object or an array, respectively
   const JsonValue& object() const;
   const JsonValue& array() const;
+  /// Number of entries. @throws Error (input) unless it is an array
+  std::size_t size() const { return array().json_->size(); }
+  /// Calls `take` with each entry. @throws Error (input) unless it is an array
+  template <class Take>
+  void each(const Take& take) const {
+    for (std::size_t i = 0; i < size(); ++i) take(at(i));
+  }
 
   /// @throws Error (input) unless it is a finite number
   double number() const;
@@ -40,6 +55,8 @@ class JsonValue {
   double number_or(const char* key, double absent) const;
   std::uint64_t unsigned_number(std::uint64_t most) const;
   const std::string& text() const;
+  /// An array of so many numbers.
+  std::vector<double> numbers(std::size_t count) const;
   /// From an array of three numbers.
   Eigen::Vector3d vector3() const;
 

@@ -34,20 +34,20 @@ enum Opcode : std::uint8_t {
 };
 
 template <class Number>
-void append(std::string& out, Number value) {
+void append_little_endian(std::string& out, Number value) {
   for (std::size_t i = 0; i < sizeof value; ++i) {
     out += static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * i));
   }
 }
 
 void append_text(std::string& out, std::string_view text) {
-  append(out, static_cast<std::uint32_t>(text.size()));
+  append_little_endian(out, static_cast<std::uint32_t>(text.size()));
   out += text;
 }
 
 void append_record(std::string& out, Opcode opcode, std::string_view content) {
-  append(out, opcode);
-  append(out, std::uint64_t{content.size()});
+  append_little_endian(out, opcode);
+  append_little_endian(out, std::uint64_t{content.size()});
   out += content;
 }
 
@@ -81,7 +81,7 @@ McapWriter::McapWriter(ByteSink sink) : sink_(std::move(sink)) {
 std::uint16_t McapWriter::add_schema(std::string_view name, std::string_view encoding,
                                      std::string_view data) {
   std::string content;
-  append(content, ++schema_count_);
+  append_little_endian(content, ++schema_count_);
   append_text(content, name);
   append_text(content, encoding);
   append_text(content, data);
@@ -101,8 +101,8 @@ std::uint16_t McapWriter::add_channel(std::uint16_t schema, std::string_view top
     append_text(words, value);
   }
   std::string content;
-  append(content, ++channel_count_);
-  append(content, schema);
+  append_little_endian(content, ++channel_count_);
+  append_little_endian(content, schema);
   append_text(content, topic);
   append_text(content, message_encoding);
   append_text(content, words);
@@ -118,12 +118,12 @@ void McapWriter::add_message(std::uint16_t channel, std::uint64_t time_ns, std::
   }
   chunk_index_[channel].push_back({time_ns, chunk_.size()});
   std::string head;
-  append(head, channel);
-  append(head, static_cast<std::uint32_t>(message_counts_[channel]++));
-  append(head, time_ns);
-  append(head, time_ns);
-  append(chunk_, kMessage);
-  append(chunk_, std::uint64_t{head.size() + data.size()});
+  append_little_endian(head, channel);
+  append_little_endian(head, static_cast<std::uint32_t>(message_counts_[channel]++));
+  append_little_endian(head, time_ns);
+  append_little_endian(head, time_ns);
+  append_little_endian(chunk_, kMessage);
+  append_little_endian(chunk_, std::uint64_t{head.size() + data.size()});
   chunk_ += head;
   chunk_ += data;
   ++message_count_;
@@ -135,22 +135,22 @@ void McapWriter::add_message(std::uint16_t channel, std::uint64_t time_ns, std::
 void McapWriter::finish() {
   end_chunk();
   std::string content;
-  append(content, crc_);
+  append_little_endian(content, crc_);
   put(record(kDataEnd, content));
 
   std::string statistics;
-  append(statistics, message_count_);
-  append(statistics, schema_count_);
-  append(statistics, std::uint32_t{channel_count_});
-  append(statistics, std::uint32_t{0});  // attachments
-  append(statistics, std::uint32_t{0});  // metadata records
-  append(statistics, chunk_count_);
-  append(statistics, times_.first_ns);
-  append(statistics, times_.last_ns);
+  append_little_endian(statistics, message_count_);
+  append_little_endian(statistics, schema_count_);
+  append_little_endian(statistics, std::uint32_t{channel_count_});
+  append_little_endian(statistics, std::uint32_t{0});  // attachments
+  append_little_endian(statistics, std::uint32_t{0});  // metadata records
+  append_little_endian(statistics, chunk_count_);
+  append_little_endian(statistics, times_.first_ns);
+  append_little_endian(statistics, times_.last_ns);
   std::string counts;
   for (const auto& [channel, count] : message_counts_) {
-    append(counts, channel);
-    append(counts, count);
+    append_little_endian(counts, channel);
+    append_little_endian(counts, count);
   }
   append_text(statistics, counts);
 
@@ -165,9 +165,9 @@ void McapWriter::finish() {
            {kChunkIndex, chunk_indexes_}}) {
     if (records.empty()) continue;
     std::string place;
-    append(place, opcode);
-    append(place, summary_start + summary.size());
-    append(place, std::uint64_t{records.size()});
+    append_little_endian(place, opcode);
+    append_little_endian(place, summary_start + summary.size());
+    append_little_endian(place, std::uint64_t{records.size()});
     append_record(offsets, kSummaryOffset, place);
     summary += records;
   }
@@ -175,11 +175,11 @@ void McapWriter::finish() {
   summary += offsets;
   // The footer's checksum is of the summary and of the footer itself up to the checksum.
   constexpr std::uint64_t kFooterBytes = 8 + 8 + 4;
-  append(summary, kFooter);
-  append(summary, kFooterBytes);
-  append(summary, summary_start);
-  append(summary, offsets_start);
-  append(summary, crc_of(summary));
+  append_little_endian(summary, kFooter);
+  append_little_endian(summary, kFooterBytes);
+  append_little_endian(summary, summary_start);
+  append_little_endian(summary, offsets_start);
+  append_little_endian(summary, crc_of(summary));
   put(summary);
   put(kMcapMagic);
 }
@@ -195,15 +195,15 @@ void McapWriter::end_chunk() {
   const std::uint64_t start = position_;
   const std::uint64_t size = chunk_.size();
   std::string head;
-  append(head, chunk_times_.first_ns);
-  append(head, chunk_times_.last_ns);
-  append(head, size);
-  append(head, crc_of(chunk_));
+  append_little_endian(head, chunk_times_.first_ns);
+  append_little_endian(head, chunk_times_.last_ns);
+  append_little_endian(head, size);
+  append_little_endian(head, crc_of(chunk_));
   append_text(head, "");  // not compressed
-  append(head, size);
+  append_little_endian(head, size);
   std::string begin;
-  append(begin, kChunk);
-  append(begin, head.size() + size);
+  append_little_endian(begin, kChunk);
+  append_little_endian(begin, head.size() + size);
   put(begin + head);
   put(chunk_);
   const std::uint64_t length = position_ - start;
@@ -211,29 +211,29 @@ void McapWriter::end_chunk() {
   std::string places;  // of the message indexes
   const std::uint64_t indexes_start = position_;
   for (const auto& [channel, messages] : chunk_index_) {
-    append(places, channel);
-    append(places, position_);
+    append_little_endian(places, channel);
+    append_little_endian(places, position_);
     std::string entries;
     for (const MessagePlace& message : messages) {
-      append(entries, message.time_ns);
-      append(entries, message.offset);
+      append_little_endian(entries, message.time_ns);
+      append_little_endian(entries, message.offset);
     }
     std::string content;
-    append(content, channel);
+    append_little_endian(content, channel);
     append_text(content, entries);
     put(record(kMessageIndex, content));
   }
 
   std::string content;
-  append(content, chunk_times_.first_ns);
-  append(content, chunk_times_.last_ns);
-  append(content, start);
-  append(content, length);
+  append_little_endian(content, chunk_times_.first_ns);
+  append_little_endian(content, chunk_times_.last_ns);
+  append_little_endian(content, start);
+  append_little_endian(content, length);
   append_text(content, places);
-  append(content, position_ - indexes_start);
+  append_little_endian(content, position_ - indexes_start);
   append_text(content, "");
-  append(content, size);
-  append(content, size);
+  append_little_endian(content, size);
+  append_little_endian(content, size);
   append_record(chunk_indexes_, kChunkIndex, content);
 
   ++chunk_count_;

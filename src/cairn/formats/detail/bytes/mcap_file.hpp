@@ -10,7 +10,7 @@
 
 #include "cairn/core/file.hpp"
 
-// Sequential writer of the MCAP container (https://mcap.dev/spec). Private to cairn/interchange.
+// Sequential writer of the MCAP container (https://mcap.dev/spec).
 namespace cairn::detail {
 
 /// First and last bytes of a file.

@@ -47,6 +47,8 @@ MsgpackReader::Head MsgpackReader::next(std::string_view field) {
   if (head < 0xa0) return sized(Kind::kArray, head & 0x0fU);
   if (head < 0xc0) return sized(Kind::kText, head & 0x1fU);
   if (head >= 0xe0) return whole(static_cast<std::int8_t>(head));
+  // Of four heads in a row, each states twice as many bytes as the one before.
+  const int bytes_of_four = 1 << (head & 3U);
   switch (head) {
     case 0xc0:
       return {};
@@ -54,29 +56,22 @@ MsgpackReader::Head MsgpackReader::next(std::string_view field) {
     case 0xc3:
       return {Kind::kBool};
     case 0xc4:
-      return sized(Kind::kBytes, big_endian(1));
     case 0xc5:
-      return sized(Kind::kBytes, big_endian(2));
     case 0xc6:
-      return sized(Kind::kBytes, big_endian(4));
-    case 0xc7:  // extensions: a type before the bytes
-      return sized(Kind::kBytes, big_endian(1) + 1);
+      return sized(Kind::kBytes, big_endian(bytes_of_four));
+    case 0xc7:
     case 0xc8:
-      return sized(Kind::kBytes, big_endian(2) + 1);
-    case 0xc9:
-      return sized(Kind::kBytes, big_endian(4) + 1);
+    case 0xc9:  // extensions: a type before the bytes
+      return sized(Kind::kBytes, big_endian(1 << (head - 0xc7U)) + 1);
     case 0xca:
       return number(std::bit_cast<float>(static_cast<std::uint32_t>(big_endian(4))));
     case 0xcb:
       return number(std::bit_cast<double>(big_endian(8)));
     case 0xcc:
-      return natural(big_endian(1));
     case 0xcd:
-      return natural(big_endian(2));
     case 0xce:
-      return natural(big_endian(4));
     case 0xcf:
-      return natural(big_endian(8));
+      return natural(big_endian(bytes_of_four));
     case 0xd0:
       return whole(static_cast<std::int8_t>(big_endian(1)));
     case 0xd1:
@@ -92,19 +87,15 @@ MsgpackReader::Head MsgpackReader::next(std::string_view field) {
     case 0xd8:  // extensions of 1, 2, 4, 8, 16 bytes
       return sized(Kind::kBytes, (std::uint64_t{1} << (head - 0xd4U)) + 1);
     case 0xd9:
-      return sized(Kind::kText, big_endian(1));
     case 0xda:
-      return sized(Kind::kText, big_endian(2));
     case 0xdb:
-      return sized(Kind::kText, big_endian(4));
+      return sized(Kind::kText, big_endian(1 << (head - 0xd9U)));
     case 0xdc:
-      return sized(Kind::kArray, big_endian(2));
     case 0xdd:
-      return sized(Kind::kArray, big_endian(4));
+      return sized(Kind::kArray, big_endian(2 << (head - 0xdcU)));
     case 0xde:
-      return sized(Kind::kMap, big_endian(2));
     case 0xdf:
-      return sized(Kind::kMap, big_endian(4));
+      return sized(Kind::kMap, big_endian(2 << (head - 0xdeU)));
     default:
       in_.refuse(field, fmt::format("byte {:#04x} begins no value", head), "MessagePack");
   }
@@ -175,47 +166,6 @@ void MsgpackReader::skip() {
                  "no more than there are");
     }
   }
-}
-
-void MsgpackWriter::big_endian(std::uint8_t head, std::uint64_t value, int bytes) {
-  out_ += static_cast<char>(head);
-  for (int i = bytes - 1; i >= 0; --i) out_ += static_cast<char>(value >> (8 * i) & 0xffU);
-}
-
-void MsgpackWriter::begin_map(std::uint64_t pairs) {
-  if (pairs < 16) return big_endian(static_cast<std::uint8_t>(0x80U | pairs), 0, 0);
-  pairs < 65536 ? big_endian(0xde, pairs, 2) : big_endian(0xdf, pairs, 4);
-}
-
-void MsgpackWriter::begin_array(std::uint64_t size) {
-  if (size < 16) return big_endian(static_cast<std::uint8_t>(0x90U | size), 0, 0);
-  size < 65536 ? big_endian(0xdc, size, 2) : big_endian(0xdd, size, 4);
-}
-
-void MsgpackWriter::text(std::string_view text) {
-  if (text.size() < 32) {
-    big_endian(static_cast<std::uint8_t>(0xa0U | text.size()), 0, 0);
-  } else if (text.size() < 256) {
-    big_endian(0xd9, text.size(), 1);
-  } else {
-    text.size() < 65536 ? big_endian(0xda, text.size(), 2) : big_endian(0xdb, text.size(), 4);
-  }
-  out_ += text;
-}
-
-void MsgpackWriter::number(double value) {
-  big_endian(0xcb, std::bit_cast<std::uint64_t>(value), 8);
-}
-
-void MsgpackWriter::whole(std::int64_t value) {
-  const auto bits = static_cast<std::uint64_t>(value);
-  if (value >= 0 && value < 128) return big_endian(static_cast<std::uint8_t>(value), 0, 0);
-  if (value < 0 && value >= -32) return big_endian(static_cast<std::uint8_t>(bits & 0xffU), 0, 0);
-  if (value < 0) return big_endian(0xd3, bits, 8);
-  if (value < 256) return big_endian(0xcc, bits, 1);
-  if (value < 65536) return big_endian(0xcd, bits, 2);
-  value <= std::numeric_limits<std::uint32_t>::max() ? big_endian(0xce, bits, 4)
-                                                     : big_endian(0xcf, bits, 8);
 }
 
 }  // namespace cairn::detail

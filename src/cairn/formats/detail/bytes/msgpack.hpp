@@ -7,7 +7,7 @@
 
 #include "cairn/formats/detail/bytes/record_reader.hpp"
 
-// Streaming reader and writer of MessagePack (https://msgpack.org). Private to cairn/interchange.
+// Streaming reader of MessagePack (https://msgpack.org).
 namespace cairn::detail {
 
 /// Reads the values of a document in order, so that memory does not grow with the file. The caller must know
@@ -49,23 +49,6 @@ class MsgpackReader {
   Head next(std::string_view field);
 
   BinaryRecords& in_;
-};
-
-/// Appends values to a string.
-class MsgpackWriter {
- public:
-  explicit MsgpackWriter(std::string& out) : out_(out) {}
-
-  void begin_map(std::uint64_t pairs);
-  void begin_array(std::uint64_t size);
-  void text(std::string_view text);
-  void number(double value);
-  void whole(std::int64_t value);
-
- private:
-  void big_endian(std::uint8_t head, std::uint64_t value, int bytes);
-
-  std::string& out_;
 };
 
 }  // namespace cairn::detail

@@ -2,10 +2,7 @@
 #include "cairn/formats/detail/bytes/npy_array.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
-#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -87,10 +84,8 @@ NpyArray::NpyArray(std::string_view bytes, std::string where) : where_(std::move
   const std::string_view type = header_.type;
   const auto item = type.size() > 2 ? parse_unsigned(type.substr(2)) : std::nullopt;
   kind_ = type.size() > 2 ? type[1] : '?';
-  const bool is_number =
-      item && ((kind_ == 'f' && (*item == 4 || *item == 8)) ||
-               ((kind_ == 'i' || kind_ == 'u') && *item <= 8 && std::has_single_bit(*item)) ||
-               (kind_ == 'b' && *item == 1));
+  number_ = item ? scalar_type(kind_ == 'b' ? 'u' : kind_, *item) : std::nullopt;
+  const bool is_number = number_ && (kind_ != 'b' || *item == 1);
   const bool is_known = is_number || (item && *item <= 65536 && is_text());
   const bool is_little = type.front() == '<' || type.front() == '|';
   if (!is_known || !is_little) {
@@ -115,54 +110,21 @@ NpyArray::NpyArray(std::string_view bytes, std::string where) : where_(std::move
   }
 }
 
-template <class Number>
-Number NpyArray::at(std::uint64_t index) const {
-  static_assert(std::endian::native == std::endian::little);
-  Number value{};
-  std::memcpy(&value, data_.data() + index * sizeof value, sizeof value);
-  return value;
-}
-
 double NpyArray::number(std::uint64_t index) const {
-  if (kind_ == 'f') return item_ == 4 ? double{at<float>(index)} : at<double>(index);
-  if (kind_ == 'i') {
-    switch (item_) {
-      case 1:
-        return at<std::int8_t>(index);
-      case 2:
-        return at<std::int16_t>(index);
-      case 4:
-        return at<std::int32_t>(index);
-      default:
-        return static_cast<double>(at<std::int64_t>(index));
-    }
-  }
-  if (kind_ == 'u' || kind_ == 'b') return static_cast<double>(whole(index));
-  refuse(where_, "is a text", "numbers");
+  if (!number_) refuse(where_, "is a text", "numbers");
+  return load_number(*number_, data_.data() + index * item_);
 }
 
 std::uint64_t NpyArray::whole(std::uint64_t index) const {
-  if (kind_ == 'u' || kind_ == 'b') {
-    switch (item_) {
-      case 1:
-        return at<std::uint8_t>(index);
-      case 2:
-        return at<std::uint16_t>(index);
-      case 4:
-        return at<std::uint32_t>(index);
-      default:
-        return at<std::uint64_t>(index);
-    }
-  }
   const double value = number(index);
-  constexpr double kMost = 9007199254740992.0;  // 2^53
-  if (kind_ == 'i' && item_ == 8 && value >= 0.0) {
-    return static_cast<std::uint64_t>(at<std::int64_t>(index));
-  }
-  if (!(value >= 0.0) || value > kMost || value != std::floor(value)) {
+  constexpr double kMost = 9007199254740992.0;  // 2^53, which integers may exceed
+  const bool fits = is_integer(*number_) || value <= kMost;
+  if (!(value >= 0.0) || !fits || value != std::floor(value)) {
     refuse(where_, fmt::format("entry {} is {}", index, value), "a whole number, 0 or more");
   }
-  return static_cast<std::uint64_t>(value);
+  return with_type(*number_, [&]<class Number>() {
+    return static_cast<std::uint64_t>(load_scalar<Number>(data_.data() + index * item_));
+  });
 }
 
 std::string NpyArray::text() const {

@@ -3,11 +3,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-// NumPy arrays in .npy format (NEP 1). Private to cairn/interchange.
+#include "cairn/formats/detail/bytes/scalars.hpp"
+
+// NumPy arrays in .npy format (NEP 1).
 namespace cairn::detail {
 
 inline constexpr std::string_view kNpyMagic = "\x93NUMPY";
@@ -47,13 +50,11 @@ class NpyArray {
   std::string text() const;
 
  private:
-  template <class Number>
-  Number at(std::uint64_t index) const;
-
   std::string where_;
   NpyHeader header_;
   char kind_ = 'f';
   std::size_t item_ = 8;
+  std::optional<ScalarType> number_;  // std::nullopt for texts
   std::uint64_t size_ = 1;
   std::string_view data_;
 };

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-// Protocol Buffers' wire format (https://protobuf.dev/programming-guides/encoding). Private to cairn/interchange.
+// Protocol Buffers' wire format (https://protobuf.dev/programming-guides/encoding).
 namespace cairn::detail {
 
 /// Builds a message field by field; field numbers are those of its .proto description.

@@ -120,8 +120,12 @@ void BinaryRecords::refuse(std::string_view field, std::string_view what,
   throw Error(ErrorKind::kInput, fmt::format("{}: {}", place(), field), what, expected);
 }
 
-TextRecords::TextRecords(ByteSource& source, ReadingProgress& progress)
-    : source_(source), progress_(progress), lines_(source, progress.log()) {}
+TextRecords::TextRecords(ByteSource& source, ReadingProgress& progress, Separator separator,
+                         bool logs_cut_line)
+    : source_(source),
+      progress_(progress),
+      lines_(source, logs_cut_line ? progress.log() : LogSink()),
+      separator_(separator) {}
 
 bool TextRecords::next_line() {
   const auto line = lines_.next();
@@ -130,6 +134,7 @@ bool TextRecords::next_line() {
     reported_ = lines_.bytes_read();
   }
   line_ = line.value_or(std::string_view());
+  at_end_ = !line;
   return line.has_value();
 }
 
@@ -142,28 +147,43 @@ bool TextRecords::next_record() {
 }
 
 std::string_view TextRecords::word(std::string_view field) {
-  line_ = trimmed(line_);
-  if (line_.empty()) refuse(field, "the line ends before it", "one word more");
-  const std::size_t end = std::min(line_.find_first_of(kBlanks), line_.size());
+  if (!has_word()) refuse(field, "the line ends before it", "one word more");
+  if (separator_ == Separator::kBlanks) {
+    const std::size_t end = std::min(line_.find_first_of(kBlanks), line_.size());
+    const std::string_view word = line_.substr(0, end);
+    line_.remove_prefix(end);
+    return word;
+  }
+  const std::size_t end = line_.find(static_cast<char>(separator_));
   const std::string_view word = line_.substr(0, end);
-  line_.remove_prefix(end);
-  return word;
+  at_end_ = end == std::string_view::npos;
+  line_.remove_prefix(at_end_ ? line_.size() : end + 1);
+  return separator_ == Separator::kComma ? trimmed(word) : word;
 }
 
 bool TextRecords::has_word() {
+  if (separator_ != Separator::kBlanks) return !at_end_;
   line_ = trimmed(line_);
   return !line_.empty();
 }
 
 std::string_view TextRecords::rest() {
+  at_end_ = true;
   return trimmed(std::exchange(line_, std::string_view()));
 }
 
 double TextRecords::number(std::string_view field) {
-  const std::string_view text = word(field);
+  const auto value = optional_number(field);
+  if (!value) refuse(field, "'' is not a number", "a finite decimal number");
+  return *value;
+}
+
+std::optional<double> TextRecords::optional_number(std::string_view field) {
+  const std::string_view text = trimmed(word(field));
+  if (text.empty()) return std::nullopt;
   const auto value = parse_number(text);
   if (!value) refuse(field, printable(text) + " is not a number", "a finite decimal number");
-  return *value;
+  return value;
 }
 
 double TextRecords::number_or_nan(std::string_view field) {

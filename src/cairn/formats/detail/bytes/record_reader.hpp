@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "cairn/core/file.hpp"
-#include "cairn/formats/options.hpp"
+#include "cairn/formats/map_file.hpp"
 
-// Readers of binary and text records, shared by the importers. Private to cairn/interchange.
+// Readers of binary and text records, shared by the importers.
 namespace cairn::detail {
 
 /// Progress over several files that are read one after another.
@@ -78,15 +78,27 @@ class BinaryRecords {
   std::uint64_t field_offset_ = 0;
 };
 
-/// Reads lines of words. Logs a loss if the last line does not end.
+/// What is between the words of a line.
+enum class Separator : char {
+  kBlanks = ' ',
+  kComma = ',',  ///< words lose their blanks at either end, and may be empty
+  kTab = '\t',   ///< words may be empty
+};
+
+/// Reads lines of words.
 class TextRecords {
  public:
-  TextRecords(ByteSource& source, ReadingProgress& progress);
+  /// @param logs_cut_line whether a last line that does not end is logged as a loss
+  TextRecords(ByteSource& source, ReadingProgress& progress,
+              Separator separator = Separator::kBlanks, bool logs_cut_line = true);
 
   /// Moves to the next line, whatever its content. @return false at the end
   bool next_line();
   /// Moves to the next line that is neither blank nor a comment (starting with '#').
   bool next_record();
+  std::uint64_t line_number() const { return lines_.line_number(); }
+  /// Whether the line ended, unlike a last one that was cut off.
+  bool was_terminated() const { return lines_.line_was_terminated(); }
 
   /// The next word of the line.
   /// @throws Error (input) if there is none
@@ -95,6 +107,8 @@ class TextRecords {
   /// Takes the rest of the line, without blanks at either end.
   std::string_view rest();
   double number(std::string_view field);
+  /// std::nullopt for an empty word.
+  std::optional<double> optional_number(std::string_view field);
   /// Like number(), but "nan" and "inf" give NaN.
   double number_or_nan(std::string_view field);
   std::uint64_t unsigned_number(std::string_view field, std::uint64_t most = ~std::uint64_t{0});
@@ -111,7 +125,9 @@ class TextRecords {
   ByteSource& source_;
   ReadingProgress& progress_;
   LineReader lines_;
+  Separator separator_;
   std::string_view line_;  // its unread rest
+  bool at_end_ = true;     // of a line with commas or tabs
   std::uint64_t reported_ = 0;
 };
 

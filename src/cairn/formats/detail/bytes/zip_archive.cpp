@@ -8,7 +8,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/formats/detail/bytes/zlib_stream.hpp"
-#include "cairn/formats/memory_budget.hpp"
+#include "cairn/formats/detail/memory_budget.hpp"
 
 namespace cairn::detail {
 namespace {

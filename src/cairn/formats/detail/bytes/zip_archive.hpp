@@ -8,7 +8,7 @@
 
 #include "cairn/core/file.hpp"
 
-// ZIP archives of arrays. Private to cairn/interchange.
+// ZIP archives of arrays.
 namespace cairn::detail {
 
 /// The unpacked members of an archive by name.

@@ -6,7 +6,7 @@
 
 #include <zlib.h>
 
-#include "cairn/formats/memory_budget.hpp"
+#include "cairn/formats/detail/memory_budget.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -22,13 +22,13 @@ std::optional<std::string> inflate(const void* packed, std::size_t packed_size, 
   std::string content;
   int status = Z_OK;
   while (status == Z_OK) {
-    constexpr std::size_t kBlock = std::size_t{1} << 16;
+    constexpr std::size_t kInflated = std::size_t{1} << 16;
     const std::size_t had = content.size();
-    content.resize(had + kBlock);
+    content.resize(had + kInflated);
     stream.next_out = reinterpret_cast<Bytef*>(content.data() + had);
-    stream.avail_out = static_cast<uInt>(kBlock);
+    stream.avail_out = static_cast<uInt>(kInflated);
     status = ::inflate(&stream, Z_NO_FLUSH);
-    content.resize(had + kBlock - stream.avail_out);
+    content.resize(had + kInflated - stream.avail_out);
     if (content.size() > most) status = Z_MEM_ERROR;
   }
   inflateEnd(&stream);

@@ -5,8 +5,7 @@
 #include <initializer_list>
 #include <string_view>
 
-#include "cairn/formats/format_registry.hpp"
-#include "cairn/formats/options.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 namespace cairn::detail {

@@ -6,16 +6,14 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include <Eigen/Geometry>
 
-#include "cairn/formats/detail/foreign/described_observations.hpp"
-#include "cairn/formats/options.hpp"
-#include "cairn/map/landmark_map.hpp"
+#include "cairn/formats/detail/foreign/sfm_builder.hpp"
+#include "cairn/formats/detail/foreign/written_frames.hpp"
 
-// Shared by the readers of stella_vslam's two file formats. Private to cairn/interchange.
+// Shared by the readers of stella_vslam's two file formats.
 namespace cairn::detail {
 
 inline constexpr std::size_t kOrbBytes = 32;
@@ -26,7 +24,7 @@ struct StellaCamera {
   std::uint32_t width = 0;
   std::uint32_t height = 0;
   std::optional<double> fx, fy, cx, cy;
-  double k1 = 0.0, k2 = 0.0, p1 = 0.0, p2 = 0.0, k3 = 0.0, k4 = 0.0;
+  Distortion distortion;
 };
 
 struct StellaKeyframe {
@@ -44,7 +42,7 @@ struct StellaKeyframe {
 /// Builds a map from parts in any order.
 class StellaBuilder {
  public:
-  StellaBuilder(std::string name, const MapReadOptions& options);
+  StellaBuilder(const std::string& name, const MapReadOptions& options);
 
   void add_camera(const std::string& name, const StellaCamera& camera);
   /// @param landmarks landmark id of each keypoint, negative for none; may be empty
@@ -56,29 +54,15 @@ class StellaBuilder {
   LandmarkMap finish() &&;
 
  private:
-  struct Landmark {
-    std::uint64_t id;
-    Eigen::Vector3d position;
-    double visible;
-    double found;
-  };
-  struct Frame {
-    std::uint64_t id;
-    std::array<double, 4> quaternion;
-    Eigen::Vector3d centre;
-    std::optional<double> timestamp_s;
-    std::string camera;
-  };
-  void lost(const std::string& text) const;
-  std::vector<std::optional<CameraIndex>> place_cameras(MapTables& tables) const;
+  bool place_cameras();
+  void distort_pixels();
 
-  std::string name_;
-  const MapReadOptions& options_;
+  SfmBuilder out_;
   std::map<std::string, StellaCamera> cameras_;
-  std::vector<Frame> frames_;
-  std::vector<Landmark> landmarks_;
-  std::ptrdiff_t unusable_depths_ = 0;
-  DescribedObservations observations_{kOrbBytes};  // FrameIndex: index into frames_
+  std::vector<std::string> camera_of_frame_;
+  NamedColumn visible_{"visible", {}};
+  NamedColumn found_{"found", {}};
+  std::size_t unusable_depths_ = 0;
 };
 
 }  // namespace cairn::detail

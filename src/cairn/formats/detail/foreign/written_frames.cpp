@@ -51,6 +51,33 @@ std::optional<RadialCamera> radial_camera(const Camera& camera) {
   return is_radial ? std::optional(RadialCamera{p[0], p[4], p[5]}) : std::nullopt;
 }
 
+std::optional<Distortion> opencv_distortion(const Camera& camera) {
+  const std::vector<double>& p = camera.parameters;
+  const std::string& model = camera.model;
+  if (model == "SIMPLE_PINHOLE" || model == "PINHOLE") return Distortion{};
+  if (model == "SIMPLE_RADIAL") return Distortion{.k1 = p[3]};
+  if (model == "RADIAL") return Distortion{.k1 = p[3], .k2 = p[4]};
+  if (model == "OPENCV") return Distortion{.k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7]};
+  if (model == "FULL_OPENCV" && p[9] == 0.0 && p[10] == 0.0 && p[11] == 0.0) {
+    return Distortion{.k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7], .k3 = p[8]};
+  }
+  if (model != "OPENCV_FISHEYE") return std::nullopt;
+  return Distortion{.is_fisheye = true, .k1 = p[4], .k2 = p[5], .k3 = p[6], .k4 = p[7]};
+}
+
+Camera opencv_camera(CameraId id, std::uint32_t width, std::uint32_t height, const Intrinsics& k,
+                     const Distortion& d) {
+  const auto with = [&](const char* model, std::initializer_list<double> distortion) {
+    Camera camera{id, model, width, height, {k.fx, k.fy, k.cx, k.cy}};
+    camera.parameters.insert(camera.parameters.end(), distortion);
+    return camera;
+  };
+  if (d.is_fisheye) return with("OPENCV_FISHEYE", {d.k1, d.k2, d.k3, d.k4});
+  if (d.k3 != 0.0) return with("FULL_OPENCV", {d.k1, d.k2, d.p1, d.p2, d.k3, 0.0, 0.0, 0.0});
+  const bool is_plain = d.k1 == 0.0 && d.k2 == 0.0 && d.p1 == 0.0 && d.p2 == 0.0;
+  return is_plain ? with("PINHOLE", {}) : with("OPENCV", {d.k1, d.k2, d.p1, d.p2});
+}
+
 std::optional<Pixel> undistorted_offset(const Camera& camera, const Pixel& pixel) {
   const auto x = unproject(camera, pixel);
   if (!x) return std::nullopt;

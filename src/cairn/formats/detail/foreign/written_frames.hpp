@@ -9,7 +9,7 @@
 
 #include "cairn/map/landmark_map.hpp"
 
-// Shared by the writers of formats with images. Private to cairn/interchange.
+// Shared by formats with images and cameras, most of it by writers.
 namespace cairn::detail {
 
 /// @param image the system's term for a frame, e.g. "a shot of OpenSfM"
@@ -28,6 +28,17 @@ struct RadialCamera {
 };
 /// std::nullopt if the camera needs further parameters.
 std::optional<RadialCamera> radial_camera(const Camera& camera);
+
+/// Distortion as OpenCV has it.
+struct Distortion {
+  bool is_fisheye = false;  ///< of k1 to k4
+  double k1 = 0.0, k2 = 0.0, p1 = 0.0, p2 = 0.0, k3 = 0.0, k4 = 0.0;
+};
+/// std::nullopt if the camera needs further parameters.
+std::optional<Distortion> opencv_distortion(const Camera& camera);
+/// A camera of the simplest model that has the distortion.
+Camera opencv_camera(CameraId id, std::uint32_t width, std::uint32_t height, const Intrinsics& k,
+                     const Distortion& distortion);
 
 /// Position of a pixel in an undistorted image of focal length fx, in pixels from the optical axis;
 /// std::nullopt if the pixel has no line of sight.

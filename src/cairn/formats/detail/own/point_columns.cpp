@@ -16,140 +16,17 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/losses.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
+#include "cairn/formats/detail/losses.hpp"
 #include "cairn/geometry/limits.hpp"
 
 namespace cairn::detail {
 namespace {
 
-constexpr std::size_t kBlockSize = std::size_t{1} << 20;
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-constexpr std::array<const char*, 3> kAxes = {"x", "y", "z"};
-constexpr std::array<const char*, 3> kChannels = {"red", "green", "blue"};
-constexpr std::size_t kAlpha = kChannels.size();  // index of the channel that follows them
-
-// The lower triangle, in the order of the names: it is what the test of a covariance goes by, so a
-// matrix that passed it passes again although it was not quite symmetric.
-struct CovarianceEntry {
-  const char* name;
-  int row;
-  int column;
-};
-constexpr std::array<CovarianceEntry, 6> kCovarianceEntries = {{{"cov_xx", 0, 0},
-                                                                {"cov_xy", 1, 0},
-                                                                {"cov_xz", 2, 0},
-                                                                {"cov_yy", 1, 1},
-                                                                {"cov_yz", 2, 1},
-                                                                {"cov_zz", 2, 2}}};
-
-// Calls `function` with the C++ type of a scalar as template argument.
-template <class Function>
-decltype(auto) with_type(ScalarType type, Function&& function) {
-  switch (type) {
-    case ScalarType::kInt8:
-      return function.template operator()<std::int8_t>();
-    case ScalarType::kUint8:
-      return function.template operator()<std::uint8_t>();
-    case ScalarType::kInt16:
-      return function.template operator()<std::int16_t>();
-    case ScalarType::kUint16:
-      return function.template operator()<std::uint16_t>();
-    case ScalarType::kInt32:
-      return function.template operator()<std::int32_t>();
-    case ScalarType::kUint32:
-      return function.template operator()<std::uint32_t>();
-    case ScalarType::kInt64:
-      return function.template operator()<std::int64_t>();
-    case ScalarType::kUint64:
-      return function.template operator()<std::uint64_t>();
-    case ScalarType::kFloat32:
-      return function.template operator()<float>();
-    case ScalarType::kFloat64:
-      break;
-  }
-  return function.template operator()<double>();
-}
-
-template <std::size_t kSize>
-using UnsignedOfSize = std::conditional_t<
-    kSize == 1, std::uint8_t,
-    std::conditional_t<kSize == 2, std::uint16_t,
-                       std::conditional_t<kSize == 4, std::uint32_t, std::uint64_t>>>;
-
-template <class Unsigned>
-Unsigned byteswapped(Unsigned value) {
-  Unsigned result = 0;
-  for (std::size_t i = 0; i < sizeof(Unsigned); ++i) {
-    result = static_cast<Unsigned>((std::uint64_t{result} << 8) | (value & 0xffU));
-    value = static_cast<Unsigned>(std::uint64_t{value} >> 8);
-  }
-  return result;
-}
+constexpr std::size_t kPointBlock = std::size_t{1} << 20;
 
 template <class T>
-T load(const char* bytes, bool swap_bytes) {
-  UnsignedOfSize<sizeof(T)> bits;
-  std::memcpy(&bits, bytes, sizeof bits);
-  return std::bit_cast<T>(swap_bytes ? byteswapped(bits) : bits);
-}
-
-template <class T>
-void append_little_endian(std::string& out, T value) {
-  auto bits = std::bit_cast<UnsignedOfSize<sizeof(T)>>(value);
-  if constexpr (std::endian::native == std::endian::big) bits = byteswapped(bits);
-  std::array<char, sizeof bits> bytes;
-  std::memcpy(bytes.data(), &bits, sizeof bits);
-  out.append(bytes.data(), bytes.size());
-}
-
-void append_text_value(std::string& out, double value) {
-  // Some readers do not accept the sign of a NaN.
-  if (std::isnan(value)) {
-    out += "nan";
-  } else {
-    append_number(out, value);
-  }
-}
-void append_text_value(std::string& out, float value) {
-  std::array<char, 32> buffer;
-  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
-  out.append(buffer.data(), result.ptr);
-}
-void append_text_value(std::string& out, std::uint64_t value) {
-  append_number(out, value);
-}
-
-// Splits a line at its blanks.
-class Tokens {
- public:
-  explicit Tokens(std::string_view line) : rest_(line) { skip_blanks(); }
-
-  bool at_end() const { return rest_.empty(); }
-  /// From 1: which token of the line was taken last.
-  std::uint64_t number() const { return number_; }
-  /// The next token; empty at the end.
-  std::string_view next() {
-    ++number_;
-    std::size_t size = 0;
-    while (size < rest_.size() && !is_blank(rest_[size])) ++size;
-    const std::string_view token = rest_.substr(0, size);
-    rest_.remove_prefix(size);
-    skip_blanks();
-    return token;
-  }
-
- private:
-  void skip_blanks() {
-    while (!rest_.empty() && is_blank(rest_.front())) rest_.remove_prefix(1);
-  }
-
-  std::string_view rest_;
-  std::uint64_t number_ = 0;
-};
-
-template <class T>
-bool parse(std::string_view text, T& value) {
+bool parse_scalar(std::string_view text, T& value) {
   // printf writes a plus sign, which from_chars does not accept.
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   const char* const end = text.data() + text.size();
@@ -173,12 +50,8 @@ bool has_lists(const std::vector<PointField>& fields) {
                      [](const PointField& field) { return field.list_count.has_value(); });
 }
 
-bool must_swap(bool big_endian) {
-  return big_endian != (std::endian::native == std::endian::big);
-}
-
 // Name and fields of a kind of binary records.
-struct BinaryRecords {
+struct PointRecords {
   const std::vector<PointField>& fields;
   std::uint64_t count;
   std::string_view name;
@@ -186,7 +59,7 @@ struct BinaryRecords {
 };
 
 [[noreturn]] void refuse_truncated(const HeadedSource& source, std::uint64_t end,
-                                   const BinaryRecords& records, std::uint64_t done,
+                                   const PointRecords& records, std::uint64_t done,
                                    const std::size_t* field) {
   std::string where = fmt::format("{}: byte {}", source.name(), end);
   if (field != nullptr) {
@@ -203,7 +76,7 @@ struct BinaryRecords {
 
 // Refuses fixed-size records that start at `begin` if only `present` bytes exist.
 [[noreturn]] void refuse_cut(const HeadedSource& source, std::uint64_t begin, std::uint64_t present,
-                             const BinaryRecords& records) {
+                             const PointRecords& records) {
   const std::uint64_t stride = fixed_size(records.fields);
   std::uint64_t rest = present % stride;
   if (rest == 0) {
@@ -215,7 +88,7 @@ struct BinaryRecords {
 }
 
 // Refuses more records than the source's size allows, before reading or allocating memory.
-void check_presence(const HeadedSource& source, const BinaryRecords& records) {
+void check_presence(const HeadedSource& source, const PointRecords& records) {
   if (has_lists(records.fields)) return;
   const std::uint64_t stride = fixed_size(records.fields);
   const auto remaining = source.remaining();
@@ -225,7 +98,7 @@ void check_presence(const HeadedSource& source, const BinaryRecords& records) {
 }
 
 // Reads one record with lists. Copies the bytes outside the lists to `fixed` unless null.
-void walk_record(HeadedSource& source, const BinaryRecords& records, std::uint64_t done,
+void walk_record(HeadedSource& source, const PointRecords& records, std::uint64_t done,
                  char* fixed) {
   const auto expect_bytes = [&](std::size_t count, std::size_t field) {
     const std::string_view bytes = source.peek(count);
@@ -248,7 +121,7 @@ void walk_record(HeadedSource& source, const BinaryRecords& records, std::uint64
     }
     const char* const bytes = expect_bytes(size_of(*field.list_count), i);
     const auto length = with_type(*field.list_count, [&]<class T>() {
-      return static_cast<std::int64_t>(load<T>(bytes, must_swap(records.big_endian)));
+      return static_cast<std::int64_t>(load_scalar<T>(bytes, records.big_endian));
     });
     if (length < 0) {
       throw Error(ErrorKind::kInput,
@@ -270,18 +143,6 @@ bool is_plain_name(std::string_view name) {
 
 }  // namespace
 
-std::size_t size_of(ScalarType type) {
-  return with_type(type, []<class T>() { return sizeof(T); });
-}
-
-bool is_integer(ScalarType type) {
-  return type != ScalarType::kFloat32 && type != ScalarType::kFloat64;
-}
-
-std::uint32_t load_little_endian_32(const char* bytes) {
-  return load<std::uint32_t>(bytes, must_swap(false));
-}
-
 std::optional<LengthUnit> unit_in_comment(std::string_view comment) {
   for (const LengthUnit unit : {LengthUnit::kMetres, LengthUnit::kFree}) {
     if (comment == unit_comment(unit)) return unit;
@@ -292,168 +153,6 @@ std::optional<LengthUnit> unit_in_comment(std::string_view comment) {
 std::string unit_comment(LengthUnit unit) {
   return fmt::format("cairn length_unit {}", unit == LengthUnit::kFree ? "free" : "metres");
 }
-
-// ---- HeadedSource
-
-HeadedSource::HeadedSource(ByteSource& source, const MapReadOptions& options)
-    : source_(source), options_(options), buffer_(block_size_for(source)) {}
-
-std::string_view HeadedSource::header_line(std::string_view expected) {
-  // Only lines that fit into one block, which bounds the memory.
-  constexpr std::size_t kLongest = kBlockSize - 1;
-  std::string_view bytes = peek(1);
-  for (;;) {
-    const std::size_t size = bytes.find('\n');
-    if (size <= kLongest) {
-      ++header_lines_;
-      consume(size + 1);
-      return trimmed(bytes.substr(0, size));
-    }
-    const std::size_t known = bytes.size();
-    if (known <= kLongest) bytes = peek(known + 1);
-    if (bytes.size() == known) break;
-  }
-  ++header_lines_;
-  if (bytes.size() > kLongest) {
-    throw Error(ErrorKind::kInput, header_place(), "a header line of more than a megabyte",
-                expected);
-  }
-  throw Error(ErrorKind::kInput, header_place(), "the file ends within its header", expected);
-}
-
-std::string HeadedSource::header_place() const {
-  return fmt::format("{}:{}", name(), header_lines_);
-}
-
-std::string_view HeadedSource::peek(std::size_t least) {
-  while (end_ - begin_ < least) {
-    if (begin_ > 0) {
-      std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
-      end_ -= begin_;
-      begin_ = 0;
-    }
-    // Doubles with the bytes that arrive, independent of the requested number.
-    if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
-    const std::size_t count = read_more(buffer_.data() + end_, buffer_.size() - end_);
-    if (count == 0) break;
-    end_ += count;
-  }
-  return {buffer_.data() + begin_, end_ - begin_};
-}
-
-void HeadedSource::consume(std::size_t count) {
-  begin_ += count;
-  offset_ += count;
-}
-
-std::uint64_t HeadedSource::skip(std::uint64_t count) {
-  std::uint64_t left = count;
-  while (left > 0) {
-    const std::size_t here =
-        static_cast<std::size_t>(std::min<std::uint64_t>(peek(1).size(), left));
-    if (here == 0) break;
-    consume(here);
-    left -= here;
-  }
-  return count - left;
-}
-
-std::optional<std::uint64_t> HeadedSource::remaining() const {
-  const auto size = source_.size();
-  if (!size) return std::nullopt;
-  return *size > offset_ ? *size - offset_ : 0;
-}
-
-void HeadedSource::expect_end() {
-  // Editors and some writers end a file with a newline.
-  constexpr std::size_t kMostFilling = std::size_t{1} << 16;
-  constexpr std::string_view kFilling = "\n\r\t ";
-  const std::string_view rest = peek(kMostFilling + 1);
-  if (rest.empty()) return;
-  if (rest.size() <= kMostFilling && rest.find_first_not_of(kFilling) == std::string_view::npos) {
-    log_remark(
-        options_.log, fmt::format("{}: byte {}", name(), offset_),
-        fmt::format("{} bytes after the data that the header announces; left out", rest.size()),
-        RemarkKind::kLoss);
-    return;
-  }
-  throw Error(ErrorKind::kInput, fmt::format("{}: byte {}", name(), offset_),
-              "more data than the header announces", "the file to end here");
-}
-
-std::size_t HeadedSource::read(char* buffer, std::size_t capacity) {
-  std::size_t count = end_ - begin_;
-  if (count > 0) {
-    count = std::min(count, capacity);
-    std::memcpy(buffer, buffer_.data() + begin_, count);
-    begin_ += count;
-  } else {
-    count = read_more(buffer, capacity);
-  }
-  offset_ += count;
-  return count;
-}
-
-void HeadedSource::rewind() {
-  source_.rewind();
-  begin_ = end_ = 0;
-  offset_ = received_ = header_lines_ = 0;
-}
-
-std::size_t HeadedSource::read_more(char* buffer, std::size_t capacity) {
-  if (received_ >= next_report_) {
-    constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
-    next_report_ = received_ + kReportEvery;
-    if (options_.stop.stop_requested()) {
-      throw Error(ErrorKind::kCancelled, name(), "reading was cancelled", "");
-    }
-    if (const auto size = source_.size(); options_.progress && size && *size > 0) {
-      options_.progress(std::min(1.0, static_cast<double>(received_) / static_cast<double>(*size)));
-    }
-  }
-  const std::size_t count = source_.read(buffer, capacity);
-  received_ += count;
-  return count;
-}
-
-// ---- TextRows
-
-TextRows::TextRows(HeadedSource& source, LogSink log)
-    : source_(source), header_lines_(source.header_lines()), lines_(source), log_(std::move(log)) {}
-
-std::optional<std::string_view> TextRows::next_filled() {
-  while (const auto line = lines_.next()) {
-    const std::string_view row = trimmed(*line);
-    if (!row.empty()) return row;
-  }
-  return std::nullopt;
-}
-
-std::string_view TextRows::next(std::uint64_t done, std::uint64_t count, std::string_view rows) {
-  const auto row = next_filled();
-  const auto where = [&] { return fmt::format("{}:{}", source_.name(), line_number()); };
-  if (!row) {
-    throw Error(ErrorKind::kInput, where(),
-                fmt::format("the file ends after {} of {} {}", done, count, rows),
-                "a line for each");
-  }
-  if (!lines_.line_was_terminated() && log_) {
-    log_({fmt::format("{}: the last line does not end; its last number may have been cut off",
-                      where()),
-          RemarkKind::kLoss});
-  }
-  return *row;
-}
-
-void TextRows::expect_end() {
-  const auto row = next_filled();
-  if (!row) return;
-  throw Error(ErrorKind::kInput, fmt::format("{}:{}", source_.name(), line_number()),
-              fmt::format("{} is more than the header announces", printable(*row)),
-              "the file to end here");
-}
-
-// ---- PointTable
 
 PointTable::PointTable(PointFormat format, std::string source, std::string_view where,
                        std::vector<PointField> fields, const MapReadOptions& options)
@@ -487,11 +186,11 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
   };
 
   for (std::size_t i = 0; i < 3; ++i) {
-    if (find(kAxes[i]) == nullptr) {
-      throw Error(ErrorKind::kInput, where, fmt::format("no scalar field '{}'", kAxes[i]),
+    if (find(kAxisNames[i]) == nullptr) {
+      throw Error(ErrorKind::kInput, where, fmt::format("no scalar field '{}'", kAxisNames[i]),
                   "x, y and z");
     }
-    use(kAxes[i], Role::kPosition, i);
+    use(kAxisNames[i], Role::kPosition, i);
   }
   has_covariances_ =
       std::all_of(kCovarianceEntries.begin(), kCovarianceEntries.end(),
@@ -511,17 +210,16 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
   }
   const bool has_channels =
       may_have_channels &&
-      std::all_of(kChannels.begin(), kChannels.end(), [&](std::string_view name) {
+      std::all_of(kChannelNames.begin(), kChannelNames.end(), [&](std::string_view name) {
         const PointField* const channel = find(name);
         return channel != nullptr && channel->type == ScalarType::kUint8;
       });
-  for (std::size_t i = 0; has_channels && i < 3; ++i) use(kChannels[i], Role::kChannel, i);
+  for (std::size_t i = 0; has_channels && i < 3; ++i) use(kChannelNames[i], Role::kChannel, i);
   has_colors_ = has_colors_ || has_channels;
   if (const PointField* const id = find("id"); id != nullptr && is_integer(id->type)) {
     use("id", Role::kId, 0);
     has_ids_ = true;
-    ids_are_signed_ =
-        with_type(id->type, []<class T>() { return std::numeric_limits<T>::is_signed; });
+    ids_are_signed_ = scalar(id->type).kind == 'i';
   }
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     if (slots_[i].role != Role::kColumn) continue;
@@ -593,36 +291,35 @@ void PointTable::put_integer(Slot slot, std::size_t row, std::uint64_t bits) {
 
 void PointTable::append_text(std::string_view row, std::uint64_t line_number) {
   grow(1);
-  Tokens tokens(row);
+  split_words(row, words_);
+  std::size_t taken = 0;
   const auto next = [&](const PointField& field) {
-    const std::string_view token = tokens.next();
-    if (token.empty()) {
-      refuse(line_number, tokens.number(), field.name, "missing", "more fields on this line");
+    ++taken;
+    if (taken > words_.size()) {
+      refuse(line_number, taken, field.name, "missing", "more fields on this line");
     }
-    return token;
+    return words_[taken - 1];
   };
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     const PointField& field = fields_[i];
     if (slots_[i].role != Role::kSkipped) {
       const std::string_view token = next(field);
-      put_text(i, token, line_number, tokens.number());
+      put_text(i, token, line_number, taken);
       continue;
     }
     std::uint64_t count = field.count;
     if (field.list_count) {
       const std::string_view token = next(field);
-      if (!parse(token, count)) {
-        refuse(line_number, tokens.number(), field.name,
+      if (!parse_scalar(token, count)) {
+        refuse(line_number, taken, field.name,
                fmt::format("{} is no length of a list", printable(token)), "an unsigned integer");
       }
     }
     for (; count > 0; --count) next(field);
   }
-  if (!tokens.at_end()) {
-    const std::string_view token = tokens.next();
-    throw Error(ErrorKind::kInput,
-                fmt::format("{}:{}: field {}", source_, line_number, tokens.number()),
-                fmt::format("{} is too much", printable(token)), "the line to end here");
+  if (taken < words_.size()) {
+    throw Error(ErrorKind::kInput, fmt::format("{}:{}: field {}", source_, line_number, taken + 1),
+                fmt::format("{} is too much", printable(words_[taken])), "the line to end here");
   }
 }
 
@@ -635,7 +332,7 @@ void PointTable::put_text(std::size_t field, std::string_view text, std::uint64_
     with_type(type, [&]<class T>() {
       if constexpr (std::is_integral_v<T>) {
         T value = 0;
-        if (!parse(text, value)) {
+        if (!parse_scalar(text, value)) {
           refuse(line, token, fields_[field].name,
                  fmt::format("{} does not fit the field", printable(text)),
                  fmt::format("an integer from {} to {}", std::numeric_limits<T>::min(),
@@ -647,7 +344,7 @@ void PointTable::put_text(std::size_t field, std::string_view text, std::uint64_
     return;
   }
   double value = 0.0;
-  if (!parse(text, value)) {
+  if (!parse_scalar(text, value)) {
     refuse(line, token, fields_[field].name, fmt::format("{} is not a number", printable(text)),
            "a decimal number, or nan");
   }
@@ -665,7 +362,7 @@ void PointTable::put_text(std::size_t field, std::string_view text, std::uint64_
 }
 
 void PointTable::put_run(std::size_t field, std::size_t first_row, std::size_t rows,
-                         const char* bytes, std::size_t step, bool swap_bytes) {
+                         const char* bytes, std::size_t step, bool big_endian) {
   const Slot slot = slots_[field];
   if (slot.role == Role::kSkipped) return;
   // Never read as a float, because the colour's bits may be a signalling NaN, which would change.
@@ -673,7 +370,7 @@ void PointTable::put_run(std::size_t field, std::size_t first_row, std::size_t r
       slot.role == Role::kPackedColor ? ScalarType::kUint32 : fields_[field].type;
   with_type(type, [&]<class T>() {
     for (std::size_t i = 0; i < rows; ++i) {
-      put(slot, first_row + i, load<T>(bytes + i * step, swap_bytes));
+      put(slot, first_row + i, load_scalar<T>(bytes + i * step, big_endian));
     }
   });
 }
@@ -683,7 +380,7 @@ void PointTable::append_binary(const char* bytes, std::size_t rows, bool big_end
   const auto stride = static_cast<std::size_t>(fixed_size(fields_));
   grow(rows);
   for (std::size_t i = 0; i < fields_.size(); ++i) {
-    put_run(i, first_row, rows, bytes, stride, must_swap(big_endian));
+    put_run(i, first_row, rows, bytes, stride, big_endian);
     bytes += fixed_size(fields_[i]);
   }
 }
@@ -692,7 +389,7 @@ void PointTable::append_columns(const std::vector<const char*>& columns, std::si
   const std::size_t first_row = positions_.size();
   grow(rows);
   for (std::size_t i = 0; i < fields_.size(); ++i) {
-    put_run(i, first_row, rows, columns[i], size_of(fields_[i].type), must_swap(false));
+    put_run(i, first_row, rows, columns[i], size_of(fields_[i].type), false);
   }
 }
 
@@ -725,7 +422,8 @@ void PointTable::forget_infinite_values() {
     if (count == 0) continue;
     lost(fmt::format("{} infinite values of field {} taken as unknown", count,
                      printable(column.name)));
-    std::replace_if(column.values.begin(), column.values.end(), is_infinite, kNan);
+    std::replace_if(column.values.begin(), column.values.end(), is_infinite,
+                    std::numeric_limits<double>::quiet_NaN());
   }
 }
 
@@ -751,7 +449,9 @@ void PointTable::take_ids(LandmarkTable& landmarks) {
     for (const std::uint64_t id : ids_) landmarks.ids.push_back(LandmarkId{id});
     return;
   }
-  remark("the field 'id' is no id, for some values are negative or occur twice: kept as a column");
+  log_remark(
+      options_.log, source_,
+      "the field 'id' is no id, for some values are negative or occur twice: kept as a column");
   number();
   NamedColumn column{"id", {}};
   column.values.reserve(size);
@@ -805,15 +505,9 @@ void PointTable::refuse(std::uint64_t line, std::uint64_t token, std::string_vie
               what, expected);
 }
 
-void PointTable::remark(const std::string& text) const {
-  if (options_.log) options_.log(fmt::format("{}: {}", source_, text));
-}
-
 void PointTable::lost(const std::string& text) const {
-  if (options_.log) options_.log({fmt::format("{}: {}", source_, text), RemarkKind::kLoss});
+  log_remark(options_.log, source_, text, RemarkKind::kLoss);
 }
-
-// ---- bodies
 
 void read_text_points(TextRows& rows, HeadedSource& source, std::uint64_t count,
                       std::string_view points, PointTable& table) {
@@ -830,7 +524,7 @@ void read_text_points(TextRows& rows, HeadedSource& source, std::uint64_t count,
 
 void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_view points,
                         bool big_endian, PointTable& table) {
-  const BinaryRecords records{table.fields(), count, points, big_endian};
+  const PointRecords records{table.fields(), count, points, big_endian};
   check_presence(source, records);
   const auto stride = static_cast<std::size_t>(fixed_size(records.fields));
   if (const auto remaining = source.remaining()) {
@@ -851,7 +545,7 @@ void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_v
     }
     return;
   }
-  const std::uint64_t rows_at_once = kBlockSize / stride + 1;
+  const std::uint64_t rows_at_once = kPointBlock / stride + 1;
   std::vector<char> fixed(rows_at_once * stride);
   while (done < count) {
     const std::uint64_t rows = std::min(rows_at_once, count - done);
@@ -867,7 +561,7 @@ void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fi
                          std::uint64_t count, std::string_view records_name, bool big_endian) {
   // Records without fields have no bytes.
   if (fields.empty()) return;
-  const BinaryRecords records{fields, count, records_name, big_endian};
+  const PointRecords records{fields, count, records_name, big_endian};
   check_presence(source, records);
   if (has_lists(fields)) {
     for (std::uint64_t i = 0; i < count; ++i) walk_record(source, records, i, nullptr);
@@ -880,133 +574,6 @@ void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fi
   if (const std::uint64_t skipped = source.skip(size); skipped < size) {
     refuse_cut(source, begin, skipped, records);
   }
-}
-
-// ---- writing
-
-PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type)
-    : map_(map) {
-  const LandmarkTable& landmarks = map.landmarks();
-  for (std::size_t i = 0; i < 3; ++i) add(kAxes[i], position_type, Content::kPosition, i);
-  for (std::size_t i = 0; map.has_covariances() && i < kCovarianceEntries.size(); ++i) {
-    add(kCovarianceEntries[i].name, ScalarType::kFloat64, Content::kCovariance, i);
-  }
-  // Point formats cannot mark a colour as unknown, so colours are written only if all are known.
-  const bool all_colored =
-      !landmarks.colors.empty() &&
-      std::all_of(landmarks.colors.begin(), landmarks.colors.end(),
-                  [](const std::optional<Color>& color) { return color.has_value(); });
-  if (all_colored && format == PointFormat::kPcd) {
-    add("rgb", ScalarType::kUint32, Content::kPackedColor);
-  } else if (all_colored) {
-    for (std::size_t i = 0; i < 3; ++i) add(kChannels[i], ScalarType::kUint8, Content::kChannel, i);
-    if (format == PointFormat::kFoxglove) {
-      add("alpha", ScalarType::kUint8, Content::kChannel, kAlpha);
-    }
-  }
-  const bool has_counts = !map.observations().offsets.empty();
-  if (has_counts) add("observations", ScalarType::kUint32, Content::kCount);
-  const bool ids_fit_32_bits = std::all_of(
-      landmarks.ids.begin(), landmarks.ids.end(),
-      [](LandmarkId id) { return id.value <= std::numeric_limits<std::uint32_t>::max(); });
-  if (map.column("id") == nullptr && (ids_fit_32_bits || format == PointFormat::kPcd)) {
-    add("id", ids_fit_32_bits ? ScalarType::kUint32 : ScalarType::kUint64, Content::kId);
-  }
-  for (std::size_t i = 0; i < landmarks.columns.size(); ++i) {
-    const std::string& name = landmarks.columns[i].name;
-    if (has_counts && name == "observations") continue;
-    const bool taken = std::any_of(fields_.begin(), fields_.end(),
-                                   [&](const PointField& field) { return field.name == name; });
-    if (taken || (format == PointFormat::kPcd && name == "_")) {
-      throw Error(ErrorKind::kMisuse, "column " + printable(name),
-                  "the format has another meaning for this name", "another name");
-    }
-    add(name, ScalarType::kFloat64, Content::kColumn, i);
-  }
-}
-
-void PointRows::add(std::string name, ScalarType type, Content content, std::size_t index) {
-  fields_.push_back({.name = std::move(name), .type = type, .count = 1, .list_count = {}});
-  cells_.push_back({content, index});
-}
-
-template <class Put>
-void PointRows::visit(std::size_t field, std::size_t row, Put&& put) const {
-  const LandmarkTable& landmarks = map_.landmarks();
-  const std::size_t index = cells_[field].index;
-  switch (cells_[field].content) {
-    case Content::kPosition: {
-      const double coordinate = landmarks.positions[row][static_cast<Eigen::Index>(index)];
-      if (fields_[field].type == ScalarType::kFloat32) {
-        put(static_cast<float>(coordinate));
-      } else {
-        put(coordinate);
-      }
-      break;
-    }
-    case Content::kCovariance: {
-      const Eigen::Matrix3d& covariance = landmarks.covariances[row];
-      const CovarianceEntry& entry = kCovarianceEntries[index];
-      put(std::isnan(covariance(0, 0)) ? kNan : covariance(entry.row, entry.column));
-      break;
-    }
-    case Content::kChannel: {
-      const Color color = *landmarks.colors[row];
-      constexpr std::uint8_t kOpaque = 255;
-      put(index == kAlpha ? kOpaque
-          : index == 0    ? color.red
-          : index == 1    ? color.green
-                          : color.blue);
-      break;
-    }
-    case Content::kPackedColor: {
-      const Color color = *landmarks.colors[row];
-      put(std::uint32_t{color.red} << 16 | std::uint32_t{color.green} << 8 |
-          std::uint32_t{color.blue});
-      break;
-    }
-    case Content::kCount: {
-      const auto& offsets = map_.observations().offsets;
-      put(static_cast<std::uint32_t>(std::min<std::uint64_t>(
-          offsets[row + 1] - offsets[row], std::numeric_limits<std::uint32_t>::max())));
-      break;
-    }
-    case Content::kId: {
-      const std::uint64_t id = landmarks.ids[row].value;
-      if (fields_[field].type == ScalarType::kUint32) {
-        put(static_cast<std::uint32_t>(id));
-      } else {
-        put(id);
-      }
-      break;
-    }
-    case Content::kColumn:
-      put(landmarks.columns[index].values[row]);
-      break;
-  }
-}
-
-void PointRows::write(std::string header, bool ascii, const ByteSink& sink) const {
-  std::string buffer = std::move(header);
-  for (std::size_t row = 0; row < map_.landmark_count(); ++row) {
-    for (std::size_t field = 0; field < fields_.size(); ++field) {
-      if (ascii) {
-        if (field > 0) buffer += ' ';
-        visit(field, row, [&]<class T>(T value) {
-          using Text = std::conditional_t<std::is_integral_v<T>, std::uint64_t, T>;
-          append_text_value(buffer, Text{value});
-        });
-      } else {
-        visit(field, row, [&](auto value) { append_little_endian(buffer, value); });
-      }
-    }
-    if (ascii) buffer += '\n';
-    if (buffer.size() >= kBlockSize) {
-      sink(buffer);
-      buffer.clear();
-    }
-  }
-  sink(buffer);
 }
 
 }  // namespace cairn::detail

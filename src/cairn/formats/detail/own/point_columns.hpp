@@ -10,11 +10,12 @@
 #include <vector>
 
 #include "cairn/core/file.hpp"
-#include "cairn/formats/options.hpp"
+#include "cairn/formats/detail/bytes/scalars.hpp"
+#include "cairn/formats/detail/own/headed_source.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-// Shared by the PLY and PCD formats: a landmark map as a table of points with scalar fields. Private to
-// cairn/map/io and cairn/interchange.
+// Shared by the formats of points: a landmark map as a table of points with scalar fields.
 namespace cairn::detail {
 
 enum class PointFormat {
@@ -22,22 +23,6 @@ enum class PointFormat {
   kPcd,
   kFoxglove,  ///< as PLY, with an alpha value; write-only
 };
-
-enum class ScalarType : std::uint8_t {
-  kInt8,
-  kUint8,
-  kInt16,
-  kUint16,
-  kInt32,
-  kUint32,
-  kInt64,
-  kUint64,
-  kFloat32,
-  kFloat64,
-};
-
-std::size_t size_of(ScalarType type);
-bool is_integer(ScalarType type);
 
 /// The unit that a comment of a header states: "cairn length_unit metres", or "free"; std::nullopt for another comment.
 std::optional<LengthUnit> unit_in_comment(std::string_view comment);
@@ -52,76 +37,28 @@ struct PointField {
   std::optional<ScalarType> list_count;  ///< type of a list's length, which precedes its values
 };
 
+/// Names of the fields that the formats share.
+inline constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
+inline constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
+
+/// The lower triangle of a covariance, in the order of the names: it is what the test of a covariance goes by, so a
+/// matrix that passed it passes again although it was not quite symmetric.
+struct CovarianceEntry {
+  const char* name;
+  int row;
+  int column;
+};
+inline constexpr std::array<CovarianceEntry, 6> kCovarianceEntries = {{{"cov_xx", 0, 0},
+                                                                       {"cov_xy", 1, 0},
+                                                                       {"cov_xz", 2, 0},
+                                                                       {"cov_yy", 1, 1},
+                                                                       {"cov_yz", 2, 1},
+                                                                       {"cov_zz", 2, 2}}};
+
 /// Upper bound of the points in a map.
 constexpr std::uint64_t kPointLimit = std::uint64_t{1} << 32;
 /// Upper bound of the fields in a file: above any real file, and few enough to compare all names.
 constexpr std::size_t kFieldLimit = 4096;
-
-/// A source with a text header followed by a body. Handles progress and cancellation.
-class HeadedSource final : public ByteSource {
- public:
-  HeadedSource(ByteSource& source, const MapReadOptions& options);
-
-  /// The next line of the header, without line end and surrounding blanks. Valid until the next call.
-  /// @throws Error (input) at the end of the source, or if the line is too long
-  std::string_view header_line(std::string_view expected);
-  /// "file:line" of the last header line returned.
-  std::string header_place() const;
-  std::uint64_t header_lines() const { return header_lines_; }
-
-  /// The next bytes: at least `least`, fewer only at the end. Valid until the next call.
-  std::string_view peek(std::size_t least);
-  void consume(std::size_t count);
-  /// Skips bytes. @return the number of bytes skipped
-  std::uint64_t skip(std::uint64_t count);
-  /// Bytes returned so far.
-  std::uint64_t offset() const { return offset_; }
-  /// Bytes left; std::nullopt if the source has no size.
-  std::optional<std::uint64_t> remaining() const;
-  /// @throws Error (input) unless all bytes were read, or the rest is line ends, blanks and zeros: these are logged as
-  ///        a loss
-  void expect_end();
-
-  const std::string& name() const override { return source_.name(); }
-  std::optional<std::uint64_t> size() const override { return source_.size(); }
-  std::size_t read(char* buffer, std::size_t capacity) override;
-  void rewind() override;
-
- private:
-  std::size_t read_more(char* buffer, std::size_t capacity);
-
-  ByteSource& source_;
-  const MapReadOptions& options_;
-  std::vector<char> buffer_;
-  std::size_t begin_ = 0;
-  std::size_t end_ = 0;
-  std::uint64_t offset_ = 0;
-  std::uint64_t received_ = 0;
-  std::uint64_t next_report_ = 0;
-  std::uint64_t header_lines_ = 0;
-};
-
-/// The lines of a text body that are not blank.
-class TextRows {
- public:
-  /// @param log receives a loss if the last row does not end
-  TextRows(HeadedSource& source, LogSink log);
-
-  /// Row `done` of `count` rows.
-  /// @throws Error (input) if there is none, or it is incomplete
-  std::string_view next(std::uint64_t done, std::uint64_t count, std::string_view rows);
-  std::uint64_t line_number() const { return header_lines_ + lines_.line_number(); }
-  /// @throws Error (input) if there is another row
-  void expect_end();
-
- private:
-  std::optional<std::string_view> next_filled();
-
-  const HeadedSource& source_;
-  std::uint64_t header_lines_;
-  LineReader lines_;
-  LogSink log_;
-};
 
 /// Collects point fields for a map.
 class PointTable {
@@ -161,14 +98,13 @@ class PointTable {
   void put_integer(Slot slot, std::size_t row, std::uint64_t bits);
   void put_text(std::size_t field, std::string_view text, std::uint64_t line, std::uint64_t token);
   void put_run(std::size_t field, std::size_t first_row, std::size_t rows, const char* bytes,
-               std::size_t step, bool swap_bytes);
+               std::size_t step, bool big_endian);
   [[noreturn]] void refuse(std::uint64_t line, std::uint64_t token, std::string_view field,
                            std::string_view what, std::string_view expected) const;
   bool has_fields_of_cairn() const;
   void drop_points_without_position();
   void forget_infinite_values();
   void take_ids(LandmarkTable& landmarks);
-  void remark(const std::string& text) const;
   void lost(const std::string& text) const;
 
   std::string source_;
@@ -184,6 +120,7 @@ class PointTable {
   bool ids_are_signed_ = false;
   std::vector<std::uint64_t> ids_;  // two's complement if negative
   std::vector<NamedColumn> columns_;
+  std::vector<std::string_view> words_;  // of the row that is read
 };
 
 /// Reads `count` points of a text body.
@@ -197,9 +134,6 @@ void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_v
 /// Skips records of a binary body.
 void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fields,
                          std::uint64_t count, std::string_view records, bool big_endian);
-
-/// The first bytes of a scalar as a little-endian unsigned 32-bit integer.
-std::uint32_t load_little_endian_32(const char* bytes);
 
 /// The landmarks of a map as points with fields.
 class PointRows {

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "cairn/formats/map_file.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn::detail {
+
+/// A posed image of another system.
+struct SfmFrame {
+  FrameId id;
+  Eigen::Quaterniond world_from_camera = Eigen::Quaterniond::Identity();  ///< of norm 1
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  std::optional<CameraIndex> camera = {};
+  std::string image_name = {};
+  std::optional<double> timestamp_s = {};
+  std::optional<GnssFix> gnss = {};
+};
+
+/// A frame of this inverse pose, whose quaternion has norm 1.
+SfmFrame frame_from_inverse(FrameId id, const Eigen::Quaterniond& camera_from_world,
+                            const Eigen::Vector3d& translation);
+
+/// An observation of a landmark, which may be added later than it.
+struct SfmObservation {
+  std::uint64_t landmark_id = 0;
+  FrameIndex frame;
+  Pixel pixel;
+  std::optional<std::uint32_t> keypoint = {};
+  std::optional<double> depth = {};
+  std::optional<std::int32_t> octave = {};
+  std::span<const std::uint8_t> descriptor = {};  ///< of the stated size; empty if unknown
+};
+
+/// What finish() does.
+struct SfmEnd {
+  LengthUnit length_unit = LengthUnit::kFree;
+  bool sort_by_id =
+      false;  ///< frames and landmarks; otherwise they keep the order in which they were added
+  bool observations_by_frame = false;  ///< those of a landmark; otherwise as they were added
+  /// Text of a loss behind the number of observations whose landmark is not there; empty: not mentioned.
+  std::string_view lost_observations = {};
+  /// As LandmarkMap's; by default the name of the file.
+  EntryPlace place = {};
+};
+
+/// Makes a map of what the reader of another system's files finds. Logs what it leaves out.
+class SfmBuilder {
+ public:
+  /// @param name of the file or folder, for messages
+  /// @param first_pixel both coordinates of the centre of the top-left pixel in the system's files; 0 in Cairn
+  SfmBuilder(std::string name, const MapReadOptions& options, double first_pixel = 0.0)
+      : name_(std::move(name)), options_(options), first_pixel_(first_pixel) {}
+
+  const std::string& name() const { return name_; }
+  /// For what has no function here.
+  MapTables& tables() { return tables_; }
+  const MapTables& tables() const { return tables_; }
+
+  void remark(std::string_view text) const;
+  void lost(std::string_view text) const;
+  /// Logs "COUNT TEXT" as a loss unless the count is 0.
+  void lost(std::size_t count, std::string_view text) const;
+
+  /// Adds a camera, or logs why Cairn cannot use it.
+  /// @param key names the camera, here and in messages
+  /// @param camera std::nullopt if it is unknown, which the caller logs
+  /// @param defect why it cannot be used, if the caller knows
+  void add_camera(const std::string& key, std::optional<Camera> camera, std::string defect = {});
+  bool has_camera(const std::string& key) const { return cameras_.contains(key); }
+  /// std::nullopt for a camera that was not added or cannot be used.
+  std::optional<CameraIndex> camera(const std::string& key) const;
+
+  FrameIndex add_frame(SfmFrame frame);
+  std::size_t frame_count() const { return tables_.frames.ids.size(); }
+
+  void add_landmark(std::uint64_t id, const Eigen::Vector3d& position,
+                    const std::optional<Color>& color = {});
+  std::size_t landmark_count() const { return tables_.landmarks.ids.size(); }
+  /// For so many landmarks and observations more.
+  void reserve(std::size_t landmarks);
+
+  /// States that observations have descriptors, before the first is added. Each landmark gets the medoid of those of its
+  /// observations, and those of the most distinct views.
+  void set_descriptors(std::string kind, std::size_t bytes_each, DescriptorNorm norm);
+  /// Bytes of the descriptors so far, and the most while finish() gives them to the landmarks.
+  std::uint64_t descriptor_bytes() const { return descriptors_.size(); }
+  std::uint64_t descriptor_bytes_to_finish() const {
+    return 2 * descriptor_bytes() + landmark_count() * bytes_each_;
+  }
+  void add_observation(const SfmObservation& observation);
+  /// The landmark of each observation so far.
+  const std::vector<std::uint64_t>& observed_ids() const { return observed_ids_; }
+
+  /// The map. Without any observation, they are unknown: programs that do not keep tracks write empty ones.
+  LandmarkMap finish(const SfmEnd& end = {}) &&;
+
+ private:
+  void sort_by_id();
+  std::size_t group_observations(bool by_frame);
+  std::vector<std::uint32_t> landmark_rows() const;
+  void choose_descriptors(const std::vector<std::size_t>& entries);
+
+  std::string name_;
+  const MapReadOptions& options_;
+  double first_pixel_;
+  MapTables tables_;
+  std::unordered_map<std::string, std::optional<CameraIndex>> cameras_;
+  std::vector<std::uint64_t> observed_ids_;  // landmark of each observation
+  std::string descriptor_kind_;
+  DescriptorNorm norm_ = DescriptorNorm::kHamming;
+  std::size_t bytes_each_ = 0;
+  std::vector<std::size_t> descriptor_ends_;  // in descriptors_, of each observation's
+  std::vector<std::uint8_t> descriptors_;     // those that are known
+};
+
+/// Appends a row to a column: of the descriptors of one landmark's observations the medoid, which represents it, and those
+/// of the most distinct views; unknown if there is none. Considers only the first 64 for the medoid.
+void append_distinct(DescriptorColumn& column,
+                     std::span<const std::span<const std::uint8_t>> descriptors,
+                     DescriptorNorm norm);
+
+/// For descriptors that a small file may refer to many times, or that have room for every landmark.
+/// @param name the file or folder
+/// @throws Error (input) if so many bytes of descriptors exceed memory_budget() of the file's bytes
+void require_descriptor_budget(std::uint64_t descriptor_bytes, std::uint64_t file_bytes,
+                               const std::string& name);
+
+/// Converts the numbers of descriptors to one byte each, preserving ratios of distances. If all are integers
+/// from 0 to 255 (SIFT), they are unchanged. Otherwise x becomes 128 + 127·x, rounded and clamped, because
+/// learned features are in [-1, 1]. Numbers that are not finite count as 0.
+/// @tparam Number float or double
+/// @param bytes as many as numbers
+template <class Number>
+void to_bytes(std::span<const Number> numbers, std::span<std::uint8_t> bytes);
+
+/// Whether a matrix is a rotation within 1e-3.
+bool is_rotation(const Eigen::Matrix3d& matrix);
+/// Whether a quaternion has a direction; false also if a number is not finite.
+bool has_direction(const Eigen::Quaterniond& quaternion);
+
+/// Numbers as a colour, rounded and clamped to 0 to 255.
+Color color_of(const Eigen::Vector3d& rgb);
+
+/// Both coordinates of the centre of the top-left pixel in COLMAP, kapture and nerfstudio.
+inline constexpr double kPixelCentre = 0.5;
+
+/// Index of cx, followed by cy, among a camera's parameters; the focal lengths are before it.
+std::size_t centre_place(const Camera& camera);
+
+/// Adds `by` pixels to both coordinates of the principal point; the camera's model must be known.
+void shift_centre(Camera& camera, double by);
+
+/// Whether both have one model, size and parameters.
+bool is_same_lens(const Camera& a, const Camera& b);
+
+/// Whether there is a regular file. Opening a pipe of that name would block.
+bool is_file(const std::filesystem::path& path);
+
+}  // namespace cairn::detail

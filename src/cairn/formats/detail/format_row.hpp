@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "cairn/core/file.hpp"
+#include "cairn/formats/map_file.hpp"
+
+// What the rows of the table of formats are made of.
+namespace cairn::detail {
+
+/// The next bytes of a source, as many as recognition takes.
+std::string first_bytes_of(ByteSource& source);
+
+/// Whether a file that begins so is a Git LFS pointer: a small text in place of the file.
+bool is_lfs_pointer(std::string_view first_bytes);
+
+/// MapFormat::recognises of a file that begins with one of the texts.
+template <class... Texts>
+auto begins_with(Texts... texts) {
+  return [texts...](const MapInput& input) {
+    return (input.first_bytes.starts_with(std::string_view(texts)) || ...);
+  };
+}
+
+/// MapFormat::read of a function that takes a source, or a path.
+template <auto kRead>
+LandmarkMap read_source(const MapInput& input, const MapReadOptions& options) {
+  return kRead(*input.source, options);
+}
+template <auto kRead>
+LandmarkMap read_path(const MapInput& input, const MapReadOptions& options) {
+  return kRead(input.path, options);
+}
+
+}  // namespace cairn::detail

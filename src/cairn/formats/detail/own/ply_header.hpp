@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/formats/detail/own/headed_source.hpp"
+#include "cairn/formats/detail/own/point_columns.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn::detail {
+
+enum class PlyEncoding { kAscii, kLittleEndian, kBigEndian };
+
+struct PlyElement {
+  std::string name;
+  std::uint64_t count = 0;
+  std::string place;  ///< "file:line" where it is declared
+  std::vector<PointField> properties;
+};
+
+struct PlyHeader {
+  PlyEncoding encoding = PlyEncoding::kAscii;
+  std::optional<LengthUnit> length_unit;
+  std::vector<PlyElement> elements;
+
+  /// The element "vertex", which a header that was read has.
+  const PlyElement* vertex() const;
+};
+
+/// Reads the header of a PLY 1.0 file, behind which the source then stands.
+/// @throws Error (input) naming source, line, value and constraint
+PlyHeader read_ply_header(HeadedSource& source);
+
+}  // namespace cairn::detail

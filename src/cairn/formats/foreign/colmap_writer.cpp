@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/detail/output_folder.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/core/number_text.hpp"
+#include "cairn/formats/detail/foreign/colmap_model.hpp"
+#include "cairn/formats/detail/foreign/foreign_formats.hpp"
+#include "cairn/formats/detail/foreign/sfm_builder.hpp"
+#include "cairn/formats/detail/foreign/written_frames.hpp"
+#include "cairn/formats/detail/losses.hpp"
+#include "cairn/geometry/rigid3.hpp"
+
+namespace cairn::detail {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The ids if all are at most `most`; otherwise numbers from 1.
+template <class Id>
+std::vector<std::uint64_t> fitting_ids(const std::vector<Id>& ids, std::uint64_t most) {
+  std::vector<std::uint64_t> result;
+  result.reserve(ids.size());
+  const bool fit = std::all_of(ids.begin(), ids.end(), [&](Id id) { return id.value <= most; });
+  for (std::size_t i = 0; i < ids.size(); ++i) result.push_back(fit ? ids[i].value : i + 1);
+  return result;
+}
+
+// The mean distance in pixels between a landmark's projections and its observations; -1 if unknown.
+double reprojection_error(const LandmarkMap& map, LandmarkIndex landmark) {
+  const auto frames = map.observing_frames(landmark);
+  const auto pixels = map.observed_pixels(landmark);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const CameraIndex camera = *map.frames().cameras[frames[i].value];
+    const Eigen::Vector3d x =
+        map.world_from_camera(frames[i]).inverse() * map.landmarks().positions[landmark.value];
+    const auto pixel = project(map.cameras()[camera.value], x);
+    if (!pixel) return -1.0;
+    sum += std::hypot(pixel->u - pixels[i].u, pixel->v - pixels[i].v);
+  }
+  return frames.empty() ? -1.0 : sum / static_cast<double>(frames.size());
+}
+
+// Writes a model's records in either form.
+class ColmapOutput {
+ public:
+  ColmapOutput(const ByteSink& sink, ColmapForm form)
+      : sink_(sink), is_text_(form == ColmapForm::kText) {}
+  ColmapOutput(const ColmapOutput&) = delete;
+  ColmapOutput& operator=(const ColmapOutput&) = delete;
+
+  bool is_text() const { return is_text_; }
+  template <class Number>
+  void binary(Number number) {
+    bytes_.append(reinterpret_cast<const char*>(&number), sizeof number);
+    flush_if_large();
+  }
+  // Writes a number in both forms.
+  template <class Number>
+  void both(Number number) {
+    if (!is_text_) return binary(number);
+    separate();
+    if constexpr (std::is_floating_point_v<Number>) {
+      append_number(bytes_, number);
+    } else {
+      append_number(bytes_, static_cast<std::uint64_t>(number));
+    }
+    flush_if_large();
+  }
+  void word(std::string_view text) {
+    separate();
+    bytes_ += text;
+  }
+  void raw(std::string_view text) { bytes_ += text; }
+  void end_line() {
+    bytes_ += '\n';
+    line_begins_ = true;
+    flush_if_large();
+  }
+  void finish() {
+    sink_(bytes_);
+    bytes_.clear();
+  }
+
+ private:
+  void separate() {
+    if (!line_begins_) bytes_ += ' ';
+    line_begins_ = false;
+  }
+  void flush_if_large() {
+    constexpr std::size_t kLarge = std::size_t{1} << 20;
+    if (bytes_.size() >= kLarge) finish();
+  }
+
+  const ByteSink& sink_;
+  bool is_text_;
+  bool line_begins_ = true;
+  std::string bytes_;
+};
+
+class ColmapWriter {
+ public:
+  ColmapWriter(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
+               const MapWriteOptions& options)
+      : map_(map), folder_(folder), form_(form), options_(options), image_names_(image_names(map)) {
+    check_frames();
+    constexpr std::uint64_t kMostSmall = std::numeric_limits<std::uint32_t>::max() - 1;
+    std::vector<CameraId> camera_ids;
+    for (const Camera& camera : map.cameras()) camera_ids.push_back(camera.id);
+    camera_ids_ = fitting_ids(camera_ids, kMostSmall);
+    image_ids_ = fitting_ids(map.frames().ids, kMostSmall);
+    point_ids_ = fitting_ids(map.landmarks().ids, kNoPoint >> 1);
+    list_keypoints();
+  }
+
+  void remark() const {
+    if (!options_.log) return;
+    static constexpr std::array<std::string_view, 1> kColumns = {kErrorColumn};
+    const std::string lost = loss_remark(map_, {.columns = kColumns}, folder_.string(), "COLMAP");
+    if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
+    const auto note = [&](bool renumbered, std::string_view what) {
+      if (renumbered) {
+        options_.log({fmt::format("{}: ids of {} are too large for COLMAP: numbered from 1",
+                                  folder_.string(), what),
+                      RemarkKind::kLoss});
+      }
+    };
+    note(!image_ids_.empty() && image_ids_[0] != map_.frames().ids[0].value, "frames");
+    note(!point_ids_.empty() && point_ids_[0] != map_.landmarks().ids[0].value, "landmarks");
+    note(!camera_ids_.empty() && camera_ids_[0] != map_.cameras()[0].id.value, "cameras");
+  }
+
+  void write_cameras(const ByteSink& sink) const {
+    ColmapOutput out(sink, form_);
+    header(out, map_.cameras().size(),
+           "# Cameras, one a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS\n");
+    for (std::size_t i = 0; i < map_.cameras().size(); ++i) {
+      Camera camera = map_.cameras()[i];
+      shift_centre(camera, kPixelCentre);
+      out.both(static_cast<std::uint32_t>(camera_ids_[i]));
+      if (out.is_text()) {
+        out.word(camera.model);
+      } else {
+        const auto model =
+            std::find_if(kColmapModels.begin(), kColmapModels.end(),
+                         [&](const ColmapModel& m) { return m.name == camera.model; });
+        out.binary(static_cast<std::int32_t>(model - kColmapModels.begin()));
+      }
+      out.both(std::uint64_t{camera.width});
+      out.both(std::uint64_t{camera.height});
+      for (const double parameter : camera.parameters) out.both(parameter);
+      if (out.is_text()) out.end_line();
+    }
+    out.finish();
+  }
+
+  void write_images(const ByteSink& sink) const {
+    ColmapOutput out(sink, form_);
+    header(out, map_.frame_count(),
+           "# Images, two lines each: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n"
+           "# and (X Y POINT3D_ID) of each keypoint\n");
+    const FrameTable& frames = map_.frames();
+    for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
+      const auto& q = frames.quaternions[i];
+      const Eigen::Vector3d t =
+          map_.world_from_camera(FrameIndex{i}).inverse() * Eigen::Vector3d::Zero();
+      out.both(static_cast<std::uint32_t>(image_ids_[i]));
+      out.both(q[0]);
+      for (std::size_t j = 1; j < 4; ++j) out.both(-q[j]);
+      for (int j = 0; j < 3; ++j) out.both(t[j]);
+      out.both(static_cast<std::uint32_t>(camera_ids_[frames.cameras[i]->value]));
+      const std::string& name = image_names_[i];
+      if (out.is_text()) {
+        out.word(name);
+        out.end_line();
+      } else {
+        out.raw(name);
+        out.binary('\0');
+        out.binary(std::uint64_t{first_keypoints_[i + 1] - first_keypoints_[i]});
+      }
+      for (std::uint64_t k = first_keypoints_[i]; k < first_keypoints_[i + 1]; ++k) {
+        const std::uint64_t observation = observation_of_keypoint_[k];
+        const Pixel& pixel = map_.observations().pixels[observation];
+        out.both(pixel.u + kPixelCentre);
+        out.both(pixel.v + kPixelCentre);
+        out.both(point_ids_[landmark_of(observation)]);
+      }
+      if (out.is_text()) out.end_line();
+    }
+    out.finish();
+  }
+
+  void write_points(const ByteSink& sink) const {
+    ColmapOutput out(sink, form_);
+    header(out, map_.landmark_count(),
+           "# 3D points, one a line: POINT3D_ID X Y Z R G B ERROR and (IMAGE_ID POINT2D_INDEX) of "
+           "each\n# observation\n");
+    const LandmarkTable& landmarks = map_.landmarks();
+    const NamedColumn* const errors = map_.column(kErrorColumn);
+    for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
+      out.both(point_ids_[i]);
+      for (int j = 0; j < 3; ++j) out.both(landmarks.positions[i][j]);
+      const Color color =
+          landmarks.colors.empty() ? Color{} : landmarks.colors[i].value_or(Color{});
+      out.both(color.red);
+      out.both(color.green);
+      out.both(color.blue);
+      double error =
+          errors == nullptr ? reprojection_error(map_, LandmarkIndex{i}) : errors->values[i];
+      if (std::isnan(error)) error = -1.0;
+      out.both(error);
+      const auto frames = map_.observing_frames(LandmarkIndex{i});
+      if (!out.is_text()) out.binary(std::uint64_t{frames.size()});
+      const std::uint64_t first =
+          map_.observations().offsets.empty() ? 0 : map_.observations().offsets[i];
+      for (std::size_t j = 0; j < frames.size(); ++j) {
+        out.both(static_cast<std::uint32_t>(image_ids_[frames[j].value]));
+        out.both(keypoint_of_observation_[first + j]);
+      }
+      if (out.is_text()) out.end_line();
+      report(i);
+    }
+    out.finish();
+  }
+
+ private:
+  void check_frames() const {
+    const FrameTable& frames = map_.frames();
+    for (std::size_t i = 0; i < map_.frame_count(); ++i) {
+      const auto refuse = [&](std::string_view what, std::string_view expected) {
+        throw Error(ErrorKind::kInput,
+                    fmt::format("{}: frame {}", folder_.string(), frames.ids[i].value), what,
+                    expected);
+      };
+      if (frames.cameras.empty() || !frames.cameras[i]) {
+        refuse("has no camera, and an image of COLMAP needs one", "a camera for every frame");
+      }
+      const std::string& name = image_names_[i];
+      const bool is_bad =
+          form_ == ColmapForm::kText
+              ? name.find_first_of("\n\r") != std::string::npos || name.front() == ' '
+              : name.find('\0') != std::string::npos;
+      if (is_bad) refuse("image name " + printable(name), "a name of one line");
+    }
+  }
+
+  // COLMAP lists all keypoints of an image. Lists those that observe a landmark, by index, or without indices
+  // in the order of the landmarks.
+  void list_keypoints() {
+    const ObservationTable& observations = map_.observations();
+    const std::size_t count = observations.frames.size();
+    first_keypoints_.assign(map_.frame_count() + 1, 0);
+    for (const FrameIndex frame : observations.frames) ++first_keypoints_[frame.value + 1];
+    std::partial_sum(first_keypoints_.begin(), first_keypoints_.end(), first_keypoints_.begin());
+    std::vector<std::uint64_t> next(first_keypoints_.begin(), first_keypoints_.end() - 1);
+    observation_of_keypoint_.resize(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      observation_of_keypoint_[next[observations.frames[i].value]++] = i;
+    }
+    keypoint_of_observation_.resize(count);
+    const auto key = [&](std::uint64_t i) {
+      const auto& keypoints = observations.keypoints;
+      return std::pair(keypoints.empty() || !keypoints[i] ? kNoPoint : std::uint64_t{*keypoints[i]},
+                       i);
+    };
+    for (std::size_t frame = 0; frame < map_.frame_count(); ++frame) {
+      const auto begin = observation_of_keypoint_.begin();
+      std::sort(begin + static_cast<std::ptrdiff_t>(first_keypoints_[frame]),
+                begin + static_cast<std::ptrdiff_t>(first_keypoints_[frame + 1]),
+                [&](std::uint64_t a, std::uint64_t b) { return key(a) < key(b); });
+      for (std::uint64_t k = first_keypoints_[frame]; k < first_keypoints_[frame + 1]; ++k) {
+        keypoint_of_observation_[observation_of_keypoint_[k]] =
+            static_cast<std::uint32_t>(k - first_keypoints_[frame]);
+      }
+    }
+  }
+
+  std::size_t landmark_of(std::uint64_t observation) const {
+    const auto& offsets = map_.observations().offsets;
+    return static_cast<std::size_t>(std::upper_bound(offsets.begin(), offsets.end(), observation) -
+                                    offsets.begin()) -
+           1;
+  }
+
+  static void header(ColmapOutput& out, std::size_t count, std::string_view text) {
+    if (out.is_text()) {
+      out.raw(text);
+    } else {
+      out.binary(std::uint64_t{count});
+    }
+  }
+
+  void report(std::uint32_t row) const {
+    constexpr std::uint32_t kRows = 65536;
+    if (options_.progress && row % kRows == 0) {
+      options_.progress(static_cast<double>(row) / static_cast<double>(map_.landmark_count()));
+    }
+  }
+
+  const LandmarkMap& map_;
+  const fs::path& folder_;
+  ColmapForm form_;
+  const MapWriteOptions& options_;
+  std::vector<std::string> image_names_;
+  std::vector<std::uint64_t> camera_ids_;
+  std::vector<std::uint64_t> image_ids_;
+  std::vector<std::uint64_t> point_ids_;
+  std::vector<std::uint64_t> first_keypoints_;  // of each frame, and their number
+  std::vector<std::uint64_t> observation_of_keypoint_;
+  std::vector<std::uint32_t> keypoint_of_observation_;
+};
+
+}  // namespace
+
+void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
+                  const MapWriteOptions& options) {
+  const ColmapWriter writer(map, folder, form, options);
+  writer.remark();  // before writing, because the caller may refuse the loss
+  OutputFolder output(folder);
+  const auto write = [&](std::string_view stem,
+                         void (ColmapWriter::*produce)(const ByteSink&) const) {
+    write_file(output.unfinished() / colmap_file_name(stem, form),
+               [&](const ByteSink& sink) { (writer.*produce)(sink); });
+  };
+  write("cameras", &ColmapWriter::write_cameras);
+  write("images", &ColmapWriter::write_images);
+  write("points3D", &ColmapWriter::write_points);
+  output.commit();
+}
+
+}  // namespace cairn::detail
