@@ -82,15 +82,13 @@ set(CAIRN_UNITY_APART
     "src/cairn/merging/detail/association.cpp"
     "src/cairn/vision/localization/image_locator.cpp"
     "src/cairn/vision/odometry/map_at_poses.cpp"
-    "src/cairn/alignment/detail/search/constellation_poses.cpp src/cairn/alignment/detail/search/descriptor_poses.cpp"
-    "src/cairn/alignment/search/place.cpp"
     # Highway's sources include themselves.
-    "src/cairn/alignment/search/descriptor_kernel.cpp"
+    "src/cairn/core/detail/descriptor_kernel.cpp"
     "src/cairn/registration/detail/batch_kernel.cpp"
     "src/cairn/registration/neighbors/kd_tree.cpp"
-    "src/cairn/alignment/search/descriptor_matches_test.cpp"
+    "src/cairn/alignment/detail/search/descriptor_matches_test.cpp"
     "src/cairn/alignment/detail/search/descriptor_poses_test.cpp"
-    "src/cairn/alignment/detail/search/look_comparison_test.cpp"
+    "src/cairn/alignment/detail/evidence/look_comparison_test.cpp"
     "src/cairn/formats/g2o_test.cpp"
     "src/cairn/registration/estimation/point_to_point_test.cpp src/cairn/registration/neighbors/batch_tree_test.cpp"
     "src/cairn/report/figures/clouds.cpp src/cairn/report/map_builder.cpp"
@@ -102,7 +100,7 @@ set(CAIRN_UNITY_APART
     "src/cairn/simulation/renderer.cpp"
     "src/cairn/vision/sequence/sequence_test.cpp"
     "src/cairn/vision/detail/sequence/tum_layout_test.cpp"
-    "src/cairn/alignment/evidence/verdict_test.cpp"
+    "src/cairn/alignment/detail/evidence/verdict_test.cpp"
     "src/cairn/simulation/detail/canvas.cpp src/cairn/simulation/environment.cpp"
     "src/cairn/evaluation/trajectory_evaluation_test.cpp")
 

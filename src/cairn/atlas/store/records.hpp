@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/alignment/evidence/verdict.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/core/ids.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"

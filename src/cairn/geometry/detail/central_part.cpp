@@ -6,17 +6,12 @@
 #include <cstddef>
 #include <vector>
 
+#include "cairn/core/detail/selection.hpp"
+
 namespace cairn {
 namespace {
 
 constexpr double kFar = 100.0;
-
-// @param values not empty
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Distance from the median beyond which a point is a far outlier.
 double reach_of(std::span<const Eigen::Vector3d> points, Eigen::Vector3d& middle) {
@@ -24,11 +19,11 @@ double reach_of(std::span<const Eigen::Vector3d> points, Eigen::Vector3d& middle
   for (int axis = 0; axis < 3; ++axis) {
     std::transform(points.begin(), points.end(), values.begin(),
                    [&](const Eigen::Vector3d& point) { return point[axis]; });
-    middle[axis] = median(values);
+    middle[axis] = detail::upper_median(values);
   }
   std::transform(points.begin(), points.end(), values.begin(),
                  [&](const Eigen::Vector3d& point) { return (point - middle).norm(); });
-  return kFar * median(values);
+  return kFar * detail::upper_median(values);
 }
 
 }  // namespace

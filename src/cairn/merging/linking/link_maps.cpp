@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/bends/by_parts.hpp"
+#include "cairn/alignment/bends.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
 
