@@ -15,7 +15,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/bends/deformed.hpp"
+#include "cairn/alignment/bends.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -38,15 +38,15 @@ struct Counts {
 Counts tried(const PreparedMap& source, const PreparedMap& target, std::size_t poses,
              Random random) {
   const auto middle = [](const PreparedMap& map) {
-    return Similarity3(Rigid3(Eigen::Quaterniond::Identity(), map.cloud().centred()->centre));
+    return Similarity3(Rigid3(Eigen::Quaterniond::Identity(), map.cloud().centre()));
   };
   const double extent = target.cloud().scales().extent;
   const double ratio = extent / source.cloud().scales().extent;
   std::vector<Eigen::Vector3d> positions;
   for (const Eigen::Vector3d& position : source.cloud().landmarks().positions) {
-    positions.emplace_back(position + source.cloud().centred()->centre);
+    positions.emplace_back(position + source.cloud().centre());
   }
-  const DeformablePair pair(source.cloud(), target.cloud());
+  const DeformablePair pair(source, target);
   const PoseDistance distance = PoseDistance::of(positions);
   Counts counts;
   for (std::size_t i = 0; i < poses; ++i) {

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/alignment/search/place.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"

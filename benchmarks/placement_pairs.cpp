@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "cairn/alignment/search/place.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"

@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "cairn/alignment/landmark_cloud.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/geometry/similarity3.hpp"
 
 namespace cairn::benchmarks {

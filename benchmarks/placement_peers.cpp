@@ -19,8 +19,8 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/search/place.hpp"
-#include "cairn/alignment/search/scales.hpp"
+#include "cairn/alignment/detail/cloud_scales.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -67,7 +67,7 @@ PeerCloud peer_cloud(const LandmarkCloud& cloud) {
 }
 
 double spacing_of(const LandmarkCloud& cloud) {
-  return cloud_scales(cloud, BatchTree(cloud.positions), Executor()).spacing;
+  return detail::cloud_scales(cloud, BatchTree(cloud.positions), Executor()).spacing;
 }
 
 PeerTask task_of(const LandmarkCloud& less, const LandmarkCloud& more, std::uint64_t seed) {

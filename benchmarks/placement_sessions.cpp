@@ -16,13 +16,11 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/detail/search/support_counter.hpp"
-#include "cairn/alignment/prepared_cloud.hpp"
-#include "cairn/alignment/refinement/centred_pair.hpp"
-#include "cairn/alignment/refinement/refine.hpp"
-#include "cairn/alignment/search/descriptor_matches.hpp"
-#include "cairn/alignment/search/place.hpp"
-#include "cairn/alignment/search/scales.hpp"
+#include "cairn/alignment/detail/cloud_scales.hpp"
+#include "cairn/alignment/detail/evidence/support_counter.hpp"
+#include "cairn/alignment/detail/prepared_cloud.hpp"
+#include "cairn/alignment/detail/search/descriptor_matches.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -46,20 +44,20 @@ double squared_mahalanobis(const RegistrationResult& result, const Rigid3& truth
 // more.
 void tell_truth(const SessionPair& pair) {
   if (!pair.same_place()) return;
-  const PreparedCloud source(pair.source);
-  const PreparedCloud target(pair.target);
-  const double fine = kernel_scales(source.scales(), target.scales()).fine;
+  const detail::PreparedCloud source(pair.source);
+  const detail::PreparedCloud target(pair.target);
+  const double fine = detail::kernel_scales(source.scales(), target.scales()).fine;
   RefineOptions refinement;
   refinement.initial = pair.truth;
   refinement.coarse = refinement.fine = 0.5 * fine;
   refinement.finest = fine / 12.0;
   refinement.by_icp_too = false;
   const Rigid3 pose = refine(pair.source, pair.target, refinement).target_from_source;
-  const CentredPair centred(source.centred(), target.centred());
-  const Similarity3 at = centred.centred(pose);
-  const Support support =
-      SupportCounter(source, target, pair.source.size(), Random(pair.number))(at, 0.5 * fine);
-  const DescriptorAgreement agreement = DescriptorMatches(centred).agreement(at, 0.5 * fine);
+  const Similarity3 at = detail::centred_pose(source, target, pose);
+  const Support support = detail::SupportCounter(source, target, pair.source.size(),
+                                                 Random(pair.number))(at, 0.5 * fine);
+  const DescriptorAgreement agreement =
+      detail::DescriptorMatches(source.landmarks(), target.landmarks()).agreement(at, 0.5 * fine);
   const PoseError error = pose_error(pose, pair.truth, pair.source.positions);
   std::printf(
       "truth,%llu,%s,%s,1,%.6f,%zu,%zu,,0,-1,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,0,0,0,0,1,"
@@ -80,7 +78,9 @@ void tell_guesses(const SessionPair& pair, const Executor& executor) {
   PlaceOptions options;
   options.seed = pair.number;
   options.execution.executor = executor;
-  PreparedPair prepared(pair.source, pair.target, options);
+  PreparedPair prepared(PreparedMap(pair.source, {.seed = options.seed, .executor = executor}),
+                        PreparedMap(pair.target, {.seed = options.seed, .executor = executor}),
+                        options);
   Random random(pair.number + 77);
   const Eigen::Vector3d middle = pair.truth * centroid(pair.source.positions);
   for (int i = 0; i < kGuesses; ++i) {

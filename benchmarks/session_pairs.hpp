@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cairn/alignment/landmark_cloud.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
 

@@ -18,8 +18,8 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/bends/deformed.hpp"
-#include "cairn/alignment/search/place.hpp"
+#include "cairn/alignment/bends.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
@@ -143,8 +143,8 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
 }
 
 // The pose and verdict up to a deformation; std::nullopt if there clearly is none.
-std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedCloud& source,
-                                                           const PreparedCloud& target,
+std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedMap& source,
+                                                           const PreparedMap& target,
                                                            const PlacementResult& placed,
                                                            const PlaceOptions& options) {
   std::vector<Similarity3> starts;
@@ -171,8 +171,8 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
     options.scale = ScaleRange();
     options.search = PoseSearch::kNever;
   }
-  const PreparedCloud source(pair.source, options.seed);
-  const PreparedCloud target(pair.target, options.seed);
+  const PreparedMap source(pair.source, {.seed = options.seed});
+  const PreparedMap target(pair.target, {.seed = options.seed});
   const PlacementResult result = PreparedPair(source, target, options).place();
   const auto found = deformed ? as_deformed(source, target, result, options) : std::nullopt;
   PoseError error{0.0, 0.0};

@@ -58,22 +58,20 @@ set(CAIRN_UNITY_APART
     "src/cairn/geometry/decompositions.cpp"
     "src/cairn/merging/recognition/map_index_test.cpp"
     "src/cairn/merging/detail/association.cpp"
-    "src/cairn/alignment/detail/search/constellation_poses.cpp src/cairn/alignment/detail/search/descriptor_poses.cpp"
-    "src/cairn/alignment/search/place.cpp"
     # Highway's sources include themselves.
-    "src/cairn/alignment/search/descriptor_kernel.cpp"
+    "src/cairn/core/detail/descriptor_kernel.cpp"
     "src/cairn/registration/detail/batch_kernel.cpp"
     "src/cairn/registration/neighbors/kd_tree.cpp"
-    "src/cairn/alignment/search/descriptor_matches_test.cpp"
+    "src/cairn/alignment/detail/search/descriptor_matches_test.cpp"
     "src/cairn/alignment/detail/search/descriptor_poses_test.cpp"
-    "src/cairn/alignment/detail/search/look_comparison_test.cpp"
+    "src/cairn/alignment/detail/evidence/look_comparison_test.cpp"
     "src/cairn/registration/estimation/point_to_point_test.cpp src/cairn/registration/neighbors/batch_tree_test.cpp"
     "src/cairn/report/figures/clouds.cpp src/cairn/report/map_builder.cpp"
     "src/cairn/report/figures/figures_test.cpp"
     "src/cairn/experiments/run_test.cpp"
     "src/cairn/experiments/study_runs.cpp"
     "src/cairn/pose_graph/optimise_poses.cpp"
-    "src/cairn/alignment/evidence/verdict_test.cpp")
+    "src/cairn/alignment/detail/evidence/verdict_test.cpp")
 
 # cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...])
 #

@@ -10,7 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"

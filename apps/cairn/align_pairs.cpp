@@ -13,7 +13,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/detail/csv.hpp"
 #include "cairn/core/error.hpp"

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/atlas/export.hpp"
 #include "cairn/atlas/route.hpp"
 #include "cairn/core/error.hpp"

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"

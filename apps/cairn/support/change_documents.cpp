@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/alignment.hpp"
 
 #include "support/console.hpp"
 

@@ -10,10 +10,13 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/bends/by_parts.hpp"
-#include "cairn/alignment/bends/deformed.hpp"
-#include "cairn/alignment/bends/straightened.hpp"
-#include "cairn/alignment/refinement/refine.hpp"
+#include "cairn/alignment/bends.hpp"
+#include "cairn/alignment/detail/bends/by_parts.hpp"
+#include "cairn/alignment/detail/bends/map_parts.hpp"
+#include "cairn/alignment/detail/prepared_cloud.hpp"
+#include "cairn/alignment/detail/search/placement.hpp"
+#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
@@ -23,6 +26,8 @@
 
 namespace cairn {
 namespace {
+
+using namespace detail;
 
 constexpr double kPriorDeviations = 3.0;  // largest error of a prior pose, in standard deviations
 
@@ -51,27 +56,27 @@ IcpOptions icp_of(const AlignOptions& options) {
 }
 
 // Root mean square displacement of the landmarks by the prior's error.
-double displacement(const PosePrior& prior, const CentredCloud& source) {
+double displacement(const PosePrior& prior, const PreparedCloud& source) {
   double sum = 0.0;
-  for (const Eigen::Vector3d& position : source.landmarks.positions) {
+  for (const Eigen::Vector3d& position : source.landmarks().positions) {
     // For the left perturbation (t + δt, Exp(δφ)·R), which rotates about the source's origin.
-    const Eigen::Vector3d arm = prior.target_from_source.linear() * (source.centre + position);
+    const Eigen::Vector3d arm = prior.target_from_source.linear() * (source.centre() + position);
     Eigen::Matrix<double, 3, 6> jacobian;
     jacobian << Eigen::Matrix3d::Identity(), -skew(arm);
     sum += (jacobian * *prior.covariance * jacobian.transpose()).trace();
   }
-  const std::size_t count = std::max<std::size_t>(source.landmarks.size(), 1);
+  const std::size_t count = std::max<std::size_t>(source.size(), 1);
   return std::sqrt(sum / static_cast<double>(count));
 }
 
-RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& target,
+RegistrationResult refined(const PreparedMap& source, const PreparedMap& target,
                            const AlignOptions& options) {
   const PosePrior& prior = *options.prior;
   RefineOptions refinement;
   refinement.initial = prior.target_from_source.rigid();
   if (options.scale) refinement.scale = prior.target_from_source.scale();
   if (prior.covariance) {
-    const double off = kPriorDeviations * displacement(prior, *source.centred());
+    const double off = kPriorDeviations * displacement(prior, source.cloud());
     if (off > 0.0) refinement.coarse = off;
     refinement.by_icp_too = false;
   }
@@ -132,7 +137,7 @@ bool is_final(const RegistrationResult& found, const AlignOptions& options) {
 }
 
 // @param found by the method, from the prior pose; std::nullopt: search for the pose
-Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
+Alignment concluded(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, std::optional<RegistrationResult> found) {
   PreparedPair pair(source, target, placement_of(options));
   const bool by_icp = options.method == AlignMethod::kIcp;
@@ -166,45 +171,24 @@ Alignment concluded(const PreparedCloud& source, const PreparedCloud& target,
   return alignment;
 }
 
-Alignment judged(const PreparedCloud& source, const PreparedCloud& target, const Similarity3& pose,
-                 const AlignOptions& options) {
+Alignment judged_as_a_whole(const PreparedMap& source, const PreparedMap& target,
+                            const Similarity3& pose, const AlignOptions& options) {
   PlacementResult placed = PreparedPair(source, target, placement_of(options)).judge(pose);
   Alignment alignment;
   alignment.registration = std::move(placed.alignment);
   if (!options.execution.stop.stop_requested()) take_verdict(std::move(placed), alignment);
   take_pose(alignment);
   alignment.estimate = pose;
-  alignment.centre = source.centred()->centre;
   if (alignment.target_from_source) alignment.target_from_source = pose;
   return alignment;
 }
 
-Alignment aligned(const PreparedCloud& source, const PreparedCloud& target,
-                  const AlignOptions& options) {
-  const auto with_centre = [&](Alignment alignment) {
-    alignment.centre = source.centred()->centre;
-    return alignment;
-  };
-  if (!options.prior) return with_centre(concluded(source, target, options, std::nullopt));
+Alignment aligned_as_a_whole(const PreparedMap& source, const PreparedMap& target,
+                             const AlignOptions& options) {
+  if (!options.prior) return concluded(source, target, options, std::nullopt);
   RegistrationResult found = refined(source, target, options);
-  if (is_final(found, options)) return with_centre(unjudged(std::move(found)));
-  return with_centre(concluded(source, target, options, std::move(found)));
-}
-
-// @param prepared returns both prepared clouds, which ICP itself does not need
-template <class Prepared>
-Alignment aligned_by_icp(const PointSet& source, const PointSet& target, const Prepared& prepared,
-                         const AlignOptions& options) {
-  RegistrationResult found = icp(source, target, icp_of(options));
-  Alignment alignment;
-  if (is_final(found, options)) {
-    alignment = unjudged(std::move(found));
-  } else {
-    const auto [from, to] = prepared();
-    alignment = concluded(from, to, options, std::move(found));
-  }
-  if (!source.positions.empty()) alignment.centre = central_part(source.positions).centre;
-  return alignment;
+  if (is_final(found, options)) return unjudged(std::move(found));
+  return concluded(source, target, options, std::move(found));
 }
 
 // The estimate without a verdict: a stopped stage may have missed what decides.
@@ -250,7 +234,7 @@ std::string parts_text(const PartsAlignment& parts) {
 bool is_near_a_part(const PartsAlignment& parts, const Similarity3& pose,
                     const PreparedMap& source) {
   const PoseDistance distance = PoseDistance::of(source.cloud().landmarks().positions);
-  const Eigen::Vector3d& centre = source.cloud().centred()->centre;
+  const Eigen::Vector3d& centre = source.cloud().centre();
   const auto centred = [&](const Similarity3& one) {
     return one * Similarity3(Rigid3(Eigen::Quaterniond::Identity(), centre));
   };
@@ -274,7 +258,7 @@ RegistrationResult held(const PreparedMap& source, const PreparedMap& target,
     refinement.overlap_radius = alignment.radius;
   }
   refinement.execution = options.execution.without_progress();
-  RegistrationResult result = refine(source.cloud(), target.cloud(), refinement);
+  RegistrationResult result = refine(source, target, refinement);
   result.initial_score = alignment.registration.initial_score;
   result.iterations = alignment.registration.iterations;
   result.history = std::move(alignment.registration.history);
@@ -354,7 +338,7 @@ bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
   for (const PlacementCandidate& candidate : alignment.candidates) {
     starts.push_back(candidate.similarity());
   }
-  const DeformablePair pair(source.cloud(), target.cloud());
+  const DeformablePair pair(source, target);
   const std::optional<DeformedPose> found = pair.fit(starts);
   if (!found || !found->is_clear()) return true;
   if (alignment.verdict == Verdict::kAligned) {
@@ -428,12 +412,6 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
   }
 }
 
-AlignOptions with_scale_of(const PreparedMap& source, const PreparedMap& target,
-                           AlignOptions options) {
-  options.scale = scale_range(options, source.length_unit(), target.length_unit());
-  return options;
-}
-
 // Of maps that are refused at one scale: the scale of the source at which their descriptors decide.
 void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
                       const AlignOptions& options, Alignment& alignment) {
@@ -450,7 +428,7 @@ void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
   placement.search = PoseSearch::kNever;
   placement.scale = ScaleRange();
   placement.execution = options.execution.without_progress();
-  const PlacementResult placed = PreparedPair(source.cloud(), target.cloud(), placement).place();
+  const PlacementResult placed = PreparedPair(source, target, placement).place();
   const double scale = placed.alignment.scale;
   if (placed.verdict != Verdict::kAligned || std::abs(std::log(scale)) < kOther) return;
   alignment.other_scale = scale;
@@ -458,30 +436,21 @@ void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
       fmt::format("; the descriptors agree on a pose that scales the source by {:.3g}", scale);
 }
 
-// Maps can also be aligned up to a deformation, and by their parts.
-Alignment aligned(const PreparedMap& source, const PreparedMap& target, const AlignOptions& given) {
-  const AlignOptions options = with_scale_of(source, target, given);
-  Alignment alignment = aligned(source.cloud(), target.cloud(), options);
+// Maps can also be aligned up to a deformation, and by their parts. These can refuse a given pose, but not replace it.
+// @param pose to judge; std::nullopt: to find
+Alignment aligned(const PreparedMap& source, const PreparedMap& target, const AlignOptions& given,
+                  const std::optional<Similarity3>& pose = {}) {
+  AlignOptions options = given;
+  options.scale = scale_range(options, source.length_unit(), target.length_unit());
+  Alignment alignment = pose ? judged_as_a_whole(source, target, *pose, options)
+                             : aligned_as_a_whole(source, target, options);
+  alignment.centre = source.cloud().centre();
+  const bool are_maps = source.parts() && target.parts();
+  if (!are_maps || (pose && alignment.verdict != Verdict::kAligned)) return alignment;
   const bool may_align = judge_deformed(source, target, options, alignment);
   judge_by_parts(source, target, options, may_align, alignment);
-  seek_other_scale(source, target, options, alignment);
+  if (!pose) seek_other_scale(source, target, options, alignment);
   return alignment;
-}
-
-// The maps' deformation and parts can refuse a given pose, but not replace it.
-Alignment judged(const PreparedMap& source, const PreparedMap& target, const Similarity3& pose,
-                 const AlignOptions& given) {
-  const AlignOptions options = with_scale_of(source, target, given);
-  Alignment alignment = judged(source.cloud(), target.cloud(), pose, options);
-  if (alignment.verdict != Verdict::kAligned) return alignment;
-  const bool may_align = judge_deformed(source, target, options, alignment);
-  judge_by_parts(source, target, options, may_align, alignment);
-  return alignment;
-}
-
-PreparedCloud prepared(const LandmarkCloud& cloud, std::string_view name,
-                       const AlignOptions& options) {
-  return PreparedCloud(cloud, options.seed, options.execution.executor, name);
 }
 
 PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options) {
@@ -489,6 +458,30 @@ PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options) {
                            .points = options.points,
                            .seed = options.seed,
                            .executor = options.execution.executor});
+}
+
+Alignment aligned_by_icp(const LandmarkMap& source, const LandmarkMap& target,
+                         const AlignOptions& options) {
+  const PointSet points = point_set(source, options.confidence, options.points);
+  RegistrationResult found =
+      icp(points, point_set(target, options.confidence, options.points), icp_of(options));
+  Alignment alignment;
+  if (is_final(found, options)) {
+    alignment = unjudged(std::move(found));
+  } else {
+    alignment =
+        concluded(prepared(source, options), prepared(target, options), options, std::move(found));
+  }
+  if (!points.positions.empty()) alignment.centre = central_part(points.positions).centre;
+  return alignment;
+}
+
+GravityPrior gravity_prior(const std::optional<Eigen::Vector3d>& source,
+                           const std::optional<Eigen::Vector3d>& target) {
+  GravityPrior gravity;
+  gravity.source = source.value_or(gravity.source);
+  gravity.target = target.value_or(gravity.target);
+  return gravity;
 }
 
 }  // namespace
@@ -578,21 +571,6 @@ void AlignOptions::validate() const {
   icp_of(*this).validate();
 }
 
-std::optional<PoseDeviations> deviations_of(const Alignment& alignment) {
-  const RegistrationResult& result = alignment.registration;
-  if (!result.covariance || !alignment.estimate) return std::nullopt;
-  const Eigen::Vector3d arm =
-      alignment.estimate->linear() * alignment.centre.value_or(Eigen::Vector3d::Zero());
-  Matrix7d covariance = Matrix7d::Zero();
-  covariance.topLeftCorner<6, 6>() = *result.covariance;
-  if (result.covariance_with_scale) covariance = *result.covariance_with_scale;
-  const Vector7d deviations = covariance_at_point(covariance, arm).diagonal().cwiseSqrt();
-  PoseDeviations named{.translation = deviations.head<3>(),
-                       .rotation_rad = deviations.segment<3>(3)};
-  if (result.covariance_with_scale) named.log_scale = deviations[6];
-  return named;
-}
-
 std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit source,
                                       LengthUnit target) {
   const bool free = source == LengthUnit::kFree || target == LengthUnit::kFree;
@@ -600,42 +578,12 @@ std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit so
   return !options.scale && estimated ? ScaleRange() : options.scale;
 }
 
-std::string_view status_of(const Alignment& alignment) {
-  return alignment.verdict ? to_string(*alignment.verdict)
-                           : to_string(alignment.registration.status);
-}
-
-Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
-                const AlignOptions& options) {
-  options.validate();
-  return timed(options, [&] {
-    const auto clouds = [&] {
-      return std::pair(prepared(source, "source", options), prepared(target, "target", options));
-    };
-    if (options.method == AlignMethod::kIcp) {
-      source.validate("source");
-      target.validate("target");
-      return aligned_by_icp({source.positions, source.weights}, {target.positions, target.weights},
-                            clouds, options);
-    }
-    const auto [from, to] = clouds();
-    return aligned(from, to, options);
-  });
-}
-
 Alignment align(const LandmarkMap& source, const LandmarkMap& target, const AlignOptions& options) {
   options.validate();
   return timed(options, [&] {
-    const auto clouds = [&] {
-      return std::pair(prepared(source, options).cloud(), prepared(target, options).cloud());
-    };
-    if (options.method == AlignMethod::kIcp) {
-      return aligned_by_icp(point_set(source, options.confidence, options.points),
-                            point_set(target, options.confidence, options.points), clouds, options);
-    }
-    const PreparedMap from = prepared(source, options);
-    const PreparedMap to = prepared(target, options);
-    return aligned(from, to, options);
+    return options.method == AlignMethod::kIcp
+               ? aligned_by_icp(source, target, options)
+               : aligned(prepared(source, options), prepared(target, options), options);
   });
 }
 
@@ -646,41 +594,20 @@ Alignment align(const PreparedMap& source, const PreparedMap& target, const Alig
   return timed(options, [&] { return aligned(source, target, options); });
 }
 
-Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
-                     const Similarity3& target_from_source, const AlignOptions& options) {
-  options.validate();
-  return timed(options, [&] {
-    return judged(prepared(source, "source", options), prepared(target, "target", options),
-                  target_from_source, options);
-  });
-}
-
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
   return timed(options, [&] {
-    return judged(prepared(source, options), prepared(target, options), target_from_source,
-                  options);
+    return aligned(prepared(source, options), prepared(target, options), options,
+                   target_from_source);
   });
 }
 
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options) {
   options.validate();
-  return timed(options, [&] { return judged(source, target, target_from_source, options); });
+  return timed(options, [&] { return aligned(source, target, options, target_from_source); });
 }
-
-namespace {
-
-GravityPrior gravity_prior(const std::optional<Eigen::Vector3d>& source,
-                           const std::optional<Eigen::Vector3d>& target) {
-  GravityPrior gravity;
-  gravity.source = source.value_or(gravity.source);
-  gravity.target = target.value_or(gravity.target);
-  return gravity;
-}
-
-}  // namespace
 
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target) {
   return gravity_prior(source.info().gravity, target.info().gravity);

@@ -3,13 +3,9 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
 
-#include "cairn/alignment/bends/map_bend.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/alignment/prepared_map.hpp"
-#include "cairn/alignment/search/place.hpp"
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/map/landmark_map.hpp"
@@ -18,7 +14,7 @@
 namespace cairn {
 
 enum class AlignMethod {
-  kRobust,  ///< search, or robust refinement from a prior pose: place.hpp, refine.hpp
+  kRobust,  ///< search, or robust refinement from a prior pose: place(), refine()
   kIcp,     ///< the paper's ICP, from the prior pose or else the identity
 };
 
@@ -30,7 +26,7 @@ struct PosePrior {
   std::optional<Matrix6d> covariance = {};
 };
 
-/// When parts of the maps are placed separately; see map_bend.hpp.
+/// When parts of the maps are placed separately; see place_by_parts().
 enum class PartsUse {
   kWhereRefused,  ///< if the whole maps are not aligned
   kAlways,        ///< for every pair, to get the bend and the parts' poses
@@ -80,72 +76,23 @@ struct AlignOptions {
   void validate() const;
 };
 
-/// Standard deviations of a pose along and about the target's axes.
-struct PoseDeviations {
-  Eigen::Vector3d translation =
-      Eigen::Vector3d::Zero();  ///< of a point of the source; the target's unit
-  Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();
-  std::optional<double> log_scale = {};  ///< if a scale was estimated
-};
-
-/// Result of an alignment.
-struct Alignment {
-  /// std::nullopt if not judged: `judge` is false, the method failed, or the caller stopped the work.
-  std::optional<Verdict> verdict;
-  std::optional<double> probability;  ///< of the estimate; std::nullopt if not judged
-  std::string reason;                 ///< one sentence for people, the decision first
-  /// Only if the verdict is aligned. x_in_target = target_from_source * x_in_source.
-  std::optional<Similarity3> target_from_source;
-  /// The best pose, whatever the verdict; std::nullopt if the method found none.
-  std::optional<Similarity3> estimate;
-  /// All poses compared, likeliest first; empty if not judged.
-  std::vector<PlacementCandidate> candidates;
-  /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
-  RegistrationResult registration;
-  /// Centre of the source's landmarks, in its frame; std::nullopt if read from a document that does not state it.
-  std::optional<Eigen::Vector3d> centre;
-  double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if unknown
-  /// Poses of the maps' parts, and whether they agree; std::nullopt if no parts were placed.
-  std::optional<PartsAlignment> parts;
-  /// How the maps are deformed against each other, if they clearly are; covariances then include the deviations of
-  /// the landmarks' local poses from the single one. std::nullopt if not tested.
-  std::optional<MapDeformation> deformation;
-  /// For maps that are not aligned at one scale, but whose descriptors agree on a pose with this scale of the source: one
-  /// of their units is probably wrong.
-  std::optional<double> other_scale;
-  bool cut_short = false;     ///< the time limit ended the work; see PlacementResult
-  bool deterministic = true;  ///< false with a time limit
-  double duration_s = 0.0;    ///< wall time of the whole call
-};
-
-/// Standard deviations of the estimate at `centre`, or else at the source's origin, where they are larger the farther
-/// that is from the landmarks. std::nullopt without a covariance.
-std::optional<PoseDeviations> deviations_of(const Alignment& alignment);
-
 /// Range of the scales that align() searches for maps of these units; std::nullopt if both have one scale.
 std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit source,
                                       LengthUnit target);
 
-/// Name of the verdict; if there is none, "converged", "stopped", "failed" or "cancelled".
-std::string_view status_of(const Alignment& alignment);
-
-/// Aligns two landmark clouds and judges the pose.
+/// Aligns two maps by the landmarks that landmarks_to_align() selects, and judges the pose.
 ///
 /// Compares the method's pose (from the search, a refinement or ICP) with the poses that the search finds:
 /// see PreparedPair. The pose is aligned if its probability is at least `min_probability`, it has a
 /// covariance, and the matches determine every direction. The same input and seed give the same result for
 /// any number of threads.
 ///
-/// @throws Error (misuse) for invalid options or clouds
-Alignment align(const LandmarkCloud& source, const LandmarkCloud& target,
-                const AlignOptions& options = {});
-
-/// Aligns two maps by the landmarks that landmarks_to_align() selects.
-/// @throws Error also (input) if a map lacks the input of the confidence metric
+/// @throws Error (misuse) for invalid options, or (input) if a map lacks the input of the confidence metric
 Alignment align(const LandmarkMap& source, const LandmarkMap& target,
                 const AlignOptions& options = {});
 
-/// Aligns prepared maps, of which each can be aligned with many others. PrepareOptions of each map replace
+/// Aligns prepared maps, of which each can be aligned with many others. Landmarks without a map are aligned as a whole
+/// alone. PrepareOptions of each map replace
 /// AlignOptions::confidence and points, which have no effect here.
 /// @throws Error (misuse) for AlignMethod::kIcp
 Alignment align(const PreparedMap& source, const PreparedMap& target,
@@ -155,8 +102,6 @@ Alignment align(const PreparedMap& source, const PreparedMap& target,
 /// no effect. For maps, their deformation can refuse a pose that fits, and with PartsUse::kAlways so can their
 /// parts. Neither makes a pose aligned that is not aligned as a whole, as align() may do with a pose of its own.
 /// @throws Error (misuse) for invalid options, or a scale other than 1 where scale_range() has none
-Alignment judge_pose(const LandmarkCloud& source, const LandmarkCloud& target,
-                     const Similarity3& target_from_source, const AlignOptions& options = {});
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,

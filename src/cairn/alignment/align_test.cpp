@@ -285,7 +285,7 @@ TEST(Align, FailsWithAReasonWithoutLandmarks) {
   AlignOptions options;
   for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
     options.method = method;
-    const Alignment alignment = align(LandmarkCloud(), LandmarkCloud(), options);
+    const Alignment alignment = align(LandmarkMap(), LandmarkMap(), options);
     EXPECT_EQ(status_of(alignment), method == AlignMethod::kIcp ? "failed" : "rejected");
     EXPECT_FALSE(alignment.target_from_source);
     EXPECT_FALSE(alignment.estimate);

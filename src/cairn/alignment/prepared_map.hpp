@@ -1,18 +1,76 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
-#include "cairn/alignment/detail/bends/map_parts.hpp"
-#include "cairn/alignment/prepared_cloud.hpp"
-#include "cairn/core/executor.hpp"
+#include <Eigen/Core>
+
+#include "cairn/alignment/alignment.hpp"
+#include "cairn/confidence/metric.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/registration/point_set.hpp"
+#include "cairn/registration/result.hpp"
 
 namespace cairn {
+
+namespace detail {
+class PreparedCloud;
+class PreparedParts;
+}  // namespace detail
+
+/// What one keyframe saw.
+struct LandmarkView {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of its camera
+  std::vector<std::uint32_t> landmarks;              ///< indices in the cloud
+  FrameIndex frame = {};                             ///< keyframe of the map
+};
+
+/// Input of an alignment: landmark positions, their covariances, weights and descriptors, and the
+/// keyframes that saw them.
+struct LandmarkCloud {
+  std::vector<Eigen::Vector3d> positions;
+  /// Of the positions: one per landmark, zero if unknown; or empty.
+  std::vector<Eigen::Matrix3d> covariances;
+  /// One per landmark, not negative, mean 1; or empty: all equal.
+  std::vector<double> weights;
+  /// A few representative keyframes; empty if unknown.
+  std::vector<LandmarkView> views;
+  /// One row per landmark; std::nullopt if unknown.
+  std::optional<DescriptorColumn> descriptors;
+
+  std::size_t size() const { return positions.size(); }
+  double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }
+
+  /// @throws Error (misuse) for columns of different lengths, numbers that are not finite, negative
+  ///        weights, views of missing landmarks, descriptors of 0 or more than kMostDescriptorBytes
+  ///        bytes, and further descriptors that no landmark has
+  /// @param name of the cloud, for the message
+  void validate(std::string_view name) const;
+};
+
+/// The same landmarks, all lengths multiplied by the scale.
+LandmarkCloud scaled(LandmarkCloud cloud, double scale);
+
+/// The landmarks of a map that take part in an alignment, in the order of landmarks_to_align().
+/// @param weights std::nullopt: all equal
+/// @throws Error (input) if the map lacks the metric's input
+LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>& weights = {},
+                             const PointSetOptions& options = {});
+
+/// Limits of the parts of a map.
+struct CutOptions {
+  std::size_t landmarks = 600;  ///< approximate number per part; at least 20
+  std::size_t parts = 12;       ///< largest number; at least 1
+  /// Largest number of a part's landmarks that are placed: the most observed ones.
+  std::size_t placed = 1500;
+};
 
 /// Options of PreparedMap.
 struct PrepareOptions {
@@ -24,38 +82,215 @@ struct PrepareOptions {
   Executor executor = Executor();
 };
 
-/// A part of a map, prepared to be placed separately. It is in the frame of the map.
-struct PreparedPart {
-  MapPart part;
-  PreparedCloud cloud;
-};
-
 /// A map prepared for alignments with many others: computes shared work once. Does not refer to the map.
 /// Copies share the data; any number of threads may use it.
 class PreparedMap {
  public:
   /// @throws Error (input) if the map lacks the input of the confidence metric
   explicit PreparedMap(const LandmarkMap& map, const PrepareOptions& options = {});
+  /// Landmarks in metres, without a vertical and without parts. PrepareOptions::confidence, points and cut have no
+  /// effect.
+  /// @param name of the cloud, for messages
+  /// @throws Error (misuse) as LandmarkCloud::validate()
+  explicit PreparedMap(LandmarkCloud cloud, const PrepareOptions& options = {},
+                       std::string_view name = "cloud");
 
-  const PreparedCloud& cloud() const { return cloud_; }
   LengthUnit length_unit() const { return length_unit_; }
   /// Unit vector downwards; std::nullopt if the map does not state it.
   const std::optional<Eigen::Vector3d>& gravity() const { return gravity_; }
-  /// The parts of the map, prepared on first use; empty if it is too small for two.
-  std::span<const PreparedPart> parts() const;
-  /// Index of each landmark's part, in the order of landmarks_to_align(); parts().size() for none.
-  std::span<const std::uint32_t> part_of() const;
-  /// Where the keyframes, by index in the map, and the landmarks, in the order of landmarks_to_align(), lie along its
-  /// parts; empty without parts.
-  const AlongParts& along() const;
+
+  // For this module.
+  const detail::PreparedCloud& cloud() const { return *cloud_; }
+  /// Null for landmarks without a map.
+  const std::shared_ptr<detail::PreparedParts>& parts() const { return parts_; }
 
  private:
-  class Parts;
-
-  PreparedCloud cloud_;
-  LengthUnit length_unit_;
+  std::shared_ptr<const detail::PreparedCloud> cloud_;
+  LengthUnit length_unit_ = LengthUnit::kMetres;
   std::optional<Eigen::Vector3d> gravity_;
-  std::shared_ptr<Parts> parts_;
+  std::shared_ptr<detail::PreparedParts> parts_;
 };
+
+/// The downward direction in both maps. The rotation about it and a small tilt remain free.
+struct GravityPrior {
+  Eigen::Vector3d source = -Eigen::Vector3d::UnitZ();  ///< downwards, in the source's frame
+  Eigen::Vector3d target = -Eigen::Vector3d::UnitZ();  ///< the same in the target's
+  double max_tilt_rad = 0.17;  ///< largest angle between the two after alignment; in (0, π]
+};
+
+/// Bounds of s in x_target = R·(s·x_source) + t. The search tries only scales within about three times of
+/// what the maps' extents and spacings suggest; a map less than a tenth of the other's size is not found.
+struct ScaleRange {
+  double least = 1.0 / 20.0;
+  double most = 20.0;
+};
+
+/// When rotations are searched. If many mutual descriptor matches agree on a pose, they decide.
+enum class PoseSearch {
+  kWhereNeeded,  ///< if descriptors do not decide
+  kAlways,
+  kNever,  ///< only descriptors propose poses: fast, and finds no pose without them
+};
+
+/// Options of place().
+struct PlaceOptions {
+  std::uint64_t seed = 0;
+  /// Number of rotations tried, as a multiple of the default's; from 1/16 to 64.
+  double effort = 1.0;
+  PoseSearch search = PoseSearch::kWhereNeeded;
+  /// Odds that the maps show the same place, before any evidence: 0.01 if one pair in a hundred does. From
+  /// 1e-6 to 1e6.
+  double prior_odds = 1.0;
+  /// Least probability of an aligned pose; if only several poses together reach it, they are ambiguous. In
+  /// [0.5, 1).
+  double min_probability = 0.99;
+  std::optional<GravityPrior> gravity = {};
+  /// Also estimates the scale, e.g. of maps from a single camera; several times slower if descriptors do
+  /// not decide. std::nullopt: both maps have one scale.
+  std::optional<ScaleRange> scale = {};
+  /// Wall time for the search, which then continues with what it has: half for the search for poses, the
+  /// rest to refine and judge them. The result then depends on the machine and may differ between runs.
+  /// Necessary work (trees, descriptors, overlap) is always done, so the call may take longer. Positive, at
+  /// most 1e6; std::nullopt: no limit.
+  std::optional<double> time_limit_s = {};
+  bool use_covariances = true;  ///< in the final refinement; see RefineOptions
+  /// A landmark of the result overlaps if the other map has one within this distance. std::nullopt: the
+  /// placement's radius.
+  std::optional<double> overlap_radius = {};
+  bool trace = false;  ///< record score and matches of every iteration of the final refinement
+
+  Execution execution = {};
+
+  /// @throws Error (misuse) naming the field, its value and the constraint
+  void validate() const;
+};
+
+struct PlacementResult {
+  Verdict verdict = Verdict::kRejected;
+  std::string reason;  ///< one sentence for people, the decision first
+  /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if there
+  /// is none. Its status is that of the refinement; the verdict says whether the pose is right.
+  RegistrationResult alignment;
+  /// Likeliest first. In place(), the first is the refined pose, the second the runner-up.
+  std::vector<PlacementCandidate> candidates;
+  double probability = 0.0;  ///< that the pose is right
+  /// Index of the candidate with this pose; std::nullopt for a judged pose that is near a better candidate.
+  std::optional<std::size_t> own;
+  double radius = 0.0;  ///< landmarks within this distance count as matched
+  /// Free-space check of the landmarks around the matches, at the likeliest candidate.
+  SightCounts around = {};
+  /// The time limit ended the search or the last refinement early. A pose may be missing from the
+  /// candidates, and the probability does not account for it.
+  bool cut_short = false;
+  bool time_limited = false;  ///< there was a time limit, whether or not it had an effect
+  double duration_s = 0.0;    ///< wall time of the whole call
+};
+
+/// Aligns two maps without an initial pose and judges the pose.
+///
+/// Starts from thousands of evenly spread rotations, each with the translations that best overlay parts of
+/// the source and the target. A tournament of robust refinements on samples of both maps leaves a few
+/// distinct poses. With a free scale, this runs at scales a quarter apart around what the extents and
+/// spacings suggest, and the refinements also estimate the scale. The poses are refined with all sampled
+/// landmarks and ranked by probability, from the match distances and descriptors compared with chance
+/// (Support) and the free-space check (SightCounts). The best pose is refined with all landmarks and their
+/// covariances.
+///
+/// Lengths derive from the maps: extents, landmark spacings, covariances. An expected failure (too few
+/// landmarks, no overlap) is a verdict. The same input and seed give the same result for any number of
+/// threads, except with a time limit.
+///
+/// @throws Error (misuse) for invalid options or clouds
+PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
+                      const PlaceOptions& options = {});
+
+/// Finds or judges any number of poses between two maps. Work that all of them share is done once, on first
+/// use. Each pose is compared with the candidates of place().
+class PreparedPair {
+ public:
+  /// @throws Error (misuse) for invalid options
+  PreparedPair(const PreparedMap& source, const PreparedMap& target,
+               const PlaceOptions& options = {});
+  ~PreparedPair();
+  PreparedPair(PreparedPair&&) noexcept;
+  PreparedPair& operator=(PreparedPair&&) noexcept;
+
+  /// Same as cairn::place().
+  PlacementResult place();
+
+  /// Judges a given pose without changing it. It is aligned only if gravity and scale range allow it, it is
+  /// likelier than every other pose and no worse than the best pose near it.
+  /// @throws Error (misuse) for a scale other than 1 without PlaceOptions::scale
+  PlacementResult judge(const Similarity3& target_from_source);
+
+  /// Refines a pose to the nearest optimum and judges that.
+  /// @throws Error as judge()
+  PlacementResult settle(const Similarity3& target_from_source);
+
+ private:
+  class Work;
+  std::unique_ptr<Work> work_;
+};
+
+/// Options of refine(). Lengths are in the unit of the maps, or of the target if a scale is estimated.
+struct RefineOptions {
+  Rigid3 initial = {};  ///< initial target_from_source
+  /// Initial scale of the source, which is then estimated with the pose (see RegistrationResult::scale);
+  /// positive. std::nullopt: both maps have one scale.
+  std::optional<double> scale = {};
+  /// Initial kernel scale; matches much farther apart hardly count. std::nullopt: half the extent of the
+  /// smaller cloud, which tolerates large initial errors.
+  std::optional<double> coarse = {};
+  /// Final kernel scale, at most `coarse`. std::nullopt: the expected error of a match, from spacing and
+  /// covariances.
+  std::optional<double> fine = {};
+  /// From `fine` down to this scale, matches are one to one; at most `fine`. std::nullopt: a twelfth of
+  /// `fine`, the accuracy of most maps.
+  std::optional<double> finest = {};
+  /// Kernel scale for the covariance; larger than the errors of single landmarks, because maps bend.
+  /// std::nullopt: four times `finest`, at most `fine`.
+  std::optional<double> error_scale = {};
+  /// Keep the initial pose: matches, scores and covariance are those of this pose.
+  bool hold = false;
+  /// Also refines from ICP's result, whose match distances are unlimited, and keeps it if its objective is
+  /// at least twice as large. ICP converges from larger errors if the maps share most landmarks, else often
+  /// to a wrong pose. Not with a scale.
+  bool by_icp_too = true;
+  bool use_covariances = true;  ///< weight residuals by the landmarks' covariances, if known
+  bool one_to_one = false;   ///< match each target landmark only with its nearest source landmark
+  int max_iterations = 100;  ///< of each method; at least 1
+  /// A landmark overlaps if the other map has one within this distance. std::nullopt: no overlap is
+  /// computed.
+  std::optional<double> overlap_radius = {};
+  bool trace = false;  ///< record score and matches of every iteration
+
+  Execution execution = {};
+
+  /// @throws Error (misuse) naming the field, its value and the constraint
+  void validate() const;
+};
+
+/// Robust probabilistic refinement of a pose by iteratively reweighted least squares.
+///
+/// Moves the smaller cloud and matches each of its landmarks with the nearest of the other. A residual r
+/// enters with its squared Mahalanobis distance, m² = rᵀ·(s²·R·Cs·Rᵀ + Ct + σ²·I)⁻¹·r with the covariances
+/// of both landmarks, under the kernel of Geman and McClure, m²/(1 + m²). The kernel scale σ falls from
+/// coarse to fine (graduated non-convexity; Black and Rangarajan 1996). From fine to finest, each landmark
+/// of the other cloud is matched at most once, with the nearest.
+///
+/// The pose covariance is a sandwich estimator, from the change of the objective when the pose is moved and
+/// all matches are found anew, and from the gradients of 16 groups of matches. It is enlarged for that
+/// small number, so that the 95 % ellipsoid holds 95 % of the errors: 2.4 times for 16 groups and 6 degrees
+/// of freedom. Mean squared errors are therefore smaller than its diagonal. There is no covariance for
+/// fewer than 12 groups with a match (14 with a scale). A direction is unobservable if moving by two kernel
+/// scales along it hardly changes the objective, or if its standard deviation is larger than that.
+/// An expected failure (too few landmarks or matches) is a status. The same input gives the same result for
+/// any number of threads.
+///
+/// @throws Error (misuse) for invalid options or clouds
+RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
+                          const RefineOptions& options = {});
+RegistrationResult refine(const PreparedMap& source, const PreparedMap& target,
+                          const RefineOptions& options = {});
 
 }  // namespace cairn

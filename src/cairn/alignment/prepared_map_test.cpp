@@ -8,14 +8,15 @@
 
 #include <gtest/gtest.h>
 
-#include "cairn/alignment/refinement/refine.hpp"
-#include "cairn/alignment/search/place.hpp"
+#include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace cairn {
 namespace {
+
+using detail::PreparedCloud;
 
 SyntheticPair two_maps(std::size_t landmarks = 600) {
   return synthetic_pair({.seed = 5, .landmarks = landmarks});
@@ -37,7 +38,7 @@ TEST(PreparedCloud, HoldsEachLandmarkOnceCentredAndSaysWhichItIs) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < order.size(); ++i) {
     const Eigen::Vector3d& there = prepared.landmarks().positions[i];
-    EXPECT_LT((there + prepared.centred()->centre - cloud.positions[order[i]]).norm(), 1e-12);
+    EXPECT_LT((there + prepared.centre() - cloud.positions[order[i]]).norm(), 1e-12);
     EXPECT_EQ(prepared.landmarks().covariances[i], cloud.covariances[order[i]]);
     const DescriptorColumn& theirs = *prepared.landmarks().descriptors;
     EXPECT_EQ(theirs.known[i], looks.known[order[i]]);
@@ -92,7 +93,7 @@ TEST(PreparedCloud, ScalesAllLengths) {
   const PreparedCloud twice = one.scaled(2.0, Executor());
   EXPECT_NEAR(twice.scales().extent, 2.0 * one.scales().extent, 1e-12);
   EXPECT_NEAR(twice.spacings()[7], 2.0 * one.spacings()[7], 1e-12);
-  EXPECT_LT((twice.centred()->centre - 2.0 * one.centred()->centre).norm(), 1e-12);
+  EXPECT_LT((twice.centre() - 2.0 * one.centre()).norm(), 1e-12);
   EXPECT_EQ(twice.order()[3], one.order()[3]);
 }
 
@@ -110,7 +111,7 @@ TEST(PreparedCloud, RefinesToWhereTheCloudsThemselvesLead) {
   options.initial = pair.target_from_source;
   options.overlap_radius = 0.1;
   const RegistrationResult plain = refine(source, target, options);
-  const RegistrationResult prepared = refine(PreparedCloud(source), PreparedCloud(target), options);
+  const RegistrationResult prepared = refine(PreparedMap(source), PreparedMap(target), options);
   EXPECT_LT((plain.target_from_source.matrix() - prepared.target_from_source.matrix()).norm(),
             1e-6);
   ASSERT_EQ(plain.matches.size(), prepared.matches.size());
@@ -126,7 +127,7 @@ TEST(PreparedMap, GivesThePlacementThatTheMapGives) {
   const PreparedMap source(pair.source);
   const PreparedMap target(pair.target);
   const PlacementResult plain = place(landmark_cloud(pair.source), landmark_cloud(pair.target));
-  const PlacementResult prepared = PreparedPair(source.cloud(), target.cloud()).place();
+  const PlacementResult prepared = PreparedPair(source, target).place();
   EXPECT_EQ(prepared.verdict, Verdict::kAligned);
   EXPECT_EQ(plain.probability, prepared.probability);
   EXPECT_EQ(plain.alignment.target_from_source.matrix(),

@@ -5,8 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/refinement/refine.hpp"
-#include "cairn/alignment/search/place.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/centroid.hpp"

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cairn/alignment/landmark_cloud.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/experiments/displacement.hpp"
 #include "cairn/map/landmark_map.hpp"

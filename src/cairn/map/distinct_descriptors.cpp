@@ -2,10 +2,17 @@
 #include "cairn/map/distinct_descriptors.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <limits>
 
 namespace cairn {
+
+bool is_binary(std::string_view kind) {
+  constexpr std::array<std::string_view, 6> kBinary = {"ORB",   "BRIEF", "BRISK",
+                                                       "AKAZE", "FREAK", "LATCH"};
+  return std::find(kBinary.begin(), kBinary.end(), kind) != kBinary.end();
+}
 
 std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
                                     std::span<const std::uint8_t> b, DescriptorNorm norm) {

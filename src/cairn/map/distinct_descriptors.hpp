@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "cairn/map/landmark_map.hpp"
@@ -15,6 +16,10 @@ enum class DescriptorNorm {
   kHamming,  ///< bits that differ
   kSquared,  ///< sum of squared differences of bytes
 };
+
+/// Whether descriptors of a kind are compared by bits (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH); others are
+/// compared by bytes.
+bool is_binary(std::string_view kind);
 
 std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
                                     std::span<const std::uint8_t> b, DescriptorNorm norm);

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"

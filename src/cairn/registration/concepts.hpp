@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -8,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -94,6 +96,46 @@ concept BatchSearch = NeighborSearch<Search> && requires(const Search& search, s
   search.batch(k).for_each(queries, executor,
                            [](std::size_t, const NearestList auto& /*nearest*/) {});
 };
+
+/// A batch for a NeighborSearch without batches: one query after the other.
+template <NeighborSearch Search>
+class OneByOneBatch {
+ public:
+  /// @param search must outlive this
+  OneByOneBatch(const Search& search, std::size_t k)
+      : search_(&search), count_(std::min(k, std::size_t{search.size()})) {}
+
+  template <class Visit>
+  void for_each(std::span<const Eigen::Vector3d> queries, const Executor& executor,
+                const Visit& visit) const {
+    constexpr std::size_t kBlock = 256;
+    executor.for_blocks(queries.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+      std::vector<Neighbor> found(count_);
+      for (std::size_t i = begin; i < end; ++i) {
+        search_->nearest(queries[i], found);
+        visit(i, NeighborList(found));
+      }
+    });
+  }
+
+ private:
+  const Search* search_;
+  std::size_t count_;
+};
+
+/// Asks a search for the k nearest points of many queries, with the search's own batches if it has them:
+/// see BatchSearch.
+template <NeighborSearch Search>
+auto query_batch(const Search& search, std::size_t k) {
+  if constexpr (BatchSearch<Search>) {
+    return search.batch(k);
+  } else {
+    return OneByOneBatch<Search>(search, k);
+  }
+}
+
+template <NeighborSearch Search>
+using QueryBatch = decltype(query_batch(std::declval<const Search&>(), std::size_t{}));
 
 /// Matches source points with target points.
 ///

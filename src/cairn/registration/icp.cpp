@@ -7,14 +7,16 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/limits.hpp"
 #include "cairn/geometry/moved_points.hpp"
-#include "cairn/registration/coarse_to_fine.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
+#include "cairn/registration/detail/coarse_to_fine.hpp"
+#include "cairn/registration/detail/match_history.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/icp_loop.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
@@ -87,7 +89,7 @@ class Repetition {
     return best;
   }
 
-  MatchHistory history_;
+  detail::MatchHistory history_;
   std::optional<MatchCycle> cycle_;
   std::vector<Known> iterations_;
 };
@@ -134,7 +136,7 @@ class IcpAlignment {
     result.initial_score = score(Rigid3(), queries);
     Rigid3 start;
     if (options_.coarse_to_fine) {
-      const CoarseAlignment coarse = align_samples();
+      const detail::CoarseAlignment coarse = align_samples();
       start = coarse.target_from_source;
       result.coarse_iterations = coarse.iterations;
     }
@@ -173,12 +175,12 @@ class IcpAlignment {
     return {std::min(options_.k, target_.size()), options_.max_distance, options_.trimmed_fraction};
   }
 
-  CoarseAlignment align_samples() const {
-    return cairn::align_samples({source_, source_confidences_, weights_}, target_set(),
-                                {.matching = matching(),
-                                 .reciprocal = options_.reciprocal,
-                                 .max_iterations = options_.max_iterations,
-                                 .execution = options_.execution});
+  detail::CoarseAlignment align_samples() const {
+    return detail::align_samples({source_, source_confidences_, weights_}, target_set(),
+                                 {.matching = matching(),
+                                  .reciprocal = options_.reciprocal,
+                                  .max_iterations = options_.max_iterations,
+                                  .execution = options_.execution});
   }
 
   // centred_target_from_centred_source as target_from_source.
@@ -226,16 +228,12 @@ class IcpAlignment {
     PoseUncertainty uncertainty =
         pose_uncertainty(pose, moved_source, target_, result.matches, weights_);
     result.unobservable = std::move(uncertainty.unobservable);
-    if (uncertainty.covariance)
-      result.covariance = uncentred_covariance(pose, *uncertainty.covariance);
-  }
-
-  // The covariance is about the centred pose, whose translation differs from target_from_source's by
-  // R·centred_from_source.translation() + centre: a rotation error acts on that arm too.
-  Matrix6d uncentred_covariance(const Rigid3& pose, const Matrix6d& covariance) const {
-    Matrix6d jacobian = Matrix6d::Identity();
-    jacobian.topRightCorner<3, 3>() = -skew(pose.quaternion() * centred_from_source_.translation());
-    return propagated_covariance(jacobian, covariance);
+    if (!uncertainty.covariance) return;
+    // That of the centred pose, whose translation differs from target_from_source's by
+    // R·centred_from_source.translation() + centre: a rotation error acts on that arm too.
+    result.covariance = covariance_at_point(
+        *uncertainty.covariance,
+        Eigen::Vector3d(pose.quaternion() * centred_from_source_.translation()));
   }
 
   const IcpOptions& options_;

@@ -8,7 +8,6 @@
 
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/registration/concepts.hpp"
-#include "cairn/registration/convergence/match_history.hpp"
 #include "cairn/registration/estimation/pose_covariance.hpp"
 
 namespace cairn {
@@ -40,6 +39,12 @@ struct IterationRecord {
 struct Overlap {
   double source = 0.0;
   double target = 0.0;
+};
+
+/// A cycle of iterations.
+struct MatchCycle {
+  int first = 0;   ///< iteration, from 1, whose matches repeated
+  int length = 0;  ///< number of iterations until then; 1: a fixed point
 };
 
 /// Repeated matches, and the cycle of poses that follows from them.

@@ -11,7 +11,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/report/map_builder.hpp"

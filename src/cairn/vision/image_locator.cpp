@@ -12,8 +12,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
-#include "cairn/alignment/evidence/probability_text.hpp"
-#include "cairn/alignment/search/descriptor_kernel.hpp"
+#include "cairn/alignment/alignment.hpp"
+#include "cairn/core/detail/descriptor_kernel.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hamming.hpp"

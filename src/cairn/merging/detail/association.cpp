@@ -10,8 +10,8 @@
 
 #include <Eigen/LU>
 
-#include "cairn/alignment/search/descriptors.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
 

@@ -7,8 +7,7 @@
 #include <tuple>
 #include <utility>
 
-#include "cairn/alignment/bends/deformed.hpp"
-#include "cairn/alignment/bends/straightened.hpp"
+#include "cairn/alignment/bends.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
@@ -50,8 +49,7 @@ LandmarkMap straightened_for(const LandmarkMap& map, const PartsAlignment& parts
 // The source of a link with a free scale, deformed as the target shows; std::nullopt if it clearly is not.
 std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const PreparedMap& source,
                                           const PreparedMap& target, const Link& link) {
-  const auto pose =
-      DeformablePair(source.cloud(), target.cloud()).fit(std::array{*link.target_from_source});
+  const auto pose = DeformablePair(source, target).fit(std::array{*link.target_from_source});
   if (!pose || !pose->is_small || !pose->is_clear()) return std::nullopt;
   const MapDeformation& figures = pose->figures;
   if (figures.rotation_rad < kLeastBend && figures.scale_ratio < kLeastScaleRatio) {
@@ -68,7 +66,7 @@ std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const Prepared
   }
   const Similarity3 own_from_deformed =
       link.target_from_source->inverse() * pose->target_from_source;
-  return StraightenedMap{transformed(deformed(map, *pose), own_from_deformed), bend};
+  return StraightenedMap{transformed(straightened(map, *pose), own_from_deformed), bend};
 }
 
 // Positions of the links, the most certain first, then those of the largest maps: whatever order they are given in.

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/alignment/bends/map_bend.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/merging/fusion/fuse_maps.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"

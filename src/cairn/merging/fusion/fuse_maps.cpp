@@ -15,7 +15,6 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
-#include "cairn/alignment/search/descriptors.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/distinct_descriptors.hpp"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cairn/adjustment/adjust.hpp"
-#include "cairn/alignment/bends/map_bend.hpp"
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/merging/fusion/fuse_maps.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 

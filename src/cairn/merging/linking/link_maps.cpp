@@ -10,7 +10,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/bends/by_parts.hpp"
+#include "cairn/alignment/bends.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/recognition/map_index.hpp"

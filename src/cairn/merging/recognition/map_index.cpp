@@ -11,10 +11,10 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/search/descriptors.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hamming.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
 
 namespace cairn {
 namespace {

@@ -11,7 +11,6 @@
 
 #include "cairn/core/executor.hpp"
 #include "cairn/registration/concepts.hpp"
-#include "cairn/registration/query_batch.hpp"
 
 namespace cairn {
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <type_traits>
@@ -10,7 +12,6 @@
 #include "cairn/core/executor.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/concepts.hpp"
-#include "cairn/registration/query_batch.hpp"
 
 namespace cairn {
 
@@ -40,9 +41,19 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
 
 /// The paper's score (Eq. 5, like PCL's getFitnessScore): mean squared distance to the nearest points, in
 /// the squared unit of length; std::nullopt for no points. Lower is a closer fit, not always a better pose.
-std::optional<double> fitness_score(std::span<const double> squared_distances);
+inline std::optional<double> fitness_score(std::span<const double> squared_distances) {
+  if (squared_distances.empty()) return std::nullopt;
+  return std::accumulate(squared_distances.begin(), squared_distances.end(), 0.0) /
+         static_cast<double>(squared_distances.size());
+}
 
 /// Share of the points whose nearest point is within `radius`; std::nullopt for no points.
-std::optional<double> share_within(std::span<const double> squared_distances, double radius);
+inline std::optional<double> share_within(std::span<const double> squared_distances,
+                                          double radius) {
+  if (squared_distances.empty()) return std::nullopt;
+  const auto within = std::count_if(squared_distances.begin(), squared_distances.end(),
+                                    [&](double squared) { return squared <= radius * radius; });
+  return static_cast<double>(within) / static_cast<double>(squared_distances.size());
+}
 
 }  // namespace cairn

@@ -10,7 +10,7 @@
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 constexpr Eigen::Index kTerms = Deformation::kTerms;
@@ -144,4 +144,4 @@ std::optional<DeformationFit> fit_deformation(std::span<const Eigen::Vector3d> f
   return fit;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -10,7 +10,7 @@
 
 #include "cairn/geometry/similarity3.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A smooth deformation of space: each coordinate's displacement is a polynomial of third degree. Beyond twice the
 /// radius of the region that it was fitted to, it is a translation along each ray from the region's centre.
@@ -41,6 +41,22 @@ class Deformation {
   Coefficients coefficients_ = Coefficients::Zero();
 };
 
+/// A deformation of a map, and those by which it is tested.
+struct CrossFittedDeformation {
+  Similarity3 start;        ///< target_from_source, before the deformation
+  Deformation deformation;  ///< of the target's frame
+  /// For each fold of the source's landmarks: as the matches of the other folds show it.
+  std::vector<Deformation> of_folds = {};
+
+  Eigen::Vector3d operator()(const Eigen::Vector3d& x_in_source) const {
+    return deformation(start * x_in_source);
+  }
+  /// The pose that holds around a point.
+  Similarity3 near(const Eigen::Vector3d& x_in_source) const {
+    return deformation.near(start * x_in_source) * start;
+  }
+};
+
 /// A deformation and the pairs that agree with it.
 struct DeformationFit {
   Deformation deformation;
@@ -61,4 +77,4 @@ std::optional<DeformationFit> fit_deformation(std::span<const Eigen::Vector3d> f
                                               std::span<const Eigen::Vector3d> to,
                                               std::span<const Eigen::Vector3d> region);
 
-}  // namespace cairn
+}  // namespace cairn::detail

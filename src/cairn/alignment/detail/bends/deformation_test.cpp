@@ -9,7 +9,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/angles.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 Eigen::Vector3d anywhere(Random& random) {
@@ -172,4 +172,4 @@ TEST(Deformation, NeedsTwentyPairsThatAgree) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -5,19 +5,15 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "cairn/geometry/detail/centroid.hpp"
+#include "cairn/map/operations.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 constexpr double kCutWithin = 0.25;  // of a part, from an even division
-
-bool all_have_times(const FrameTable& frames) {
-  return !frames.timestamps_s.empty() &&
-         std::all_of(frames.timestamps_s.begin(), frames.timestamps_s.end(),
-                     [](const auto& time) { return time.has_value(); });
-}
 
 // Of each keyframe.
 std::vector<std::uint32_t> ranks_of(const std::vector<FrameIndex>& order) {
@@ -42,19 +38,25 @@ std::optional<Observed> observed_by(const LandmarkMap& map, LandmarkIndex landma
   return Observed{ranks.front(), ranks[(ranks.size() - 1) / 2], ranks.back()};
 }
 
-}  // namespace
-
-std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map) {
-  std::vector<FrameIndex> order;
-  for (std::uint32_t i = 0; i < map.frame_count(); ++i) order.push_back(FrameIndex{i});
-  const FrameTable& frames = map.frames();
-  const bool by_time = all_have_times(frames);
-  std::stable_sort(order.begin(), order.end(), [&](FrameIndex a, FrameIndex b) {
-    if (by_time) return *frames.timestamps_s[a.value] < *frames.timestamps_s[b.value];
-    return frames.ids[a.value] < frames.ids[b.value];
-  });
-  return order;
+// The most observed of some landmarks, in their order.
+std::vector<LandmarkIndex> most_observed(const LandmarkMap& map,
+                                         const std::vector<LandmarkIndex>& landmarks,
+                                         std::size_t count) {
+  if (landmarks.size() <= count) return landmarks;
+  std::vector<LandmarkIndex> chosen = landmarks;
+  const auto before = [&](LandmarkIndex a, LandmarkIndex b) {
+    const std::size_t of_a = map.observing_frames(a).size();
+    const std::size_t of_b = map.observing_frames(b).size();
+    return of_a != of_b ? of_a > of_b : a < b;
+  };
+  std::nth_element(chosen.begin(), chosen.begin() + static_cast<std::ptrdiff_t>(count),
+                   chosen.end(), before);
+  chosen.resize(count);
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
 }
+
+}  // namespace
 
 AlongParts along_parts(const LandmarkMap& map, std::span<const FrameId> middles) {
   const std::vector<FrameIndex> order = keyframes_in_order(map);
@@ -86,8 +88,6 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
                                     const CutOptions& options) {
   const std::vector<LandmarkIndex> kept = landmarks_to_align(map, points);
   if (!map.has_observations() || map.frame_count() == 0 || kept.empty()) return {};
-  const auto& times = map.frames().timestamps_s;
-  const bool by_time = all_have_times(map.frames());
   const std::vector<FrameIndex> order = keyframes_in_order(map);
   const std::vector<std::uint32_t> rank = ranks_of(order);
   std::vector<std::optional<Observed>> observed(kept.size());
@@ -143,10 +143,6 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
       ++middle;
     }
     part.middle = map.frames().ids[order[middle].value];
-    if (by_time) {
-      part.first_s = *times[order[begins[i]].value];
-      part.last_s = *times[order[end - 1].value];
-    }
     for (std::uint32_t j = begins[i]; j < end; ++j) part_of[j] = static_cast<std::uint32_t>(i);
   }
   for (std::size_t i = 0; i < kept.size(); ++i) {
@@ -155,4 +151,42 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
   return parts;
 }
 
-}  // namespace cairn
+PreparedParts::PreparedParts(const LandmarkMap& map, const PrepareOptions& options)
+    : seed_(options.seed) {
+  parts_ = cut_into_parts(map, options.points, options.cut);
+  if (parts_.size() < 2) parts_.clear();
+  std::vector<std::uint32_t> of_landmark(map.landmark_count(),
+                                         static_cast<std::uint32_t>(parts_.size()));
+  std::vector<FrameId> middles;
+  for (std::uint32_t i = 0; i < parts_.size(); ++i) {
+    for (const LandmarkIndex landmark : parts_[i].landmarks) of_landmark[landmark.value] = i;
+    middles.push_back(parts_[i].middle);
+  }
+  AlongParts of_map;
+  if (!parts_.empty()) of_map = along_parts(map, middles);
+  for (const LandmarkIndex landmark : landmarks_to_align(map, options.points)) {
+    part_of_.push_back(of_landmark[landmark.value]);
+    if (!parts_.empty()) along_.landmarks.push_back(of_map.landmarks[landmark.value]);
+  }
+  along_.keyframes = std::move(of_map.keyframes);
+  along_.centre = of_map.centre;
+  for (const MapPart& part : parts_) {
+    clouds_.push_back(
+        landmark_cloud(with_landmarks(map, most_observed(map, part.landmarks, options.cut.placed)),
+                       options.confidence, options.points));
+  }
+}
+
+std::span<const PreparedPart> PreparedParts::prepared() {
+  std::call_once(once_, [&] {
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      // On this thread only, because executing other tasks here could deadlock.
+      prepared_.push_back(
+          {std::move(parts_[i]), PreparedMap(std::move(clouds_[i]), {.seed = seed_}, "part")});
+    }
+    clouds_.clear();
+  });
+  return prepared_;
+}
+
+}  // namespace cairn::detail

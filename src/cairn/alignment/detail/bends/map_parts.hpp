@@ -2,35 +2,23 @@
 #pragma once
 
 #include <cstddef>
-#include <optional>
+#include <cstdint>
+#include <mutex>
 #include <span>
 #include <vector>
 
-#include "cairn/map/landmark_map.hpp"
-#include "cairn/registration/point_set.hpp"
+#include "cairn/alignment/bends.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Consecutive keyframes of a map and the landmarks assigned to them.
 struct MapPart {
   FrameId first;   ///< keyframe
   FrameId middle;  ///< half of the landmarks belong to earlier keyframes
   FrameId last;
-  std::optional<double> first_s = {};  ///< time of the first keyframe; std::nullopt if unknown
-  std::optional<double> last_s = {};
   std::vector<LandmarkIndex> landmarks;  ///< no landmark is in two parts
 };
-
-/// Limits of the parts of a map.
-struct CutOptions {
-  std::size_t landmarks = 600;  ///< approximate number per part; at least 20
-  std::size_t parts = 12;       ///< largest number; at least 1
-  /// Largest number of a part's landmarks that are placed: the most observed ones.
-  std::size_t placed = 1500;
-};
-
-/// Keyframes in the order of their times or, if one has no time, of their ids.
-std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
 
 /// Positions along a map that is cut into parts.
 struct AlongParts {
@@ -55,4 +43,33 @@ AlongParts along_parts(const LandmarkMap& map, std::span<const FrameId> middles)
 std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOptions& points = {},
                                     const CutOptions& options = {});
 
-}  // namespace cairn
+/// A part of a map, prepared to be placed separately. It is in the frame of the map.
+struct PreparedPart {
+  MapPart part;
+  PreparedMap cloud;
+};
+
+/// The parts of a prepared map.
+class PreparedParts {
+ public:
+  PreparedParts(const LandmarkMap& map, const PrepareOptions& options);
+
+  /// Prepared on first use; empty if the map is too small for two.
+  std::span<const PreparedPart> prepared();
+  /// Index of each landmark's part, in the order of landmarks_to_align(); prepared().size() for none.
+  std::span<const std::uint32_t> part_of() const { return part_of_; }
+  /// Where the keyframes, by index in the map, and the landmarks, in the order of landmarks_to_align(), lie along
+  /// the parts; empty without parts.
+  const AlongParts& along() const { return along_; }
+
+ private:
+  std::uint64_t seed_;
+  std::once_flag once_;
+  std::vector<std::uint32_t> part_of_;
+  AlongParts along_;
+  std::vector<MapPart> parts_;
+  std::vector<LandmarkCloud> clouds_;
+  std::vector<PreparedPart> prepared_;
+};
+
+}  // namespace cairn::detail

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/evidence/descriptor_agreement.hpp"
-
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+#include "cairn/alignment/alignment.hpp"
+
+namespace cairn::detail {
 namespace {
 
 TEST(DescriptorAgreement, EvidenceIsThatOfAPoissonCount) {
@@ -36,4 +36,4 @@ TEST(DescriptorAgreement, CountsWhatIsSpreadAndGrowsWithIt) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/evidence/probability.hpp"
-
 #include <algorithm>
 #include <cmath>
 
-namespace cairn {
+#include "cairn/alignment/detail/evidence/verdict.hpp"
+
+namespace cairn::detail {
 namespace {
 
 // Coefficients of the log odds.
@@ -83,4 +83,4 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
   return result;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/evidence/probability.hpp"
-
 #include <cmath>
 #include <numeric>
 #include <optional>
@@ -8,7 +6,9 @@
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+#include "cairn/alignment/detail/evidence/verdict.hpp"
+
+namespace cairn::detail {
 namespace {
 
 // @param close share of 3,000 landmarks that meet closely
@@ -125,4 +125,4 @@ TEST(Probability, IsSharedAmongEquals) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

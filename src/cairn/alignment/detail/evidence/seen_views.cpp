@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // Cells along an edge of the map of directions, 1.1 degrees each. Their total number fits 16 bits.
@@ -34,13 +34,6 @@ std::size_t cell_of(const Eigen::Vector3d& direction) {
 }
 
 }  // namespace
-
-SightCounts& SightCounts::operator+=(const SightCounts& other) {
-  agree += other.agree;
-  in_front += other.in_front;
-  behind += other.behind;
-  return *this;
-}
 
 SeenViews::SeenViews(const LandmarkCloud& cloud) {
   for (const LandmarkView& view : cloud.views) {
@@ -84,4 +77,4 @@ SightCounts SeenViews::count(std::span<const Eigen::Vector3d> landmarks) const {
   return counts;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,25 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "cairn/alignment/landmark_cloud.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 
-namespace cairn {
-
-/// Free-space check: counts of landmarks relative to what the other map's keyframes saw along the same
-/// lines of sight. The space in front of a seen landmark is free.
-struct SightCounts {
-  std::size_t agree = 0;     ///< landmarks at the depth of what the camera saw
-  std::size_t in_front = 0;  ///< landmarks in front of it, in free space: a contradiction
-  std::size_t behind = 0;    ///< landmarks behind it, hidden from the camera
-
-  std::size_t total() const { return agree + in_front + behind; }
-  SightCounts& operator+=(const SightCounts& other);
-};
+namespace cairn::detail {
 
 /// Depth that the views of a cloud saw, by direction, in cells of about one degree.
 ///
@@ -46,4 +34,4 @@ class SeenViews {
   std::vector<View> views_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -12,7 +12,7 @@
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/map/synthetic.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // A wall at x = 2, seen by a camera at the origin; a landmark every 2 cm.
@@ -136,4 +136,4 @@ TEST(SeenViews, AgreeAtTheRightPoseOfTwoMaps) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -9,7 +9,7 @@
 
 #include <Eigen/LU>
 
-#include "cairn/alignment/detail/search/spatial_groups.hpp"
+#include "cairn/alignment/detail/spatial_groups.hpp"
 #include "cairn/core/detail/sampling.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
@@ -17,7 +17,7 @@
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/icp_loop.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 template <int kFreedoms>
@@ -115,10 +115,10 @@ Eigen::Matrix<double, 3, kFreedoms> jacobian_at(const Eigen::Vector3d& arm, doub
 
 }  // namespace
 
-RobustAlignment::RobustAlignment(const CentredPair& pair, const BatchTree& target_tree,
+RobustAlignment::RobustAlignment(const PreparedCloud& source, const PreparedCloud& target,
                                  bool use_covariances, bool one_to_one, const Executor& executor)
-    : pair_(pair),
-      target_tree_(target_tree),
+    : source_(source),
+      target_(target),
       use_covariances_(use_covariances),
       one_to_one_(one_to_one),
       executor_(executor) {}
@@ -135,7 +135,7 @@ RobustAlignment::Equations<kFreedoms>& RobustAlignment::Equations<kFreedoms>::op
 
 double RobustAlignment::radius(std::size_t points) const {
   double sum = 0.0;
-  for (std::size_t i = 0; i < points; ++i) sum += pair_.source().positions[i].squaredNorm();
+  for (std::size_t i = 0; i < points; ++i) sum += source_.landmarks().positions[i].squaredNorm();
   const double radius = std::sqrt(sum / static_cast<double>(points));
   return radius > 0.0 ? radius : 1.0;
 }
@@ -149,7 +149,7 @@ std::vector<Match> RobustAlignment::find_matches(std::span<const Eigen::Vector3d
   if (!one_to_one) return matches;
   // The source landmark that each target landmark keeps: the closest; of equally close ones, the first.
   constexpr auto kNobody = std::numeric_limits<std::uint32_t>::max();
-  std::vector<std::uint32_t> owner(target_tree_.size(), kNobody);
+  std::vector<std::uint32_t> owner(target_.tree().size(), kNobody);
   for (const Match& match : matches) {
     std::uint32_t& kept = owner[match.target];
     if (kept == kNobody || match.squared_distance < matches[kept].squared_distance) {
@@ -164,8 +164,8 @@ std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d
                                                            const Match& match,
                                                            const Eigen::Matrix3d& linear,
                                                            double scale) const {
-  const LandmarkCloud& source = pair_.source();
-  const LandmarkCloud& target = pair_.target();
+  const LandmarkCloud& source = source_.landmarks();
+  const LandmarkCloud& target = target_.landmarks();
   const Eigen::Matrix3d* const of_source =
       use_covariances_ && !source.covariances.empty() ? &source.covariances[match.source] : nullptr;
   const Eigen::Matrix3d* const of_target =
@@ -224,10 +224,11 @@ template <int kFreedoms>
 RobustAlignment::Run RobustAlignment::run_with(
     const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop,
     const std::function<void(Iteration)>& observe) const {
-  const std::size_t count = std::min(schedule.points, pair_.source().size());
-  const std::span<const Eigen::Vector3d> source = std::span(pair_.source().positions).first(count);
+  const std::size_t count = std::min(schedule.points, source_.landmarks().size());
+  const std::span<const Eigen::Vector3d> source =
+      std::span(source_.landmarks().positions).first(count);
   const double length = initial.scale() * radius(count);
-  BatchTree::Batch queries = target_tree_.batch(1);
+  BatchTree::Batch queries = target_.tree().batch(1);
   Run run;
   run.target_from_source = initial;
   double scale = schedule.coarse;
@@ -281,8 +282,8 @@ RobustAlignment::Run RobustAlignment::run_with(
 }
 
 std::vector<Match> RobustAlignment::matches(const Similarity3& pose) const {
-  BatchTree::Batch queries = target_tree_.batch(1);
-  return find_matches(moved_points(pair_.source().positions, pose), queries, one_to_one_);
+  BatchTree::Batch queries = target_.tree().batch(1);
+  return find_matches(moved_points(source_.landmarks().positions, pose), queries, one_to_one_);
 }
 
 double RobustAlignment::value(const Similarity3& pose, double scale,
@@ -290,7 +291,7 @@ double RobustAlignment::value(const Similarity3& pose, double scale,
   const Eigen::Matrix3d linear = pose.linear();
   double sum = 0.0;
   for (const Match& match : matches) {
-    const Eigen::Vector3d moved = pose * pair_.source().positions[match.source];
+    const Eigen::Vector3d moved = pose * source_.landmarks().positions[match.source];
     if (const auto one = term(moved, match, linear, scale)) sum += one->value;
   }
   return sum;
@@ -308,7 +309,7 @@ class RobustAlignment::Trial {
         pose_(pose),
         scale_(scale),
         arm_(arm),
-        queries_(alignment.target_tree_.batch(1)),
+        queries_(alignment.target_.tree().batch(1)),
         moved_(all()),
         here_(terms(pose)) {}
 
@@ -335,7 +336,9 @@ class RobustAlignment::Trial {
  private:
   static constexpr std::size_t kTried = 16384;
 
-  const std::vector<Eigen::Vector3d>& all() const { return alignment_.pair_.source().positions; }
+  const std::vector<Eigen::Vector3d>& all() const {
+    return alignment_.source_.landmarks().positions;
+  }
 
   Similarity3 moved(const Direction& direction) const {
     return moved_about<kFreedoms>(pose_, direction, arm_.pivot, arm_.length);
@@ -404,7 +407,7 @@ PoseUncertainty RobustAlignment::uncertainty(const Similarity3& pose, double sca
 template <int kFreedoms>
 PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, double scale,
                                                   std::vector<Match> matches) const {
-  const std::vector<Eigen::Vector3d> moved = moved_points(pair_.source().positions, pose);
+  const std::vector<Eigen::Vector3d> moved = moved_points(source_.landmarks().positions, pose);
   const Eigen::Matrix3d linear = pose.linear();
   std::erase_if(matches, [&](const Match& match) {
     return !term(moved[match.source], match, linear, scale);
@@ -447,4 +450,4 @@ PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, doubl
   return pose_uncertainty(pose, evidence);
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -8,14 +8,13 @@
 #include <stop_token>
 #include <vector>
 
-#include "cairn/alignment/refinement/centred_pair.hpp"
-#include "cairn/alignment/search/scales.hpp"
+#include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/registration/concepts.hpp"
 #include "cairn/registration/estimation/pose_covariance.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// The robust objective of two centred clouds and its minimisation, as documented at refine().
 class RobustAlignment {
@@ -43,8 +42,7 @@ class RobustAlignment {
     StopReason stop_reason = StopReason::kIterationLimit;
   };
 
-  /// @param pair, target_tree must outlive this; the tree is of the target's positions
-  RobustAlignment(const CentredPair& pair, const BatchTree& target_tree, bool use_covariances,
+  RobustAlignment(const PreparedCloud& source, const PreparedCloud& target, bool use_covariances,
                   bool one_to_one, const Executor& executor);
 
   /// Moves from a centred pose to the nearest optimum.
@@ -115,11 +113,11 @@ class RobustAlignment {
                                    std::vector<Match> matches) const;
   double radius(std::size_t points) const;
 
-  const CentredPair& pair_;
-  const BatchTree& target_tree_;
+  PreparedCloud source_;
+  PreparedCloud target_;
   bool use_covariances_;
   bool one_to_one_;
   Executor executor_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -11,7 +11,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/angles.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // A cloud seen twice: `shared` of the source's landmarks are the target's too, but for noise.
@@ -32,10 +32,11 @@ struct Problem {
       target.positions.push_back(random.chance(shared) ? moved * at + noise * off
                                                        : moved * place());
     }
-    pair = std::make_unique<CentredPair>(std::move(source), std::move(target));
-    tree = std::make_unique<BatchTree>(pair->target().positions);
-    truth = pair->centred(moved);
-    alignment = std::make_unique<RobustAlignment>(*pair, *tree, false, true, Executor());
+    const PreparedCloud from = PreparedCloud::plain(std::move(source));
+    const PreparedCloud to = PreparedCloud::plain(std::move(target));
+    positions = from.landmarks().positions;
+    truth = centred_pose(from, to, moved);
+    alignment = std::make_unique<RobustAlignment>(from, to, false, true, Executor());
   }
 
   Similarity3 start(double metres, double degrees) const {
@@ -46,14 +47,13 @@ struct Problem {
   // Between points of the cloud's size.
   double error(const Similarity3& pose) const {
     double most = 0.0;
-    for (const Eigen::Vector3d& at : pair->source().positions) {
+    for (const Eigen::Vector3d& at : positions) {
       most = std::max(most, (pose * at - truth * at).norm());
     }
     return most;
   }
 
-  std::unique_ptr<CentredPair> pair;
-  std::unique_ptr<BatchTree> tree;
+  std::vector<Eigen::Vector3d> positions;  // of the source, centred
   Similarity3 truth;
   std::unique_ptr<RobustAlignment> alignment;
 };
@@ -140,13 +140,12 @@ TEST(RobustAlignment, CovarianceHoldsTheErrorAndAPlaneLeavesDirectionsOpen) {
     other.positions.emplace_back(random.uniform(-1, 1), random.uniform(-1, 1),
                                  0.002 * random.normal());
   }
-  const CentredPair pair(floor, other);
-  const BatchTree tree(pair.target().positions);
-  const RobustAlignment flat(pair, tree, false, true, Executor());
+  const RobustAlignment flat(PreparedCloud::plain(floor), PreparedCloud::plain(other), false, true,
+                             Executor());
   const Similarity3 rest;
   const PoseUncertainty open = flat.uncertainty(rest, 0.1, flat.matches(rest));
   EXPECT_FALSE(open.unobservable.empty());
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

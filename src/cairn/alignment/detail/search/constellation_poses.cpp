@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/search/constellation_poses.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,9 +6,10 @@
 #include <optional>
 #include <utility>
 
+#include "cairn/alignment/detail/search/poses.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Vector3f;
@@ -23,8 +22,8 @@ constexpr float kLeastHeight = 1.0F;
 constexpr float kTolerance = 0.05F;  // by which sides may differ
 constexpr float kPatch = 8.0F;       // radius of the landmarks that test a constellation's poses
 constexpr float kVoxel = 0.125F;
-constexpr float kReach = 0.15F;  // from a target point, within which a voxel counts as occupied
-constexpr float kSame = 0.5F;    // largest distance of equal poses
+constexpr float kReach = 0.15F;    // from a target point, within which a voxel counts as occupied
+constexpr float kSamePose = 0.5F;  // largest distance of equal poses
 
 constexpr std::size_t kMostPoints = 4096;  // of a map
 constexpr std::size_t kMostBits = std::size_t{1} << 26;
@@ -39,13 +38,13 @@ constexpr std::size_t kPatchPoints = 512;
 constexpr std::size_t kLooked = 16;  // poses of a constellation that are tested with all points
 constexpr std::size_t kKept = 3;     // poses that it proposes
 // The search ends after a round of constellations if kEnough poses agree with the best to within kAgreeing
-// fine scales, before any other pose with kRival of its evidence.
+// fine scales, before any other pose with kRivalEvidence of its evidence.
 constexpr std::size_t kRound = 48;
 constexpr std::size_t kEnough = 4;
 constexpr double kAgreeing = 1.0;
-constexpr double kRival = 0.5;
+constexpr double kRivalEvidence = 0.5;
 // Share of points that are in occupied voxels by chance if the surfaces coincide.
-constexpr double kChance = 0.2;
+constexpr double kOccupiedByChance = 0.2;
 
 // Which voxels are near target points.
 class Occupancy {
@@ -228,8 +227,9 @@ class Finder {
     std::vector<ConstellationPose> kept;
     for (const ConstellationPose& pose : found) {
       if (kept.size() == options_.poses) break;
-      const bool known = std::any_of(
-          kept.begin(), kept.end(), [&](const auto& other) { return are_one(pose, other, kSame); });
+      const bool known = std::any_of(kept.begin(), kept.end(), [&](const auto& other) {
+        return are_one(pose, other, kSamePose);
+      });
       if (!known) kept.push_back(pose);
     }
     return kept;
@@ -246,7 +246,7 @@ class Finder {
     for (const ConstellationPose& pose : found) {
       if (are_one(pose, found.front(), kAgreeing)) {
         if (++agreeing == kEnough) return true;
-      } else if (pose.evidence > kRival * found.front().evidence) {
+      } else if (pose.evidence > kRivalEvidence * found.front().evidence) {
         return false;
       }
     }
@@ -369,11 +369,12 @@ class Finder {
       const std::size_t total = constellation.patch.size();
       const auto count = static_cast<double>(pose.hits + hits(constellation, pose, kLook, total));
       const double share = count / static_cast<double>(total);
-      if (share <= kChance) continue;
+      if (share <= kOccupiedByChance) continue;
       // Log-likelihood ratio of a binomial distribution versus chance.
       const double evidence =
-          count * std::log(share / kChance) +
-          (static_cast<double>(total) - count) * std::log1p((kChance - share) / (1.0 - kChance));
+          count * std::log(share / kOccupiedByChance) +
+          (static_cast<double>(total) - count) *
+              std::log1p((kOccupiedByChance - share) / (1.0 - kOccupiedByChance));
       const Eigen::Quaterniond rotation(
           (pose.target_from_axes * constellation.source_from_axes.transpose()).cast<double>());
       const Rigid3 turn(rotation.normalized(), Eigen::Vector3d::Zero());
@@ -407,4 +408,4 @@ std::vector<ConstellationPose> constellation_poses(std::span<const Eigen::Vector
   return Finder(source, target, random, options).run();
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

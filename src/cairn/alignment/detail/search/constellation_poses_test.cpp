@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/search/constellation_poses.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -8,9 +6,10 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/alignment/detail/search/poses.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Eigen::Vector3d;
@@ -141,4 +140,4 @@ TEST(ConstellationPoses, StopWhenAsked) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/search/descriptor_poses.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -9,10 +7,11 @@
 #include <span>
 #include <utility>
 
+#include "cairn/alignment/detail/search/poses.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 constexpr std::size_t kFewestAgreeing = 4;  // because three matches fit their own pose
@@ -202,4 +201,4 @@ std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, R
   return poses;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

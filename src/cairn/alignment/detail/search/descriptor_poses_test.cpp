@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/search/descriptor_poses.hpp"
-
 #include <array>
 #include <cstdint>
 #include <string>
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+#include "cairn/alignment/detail/search/poses.hpp"
+
+namespace cairn::detail {
 namespace {
 
 constexpr std::size_t kBytes = 32;
@@ -56,13 +56,13 @@ Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind = "
 }
 
 std::vector<Similarity3> poses(const Clouds& clouds, bool free_scale = false) {
-  const CentredPair pair(clouds.source, clouds.target);
   DescriptorPoseOptions options;
   options.tolerance = 0.03;
   options.free_scale = free_scale;
   std::vector<Similarity3> found;
-  for (const DescriptorPose& one : descriptor_poses(DescriptorMatches(pair), Random(1), options)) {
-    found.push_back(pair.uncentred(one.pose));
+  for (const DescriptorPose& one :
+       descriptor_poses(DescriptorMatches(clouds.source, clouds.target), Random(1), options)) {
+    found.push_back(one.pose);
   }
   return found;
 }
@@ -127,4 +127,4 @@ TEST(DescriptorPoses, AreNoneWhereNothingCanBeCompared) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

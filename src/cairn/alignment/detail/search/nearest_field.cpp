@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // For each i of a line, the j that minimises (i - j)² + height[j]: the lower envelope of parabolas.
@@ -101,4 +101,4 @@ NearestField::NearestField(std::span<const Eigen::Vector3f> points, const Box& b
   }
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

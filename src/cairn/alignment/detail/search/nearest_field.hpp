@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// An axis-aligned box.
 struct Box {
@@ -56,4 +56,4 @@ class NearestField {
   std::vector<std::uint32_t> nearest_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -9,7 +9,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 Eigen::Vector3f point_in(const Box& box, Random& random) {
@@ -67,4 +67,4 @@ TEST(NearestField, StaysWithinItsVoxelsByMakingThemLonger) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

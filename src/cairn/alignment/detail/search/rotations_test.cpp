@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/detail/search/rotations.hpp"
-
 #include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
 
+#include "cairn/alignment/detail/search/poses.hpp"
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 Eigen::Quaterniond any_rotation(Random& random) {
@@ -51,4 +50,4 @@ TEST(Rotations, AboutADirectionKeepItAndTurnEvenly) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

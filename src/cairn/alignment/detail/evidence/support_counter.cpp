@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/evidence/support_counter.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+#include <vector>
+
+#include "cairn/geometry/moved_points.hpp"
+
+namespace cairn::detail {
+namespace {
+
+// Two landmarks that are mutual nearest neighbours.
+struct Pair {
+  double chance;      // probability of such a distance if they are different landmarks
+  std::size_t group;  // of the source landmark
+};
+
+double log_ratio(const Pair& pair, double share) {
+  return std::log1p(share * (0.5 / std::sqrt(pair.chance) - 1.0));
+}
+
+// Adds the evidence for the likeliest share of pairs that are the same landmark.
+void add_evidence(std::span<const Pair> pairs, Support& support) {
+  double likeliest = 0.0;
+  for (const double share : {0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8}) {
+    double sum = 0.0;
+    for (const Pair& pair : pairs) sum += log_ratio(pair, share);
+    if (sum <= support.evidence) continue;
+    support.evidence = sum;
+    likeliest = share;
+  }
+  std::array<double, SupportCounter::kGroups> by_group{};
+  for (const Pair& pair : pairs) by_group[pair.group] += log_ratio(pair, likeliest);
+  support.spread_evidence =
+      std::max(support.evidence - *std::max_element(by_group.begin(), by_group.end()), 0.0);
+}
+
+void add_likeness(std::span<const Likeness> by_group, Support& support) {
+  Likeness all;
+  for (const Likeness& group : by_group) all += group;
+  support.likeness = all;
+  support.spread_likeness = all.evidence();
+  for (const Likeness& group : by_group) {
+    support.spread_likeness = std::min(support.spread_likeness, (all - group).evidence());
+  }
+}
+
+std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> moved,
+                                      const BatchTree& tree) {
+  std::vector<Neighbor> found(moved.size());
+  tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
+    found[i] = {nearest.index(0), nearest.squared_distance(0)};
+  });
+  return found;
+}
+
+}  // namespace
+
+std::vector<MutualMatch> mutual_matches(const PreparedCloud& source, const PreparedCloud& target,
+                                        const Similarity3& pose, std::size_t sample) {
+  const std::vector<Neighbor> there = nearest_of_each(
+      moved_points(std::span(source.landmarks().positions).first(sample), pose), target.tree());
+  std::vector<Eigen::Vector3d> met;
+  met.reserve(sample);
+  for (const Neighbor& neighbor : there) {
+    met.push_back(target.landmarks().positions[neighbor.index]);
+  }
+  const std::vector<Neighbor> back =
+      nearest_of_each(moved_points(met, pose.inverse()), source.tree());
+  std::vector<MutualMatch> matches;
+  for (std::uint32_t i = 0; i < sample; ++i) {
+    if (back[i].index == i) matches.push_back({i, there[i].index, there[i].squared_distance});
+  }
+  return matches;
+}
+
+SupportCounter::SupportCounter(const PreparedCloud& source, const PreparedCloud& target,
+                               std::size_t sample, const Random& random)
+    : source_(source),
+      target_(target),
+      sample_(std::min({sample, source.size(), PreparedCloud::kSample})),
+      looks_(source.landmarks(), target.landmarks(), sample_, random) {}
+
+Support SupportCounter::operator()(const Similarity3& pose, double radius,
+                                   Proximity* proximity) const {
+  // Bounds of a distance in spacings: pairs beyond kFarthest match by chance; below the other, copies of a
+  // landmark would have too much weight.
+  constexpr double kFarthest = 3.0;
+  constexpr double kLeastChance = 1e-6;
+  Support support;
+  std::vector<Pair> pairs;
+  std::vector<std::uint32_t> matched;
+  for (const auto& [i, there, squared] : mutual_matches(source_, target_, pose, sample_)) {
+    if (squared <= radius * radius) matched.push_back(i);
+    for (std::size_t k = 0; k < Support::kRadii; ++k) {
+      if (std::ldexp(squared, 2 * static_cast<int>(k)) > radius * radius) break;
+      ++support.within[k];
+    }
+    const double spacing = pose.scale() * source_.spacings()[i] * target_.spacings()[there];
+    const double ratio =
+        spacing > 0.0 ? std::min(squared / spacing, kFarthest * kFarthest) : kFarthest * kFarthest;
+    const double chance = chance_on_surface(ratio);
+    pairs.push_back({std::max(chance, kLeastChance), source_.groups()[i]});
+    if (proximity != nullptr && spacing > 0.0) {
+      proximity->add(std::sqrt(squared / spacing), source_.groups()[i]);
+    }
+  }
+  // Scales the sample's numbers to the whole source; shares refer to the smaller cloud. That is an estimate, which
+  // may exceed all there are, most where landmarks of large weight match, because more of them are in the sample.
+  const double each = static_cast<double>(source_.size()) /
+                      static_cast<double>(sample_ * std::min(source_.size(), target_.size()));
+  support.share = std::min(each * static_cast<double>(support.matches()), 1.0);
+  add_evidence(pairs, support);
+  if (looks_.possible()) add_likeness(likeness_by_group(matched, pose, radius), support);
+  return support;
+}
+
+SupportCounter::Likenesses SupportCounter::likeness_by_group(std::span<const std::uint32_t> matched,
+                                                             const Similarity3& pose,
+                                                             double radius) const {
+  std::vector<Eigen::Vector3d> places;
+  places.reserve(matched.size());
+  for (const std::uint32_t i : matched) places.push_back(source_.landmarks().positions[i]);
+  places = moved_points(places, pose);
+  Likenesses result;
+  std::vector<std::uint32_t> partners;
+  target_.tree()
+      .batch(LookComparison::kPartners)
+      .for_each(places, Executor(), [&](std::size_t m, const NearestList auto& nearest) {
+        partners.clear();
+        for (std::size_t j = 0; j < nearest.size(); ++j) {
+          if (nearest.squared_distance(j) <= radius * radius) partners.push_back(nearest.index(j));
+        }
+        if (const auto alike = looks_.alike(matched[m], partners)) {
+          result[source_.groups()[matched[m]]] += {1, *alike ? 1U : 0U};
+        }
+      });
+  return result;
+}
+
+}  // namespace cairn::detail

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "cairn/alignment/detail/evidence/look_comparison.hpp"
+#include "cairn/alignment/detail/prepared_cloud.hpp"
+#include "cairn/core/random.hpp"
+
+namespace cairn::detail {
+
+/// Two landmarks that are mutual nearest neighbours at a pose.
+struct MutualMatch {
+  std::uint32_t source = 0;
+  std::uint32_t target = 0;
+  double squared_distance = 0.0;  ///< in the target's unit
+};
+
+/// Mutual matches of the first source landmarks with the whole target at a centred pose, by source
+/// landmark.
+/// @param sample number of source landmarks; at most its size
+std::vector<MutualMatch> mutual_matches(const PreparedCloud& source, const PreparedCloud& target,
+                                        const Similarity3& pose, std::size_t sample);
+
+/// Counts what two clouds have in common at centred poses.
+///
+/// If landmarks of both lie independently on one surface, two mutual nearest neighbours are within a
+/// distance d with probability u = 1 - exp(-1.609·8·d²/h²), h being the distance to the eighth neighbour
+/// (the geometric mean of both maps'), so u is uniform on [0, 1]. The same landmarks are much closer; their
+/// u is assumed to have the density 1 / (2·√u). The evidence is the log-likelihood ratio of the mixture
+/// with the likeliest share of such pairs. It needs no radius, and weights a match by how unlikely it is at
+/// its place. Descriptors are evaluated separately.
+class SupportCounter {
+ public:
+  /// Parts of the source; no single one should decide.
+  static constexpr std::size_t kGroups = PreparedCloud::kGroups;
+
+  /// @param sample number of first source landmarks to use, at most PreparedCloud::kSample
+  /// @param random draws the landmarks for descriptor comparisons
+  SupportCounter(const PreparedCloud& source, const PreparedCloud& target, std::size_t sample,
+                 const Random& random);
+
+  /// @param proximity receives the distances of mutual nearest neighbours; may be null
+  Support operator()(const Similarity3& pose, double radius, Proximity* proximity = nullptr) const;
+
+ private:
+  using Likenesses = std::array<Likeness, kGroups>;
+
+  // A corner has several landmarks in each map, and chance decides which are mutual nearest neighbours.
+  // Therefore the partner within the radius with the most similar descriptor counts.
+  // @param matched of the sample
+  Likenesses likeness_by_group(std::span<const std::uint32_t> matched, const Similarity3& pose,
+                               double radius) const;
+
+  PreparedCloud source_;
+  PreparedCloud target_;
+  std::size_t sample_;
+  LookComparison looks_;
+};
+
+/// Free-space check of the landmarks outside the region where landmarks match, at a centred pose.
+///
+/// An object that stands in two places matches as well as a place does; its surroundings reveal the
+/// difference. The region is a ball around the mutual matches within the radius, without those that
+/// have less than half as many matches around them as the median.
+///
+/// @param radius largest distance of matches that are the same landmark rather than a common surface
+/// @return all zeros if there are no matches, or no cloud has views
+SightCounts surrounding_sights(const PreparedCloud& source, const PreparedCloud& target,
+                               const Similarity3& pose, double radius);
+
+}  // namespace cairn::detail

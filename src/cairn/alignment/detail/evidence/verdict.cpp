@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/evidence/verdict.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace cairn::detail {
+namespace {
+
+// Share of the best pose's probability that makes another a rival.
+constexpr double kRival = 0.05;
+// For lines of sight to the surroundings of the matches; docs/method.md explains the choice.
+constexpr std::size_t kFewestAround = 100;  // least number for a decision
+constexpr double kMostContradicted = 0.25;  // of those that agree or are contradicted
+constexpr double kFewestInAgreement =
+    0.02;  // of all, including those that end behind a seen surface
+
+// Of the best pose's evidence, of each kind: another pose with so much cannot be told from it. docs/method.md explains
+// the choice.
+constexpr double kAsWell = 0.5;
+// Smaller differences of the share of contradicted lines of sight tell nothing.
+constexpr double kSameContradicted = 0.1;
+
+std::string percent(double share) {
+  return fmt::format("{:.1f} %", 100.0 * share);
+}
+
+// "the shift along (0.00, 1.00, 0.00) and the turn about ...": each open direction.
+std::string open_text(const RegistrationResult& result) {
+  std::string text;
+  for (const OpenDirection& open : result.unobservable) {
+    if (!text.empty()) text += " and ";
+    const double shift = open.translation.norm();
+    // Names the larger part; a rotation and a translation are equal if they move the landmarks equally.
+    const double turn = open.rotation.norm();
+    if (std::abs(open.log_scale) > std::max(shift, turn)) {
+      text += "the scale";
+    } else if (shift >= turn) {
+      const Eigen::Vector3d axis = open.translation / shift;
+      text += fmt::format("the shift along ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(), axis.z());
+    } else {
+      const Eigen::Vector3d axis = open.rotation / turn;
+      text += fmt::format("the turn about ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(), axis.z());
+    }
+  }
+  return text;
+}
+
+// How the surroundings of the matches contradict the pose; empty if they do not.
+std::string other_surroundings(const SightCounts& around) {
+  const auto share = [](std::size_t part, std::size_t all) {
+    return static_cast<double>(part) / static_cast<double>(all);
+  };
+  const std::size_t compared = around.agree + around.in_front;
+  if (compared >= kFewestAround && share(around.in_front, compared) > kMostContradicted) {
+    return fmt::format(
+        "{} of {} lines of sight around the matches are contradicted, more than the limit of {:g} "
+        "%",
+        percent(share(around.in_front, compared)), compared, 100.0 * kMostContradicted);
+  }
+  if (around.total() >= kFewestAround && share(around.agree, around.total()) < kFewestInAgreement) {
+    return fmt::format(
+        "{} of {} lines of sight around the matches agree, below the required {:g} %",
+        percent(share(around.agree, around.total())), around.total(), 100.0 * kFewestInAgreement);
+  }
+  return {};
+}
+
+// Whether the landmarks match at another pose as well as at the best. The probability does not tell: it compares how
+// close the matches of each pose are with those of all other poses, and along a fence many poses match equally well.
+bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
+  const auto looks = [](const Support& support) {
+    return support.spread_likeness + (support.agreement ? support.agreement->evidence() : 0.0);
+  };
+  const Support& there = other.support;
+  const Support& here = best.support;
+  for (std::size_t i = Support::kFine; i < Support::kRadii; ++i) {
+    if (static_cast<double>(there.within[i]) < kAsWell * static_cast<double>(here.within[i])) {
+      return false;
+    }
+  }
+  return there.spread_evidence >= kAsWell * here.spread_evidence &&
+         looks(there) >= kAsWell * looks(here) &&
+         other.contradicted.value_or(0.0) <= best.contradicted.value_or(0.0) + kSameContradicted;
+}
+
+// The evidence for and against the best candidate.
+std::string evidence_text(std::span<const PlacementCandidate> candidates, std::size_t landmarks) {
+  const PlacementCandidate& best = candidates.front();
+  std::string text = fmt::format(
+      "the best pose matches {} of {} landmarks one to one, {}", percent(best.support.share),
+      landmarks,
+      candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
+                            : "no other pose was found");
+  if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
+    text += fmt::format(", {} of {} descriptor matches agree with it ({:.1f} expected by chance)",
+                        agreement->agreeing, agreement->matches, agreement->expected);
+  }
+  if (const auto& likeness = best.support.likeness; likeness && likeness->compared > 0) {
+    const auto share =
+        static_cast<double>(likeness->alike) / static_cast<double>(likeness->compared);
+    text += fmt::format(", {} of the matches have similar descriptors ({} expected by chance)",
+                        percent(share), percent(Likeness::kChance));
+  }
+  if (best.contradicted) {
+    text += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
+  }
+  return text;
+}
+
+}  // namespace
+
+bool is_decided(const PlacementResult& placed) {
+  if (placed.candidates.empty()) return false;
+  const auto& agreement = placed.candidates.front().support.agreement;
+  return agreement && agreement->spread >= kDecisiveAgreement;
+}
+
+Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
+                std::size_t landmarks, double least, const SightCounts& around) {
+  if (candidates.empty()) {
+    return {Verdict::kRejected, "the search found no pose that matches landmarks"};
+  }
+  const PlacementCandidate& best = candidates.front();
+  double any = 0.0;
+  for (const PlacementCandidate& candidate : candidates) any += candidate.probability;
+  const std::string found = fmt::format("{}: {}", decision_text(best.probability, least),
+                                        evidence_text(candidates, landmarks));
+  const auto ambiguous = [&](const std::string& why) {
+    return Judgement{Verdict::kAmbiguous, fmt::format("{}; {}", why, found)};
+  };
+  if (best.probability >= least) {
+    if (!result.unobservable.empty()) {
+      return ambiguous("the matches do not determine " + open_text(result));
+    }
+    if (!result.covariance) {
+      return ambiguous("the matches lie in too few places to compute a covariance");
+    }
+    const auto as_well = std::count_if(
+        candidates.begin() + 1, candidates.end(),
+        [&](const PlacementCandidate& candidate) { return fits_as_well(candidate, best); });
+    if (as_well > 0) {
+      return ambiguous(
+          fmt::format("the landmarks match as well at {} other {}, as where a structure repeats",
+                      as_well, as_well == 1 ? "pose" : "poses"));
+    }
+    if (const std::string other = other_surroundings(around); !other.empty()) {
+      return ambiguous("the maps may show two places that share one object: " + other);
+    }
+    return {Verdict::kAligned, found};
+  }
+  if (any >= least) {
+    const auto rivals = std::count_if(candidates.begin(), candidates.end(),
+                                      [&](const PlacementCandidate& candidate) {
+                                        return candidate.probability >= kRival * best.probability;
+                                      });
+    return ambiguous(fmt::format("{} poses fit about equally well", rivals));
+  }
+  return {Verdict::kRejected, found};
+}
+
+}  // namespace cairn::detail

@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/evidence/verdict.hpp"
+
+#include <utility>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cairn/alignment/alignment.hpp"
+
+namespace cairn::detail {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+RegistrationResult known_pose() {
+  RegistrationResult result;
+  result.covariance = Matrix6d(Matrix6d::Identity());
+  return result;
+}
+
+Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
+                     const RegistrationResult& result = known_pose()) {
+  return judge(candidates, result, 3000);
+}
+
+// @param support share of the 3000 landmarks that match, all of them closely
+PlacementCandidate candidate(double probability, double support = 0.4) {
+  PlacementCandidate result{.target_from_source = {},
+                            .support = {.share = support, .spread_evidence = 2000.0 * support},
+                            .contradicted = 0.015,
+                            .probability = probability};
+  result.support.within.fill(static_cast<std::size_t>(3000.0 * support));
+  return result;
+}
+
+TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
+  const Judgement judgement = verdict_of({candidate(0.996), candidate(0.001, 0.15)});
+  EXPECT_EQ(judgement.verdict, Verdict::kAligned);
+  EXPECT_THAT(judgement.reason, HasSubstr("40.0 %"));
+  EXPECT_THAT(judgement.reason, HasSubstr("15.0 %"));
+  EXPECT_THAT(judgement.reason, HasSubstr("1.5 %"));
+  EXPECT_THAT(judgement.reason, HasSubstr("99.60 %"));
+  EXPECT_THAT(judgement.reason, HasSubstr("3000"));
+}
+
+TEST(Verdict, AmbiguousIfTheLandmarksMatchAsWellAtAnotherPoseHoweverUnlikelyThat) {
+  const auto with = [](const auto& change) {
+    PlacementCandidate other = candidate(0.001, 0.39);
+    change(other);
+    return verdict_of({candidate(0.996), other});
+  };
+  const Judgement judgement = with([](PlacementCandidate&) {});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, StartsWith("the landmarks match as well at 1 other pose"));
+  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.38), candidate(0.001, 0.5)}).reason,
+              StartsWith("the landmarks match as well at 2 other poses"));
+  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.1), candidate(0.001, 0.5)}).reason,
+              StartsWith("the landmarks match as well at 1 other pose"));
+  // Half as well is as well.
+  EXPECT_EQ(verdict_of({candidate(0.996), candidate(0.001, 0.2)}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(verdict_of({candidate(0.996), candidate(0.001, 0.19)}).verdict, Verdict::kAligned);
+  // One kind of evidence that tells them apart is enough.
+  using Other = PlacementCandidate;
+  EXPECT_EQ(with([](Other& other) { other.support.within[2] = 599; }).verdict, Verdict::kAligned);
+  EXPECT_EQ(with([](Other& other) { other.support.within[5] = 599; }).verdict, Verdict::kAligned);
+  EXPECT_EQ(with([](Other& other) { other.support.spread_evidence = 399.0; }).verdict,
+            Verdict::kAligned);
+  EXPECT_EQ(with([](Other& other) { other.contradicted = 0.2; }).verdict, Verdict::kAligned);
+  // Landmarks that match roughly only tell nothing.
+  EXPECT_EQ(with([](Other& other) { other.support.within[1] = 0; }).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with([](Other& other) { other.contradicted = 0.1; }).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with([](Other& other) { other.contradicted.reset(); }).verdict, Verdict::kAmbiguous);
+}
+
+TEST(Verdict, BelievesLooksThatTellPosesApartAtWhichLandmarksMatchAsWell) {
+  PlacementCandidate best = candidate(0.996);
+  best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
+  PlacementCandidate other = candidate(0.001);
+  other.support.agreement = DescriptorAgreement{200, 2, 2, 1.25};
+  EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAligned);
+  other.support.agreement = best.support.agreement;
+  EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAmbiguous);
+  best.support.spread_likeness = 1000.0;
+  EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAligned);
+}
+
+TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {
+  PlacementCandidate best = candidate(0.996);
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("similar")));
+  best.support.likeness = Likeness{200, 50};
+  EXPECT_THAT(
+      verdict_of({best}).reason,
+      HasSubstr("25.0 % of the matches have similar descriptors (1.6 % expected by chance)"));
+  best.support.likeness = Likeness{1, 1};
+  EXPECT_THAT(verdict_of({best}).reason,
+              HasSubstr("100.0 % of the matches have similar descriptors"));
+  best.support.likeness = Likeness{0, 0};
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("similar")));
+}
+
+TEST(Verdict, AmbiguousIfOneOfSeveralIsRightBeyondDoubt) {
+  const Judgement judgement =
+      verdict_of({candidate(0.4), candidate(0.35), candidate(0.24), candidate(0.005)});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, HasSubstr("3 poses"));
+}
+
+TEST(Verdict, CountsAsRivalsThosePosesThatAreATwentiethAsLikely) {
+  const Judgement judgement =
+      verdict_of({candidate(0.5), candidate(0.44), candidate(0.028), candidate(0.024)});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, HasSubstr("3 poses"));
+}
+
+TEST(Verdict, TakesTheLeastProbabilityItself) {
+  const std::vector<PlacementCandidate> one = {candidate(0.75)};
+  EXPECT_EQ(judge(one, known_pose(), 3000, 0.75).verdict, Verdict::kAligned);
+  EXPECT_EQ(judge(one, known_pose(), 3000, 0.7501).verdict, Verdict::kRejected);
+  const std::vector<PlacementCandidate> two = {candidate(0.5), candidate(0.25)};
+  EXPECT_EQ(judge(two, known_pose(), 3000, 0.75).verdict, Verdict::kAmbiguous);
+}
+
+TEST(Verdict, SaysWhetherThereIsAnotherPose) {
+  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("no other pose was found"));
+  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.15)}).reason,
+              HasSubstr("the next pose 15.0 %"));
+}
+
+TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
+  EXPECT_EQ(verdict_of({candidate(0.9), candidate(0.03)}).verdict, Verdict::kRejected);
+  EXPECT_EQ(verdict_of({candidate(1e-7)}).verdict, Verdict::kRejected);
+  EXPECT_EQ(verdict_of({}).verdict, Verdict::kRejected);
+}
+
+TEST(Verdict, AmbiguousByNameIfADirectionIsOpenHoweverLikelyThePose) {
+  RegistrationResult result = known_pose();
+  result.unobservable.push_back({{0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), 0.0});
+  const Judgement shift = verdict_of({candidate(1.0)}, result);
+  EXPECT_EQ(shift.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(shift.reason, HasSubstr("the shift along (0.00, 1.00, 0.00)"));
+  result.unobservable = {{Eigen::Vector3d::Zero(), {0.0, 0.0, 1.0}, 0.0}};
+  EXPECT_THAT(verdict_of({candidate(1.0)}, result).reason,
+              HasSubstr("the turn about (0.00, 0.00, 1.00)"));
+  result.unobservable = {{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), 1.0}};
+  EXPECT_THAT(verdict_of({candidate(1.0)}, result).reason, HasSubstr("the scale"));
+}
+
+TEST(Verdict, NamesAnOpenDirectionAfterItsLargestPart) {
+  const auto reason = [](std::vector<OpenDirection> open) {
+    RegistrationResult result = known_pose();
+    result.unobservable = std::move(open);
+    return verdict_of({candidate(1.0)}, result).reason;
+  };
+  EXPECT_THAT(reason({{{0.9, 0.0, 0.0}, {0.0, 0.5, 0.0}, -1.0}}), HasSubstr("determine the scale"));
+  EXPECT_THAT(reason({{{0.9, 0.0, 0.0}, {0.0, 0.5, 0.0}, 0.7}}),
+              HasSubstr("the shift along (1.00, 0.00, 0.00)"));
+  EXPECT_THAT(reason({{{0.5, 0.0, 0.0}, {0.0, 0.9, 0.0}, 0.7}}),
+              HasSubstr("the turn about (0.00, 1.00, 0.00)"));
+  EXPECT_THAT(reason({{{0.0, 0.0, 2.0}, {2.0, 0.0, 0.0}, 0.0}}), HasSubstr("the shift"));
+  EXPECT_THAT(
+      reason({{{0.0, 0.0, -3.0}, {0.0, 0.0, 0.0}, 0.0}, {{0, 0, 0}, {0, -2.0, 0}, 0.0}}),
+      HasSubstr("the shift along (0.00, 0.00, -1.00) and the turn about (0.00, -1.00, 0.00)"));
+}
+
+TEST(Verdict, AmbiguousWithoutACovariance) {
+  const Judgement judgement = verdict_of({candidate(1.0)}, RegistrationResult{});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, HasSubstr("too few places"));
+}
+
+TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
+  PlacementCandidate best = candidate(0.996);
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
+  best.support.agreement = DescriptorAgreement{0, 0, 0, 0.0};
+  EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
+  best.support.agreement = DescriptorAgreement{1, 1, 1, 0.5};
+  EXPECT_THAT(verdict_of({best}).reason, HasSubstr("1 of 1 descriptor matches"));
+  best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
+  EXPECT_THAT(verdict_of({best}).reason,
+              HasSubstr("50 of 200 descriptor matches agree with it (1.2 expected by chance)"));
+}
+
+TEST(Verdict, ReasonLeadsWithTheDecisionAndItsNumber) {
+  EXPECT_THAT(verdict_of({candidate(0.996)}).reason,
+              StartsWith("probability 99.60 %, at least the required 99 %: "));
+  EXPECT_THAT(verdict_of({candidate(0.123)}).reason,
+              StartsWith("probability 12.30 %, below the required 99 %: "));
+  EXPECT_THAT(judge({{candidate(0.6)}}, known_pose(), 3000, 0.995).reason,
+              StartsWith("probability 60.00 %, below the required 99.5 %: "));
+  EXPECT_THAT(verdict_of({candidate(0.5), candidate(0.495)}).reason,
+              StartsWith("2 poses fit about equally well; probability 50.00 %, below the "
+                         "required 99 %: "));
+  EXPECT_THAT(verdict_of({candidate(0.996)}, RegistrationResult{}).reason,
+              StartsWith("the matches lie in too few places to compute a covariance; probability "
+                         "99.60 %, at least the required 99 %: "));
+}
+
+TEST(ProbabilityText, IsNeverRoundedUpToTheBarToZeroOrToOne) {
+  EXPECT_EQ(probability_text(0.0), "<0.01 %");
+  EXPECT_EQ(probability_text(0.00009), "<0.01 %");
+  EXPECT_EQ(probability_text(0.00102), "0.10 %");
+  EXPECT_EQ(probability_text(0.9983), "99.83 %");
+  EXPECT_EQ(probability_text(0.98999), "98.99 %");
+  EXPECT_EQ(probability_text(0.99), "99.00 %");
+  EXPECT_EQ(probability_text(0.99996), "99.9960 %");
+  EXPECT_EQ(probability_text(0.9999991), ">99.9999 %");
+  EXPECT_EQ(probability_text(1.0), ">99.9999 %");
+}
+
+TEST(Verdict, IsNamedInResults) {
+  EXPECT_EQ(to_string(Verdict::kAligned), "aligned");
+  EXPECT_EQ(to_string(Verdict::kAmbiguous), "ambiguous");
+  EXPECT_EQ(to_string(Verdict::kRejected), "rejected");
+}
+
+TEST(Verdict, NeverSaysThatAPoseIsCertain) {
+  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr(">99.9999 %"));
+  EXPECT_THAT(verdict_of({candidate(0.0)}).reason, HasSubstr("<0.01 %"));
+}
+
+TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
+  const std::vector<PlacementCandidate> one = {candidate(0.9999)};
+  const auto with = [&](const SightCounts& around) {
+    return judge(one, known_pose(), 3000, 0.99, around);
+  };
+  const Judgement judgement = with({.agree = 600, .in_front = 400, .behind = 9000});
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, HasSubstr("40.0 % of 1000 lines of sight around the matches are "
+                                          "contradicted, more than the limit of 25 %"));
+  const Judgement behind = with({.agree = 10, .in_front = 0, .behind = 990});
+  EXPECT_EQ(behind.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(
+      behind.reason,
+      HasSubstr("1.0 % of 1000 lines of sight around the matches agree, below the required 2 %"));
+  EXPECT_EQ(with({.agree = 980, .in_front = 20, .behind = 2000}).verdict, Verdict::kAligned);
+  // Outdoors much is behind what the other map saw.
+  EXPECT_EQ(with({.agree = 50, .in_front = 0, .behind = 950}).verdict, Verdict::kAligned);
+  // At the limits.
+  EXPECT_EQ(with({.agree = 75, .in_front = 25}).verdict, Verdict::kAligned);
+  EXPECT_EQ(with({.agree = 74, .in_front = 26}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with({.agree = 73, .in_front = 26}).verdict, Verdict::kAligned) << "of too few";
+  EXPECT_EQ(with({.agree = 2, .behind = 98}).verdict, Verdict::kAligned);
+  EXPECT_EQ(with({.agree = 1, .behind = 99}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with({.agree = 1, .behind = 98}).verdict, Verdict::kAligned) << "of too few";
+  // A few say nothing.
+  EXPECT_EQ(with({.agree = 45, .in_front = 45}).verdict, Verdict::kAligned);
+  EXPECT_EQ(with({.agree = 0, .in_front = 0, .behind = 90}).verdict, Verdict::kAligned);
+}
+
+}  // namespace
+}  // namespace cairn::detail

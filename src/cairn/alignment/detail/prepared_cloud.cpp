@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/prepared_cloud.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include "cairn/alignment/detail/spatial_groups.hpp"
+#include "cairn/core/hash.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/geometry/detail/central_part.hpp"
+#include "cairn/map/operations.hpp"
+
+namespace cairn::detail {
+namespace {
+
+// Makes the samples of two maps independent, even if their landmarks have the same order.
+Random random_of(const LandmarkCloud& cloud, std::uint64_t seed) {
+  Hasher hasher;
+  hasher.update({reinterpret_cast<const char*>(cloud.positions.data()),
+                 cloud.size() * sizeof(Eigen::Vector3d)});
+  return Random(seed).fork(hasher.digest().low);
+}
+
+// Weighted random order: landmarks of larger weight are probably earlier (Efraimidis and Spirakis 2006).
+std::vector<std::uint32_t> random_order(const LandmarkCloud& cloud, Random random) {
+  std::vector<std::pair<double, std::uint32_t>> keys(cloud.size());
+  for (std::uint32_t i = 0; i < keys.size(); ++i) {
+    keys[i] = {std::log1p(-random.uniform()) / std::max(cloud.weight(i), 1e-9), i};
+  }
+  std::sort(keys.begin(), keys.end(), std::greater<>());
+  std::vector<std::uint32_t> order;
+  order.reserve(keys.size());
+  for (const auto& [key, i] : keys) order.push_back(i);
+  return order;
+}
+
+// Permutes in place, cycle by cycle, so that entry i becomes the former entry order[i]. `save(i)` saves entry
+// i, `move(to, from)` moves one, `restore(i)` sets entry i to the saved one.
+template <class Save, class Move, class Restore>
+void reorder(std::span<const std::uint32_t> order, const Save& save, const Move& move,
+             const Restore& restore) {
+  std::vector<bool> is_done(order.size(), false);
+  for (std::size_t start = 0; start < order.size(); ++start) {
+    if (is_done[start]) continue;
+    save(start);
+    std::size_t at = start;
+    for (; order[at] != start; at = order[at]) {
+      move(at, order[at]);
+      is_done[at] = true;
+    }
+    restore(at);
+    is_done[at] = true;
+  }
+}
+
+template <class Value>
+void reorder(std::vector<Value>& column, std::span<const std::uint32_t> order) {
+  if (column.empty()) return;
+  Value kept;
+  reorder(
+      order, [&](std::size_t i) { kept = std::move(column[i]); },
+      [&](std::size_t to, std::size_t from) { column[to] = std::move(column[from]); },
+      [&](std::size_t i) { column[i] = std::move(kept); });
+}
+
+void reorder(DescriptorColumn& column, std::span<const std::uint32_t> order) {
+  if (column.has_further()) {
+    column = descriptor_rows(column, order);  // rows vary in size
+    return;
+  }
+  reorder(column.known, order);
+  std::vector<std::uint8_t> kept(column.bytes_each);
+  const auto row = [&](std::size_t i) { return column.bytes.data() + i * column.bytes_each; };
+  reorder(
+      order, [&](std::size_t i) { std::copy_n(row(i), kept.size(), kept.data()); },
+      [&](std::size_t to, std::size_t from) { std::copy_n(row(from), kept.size(), row(to)); },
+      [&](std::size_t i) { std::copy_n(kept.data(), kept.size(), row(i)); });
+}
+
+LandmarkCloud ordered(LandmarkCloud cloud, std::span<const std::uint32_t> order) {
+  reorder(cloud.positions, order);
+  reorder(cloud.covariances, order);
+  reorder(cloud.weights, order);
+  if (cloud.descriptors) reorder(*cloud.descriptors, order);
+  std::vector<std::uint32_t> place(order.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
+  for (LandmarkView& view : cloud.views) {
+    for (std::uint32_t& landmark : view.landmarks) landmark = place[landmark];
+  }
+  return cloud;
+}
+
+CloudScales scales_of_sample(const LandmarkCloud& cloud, const CloudScales& all,
+                             const Executor& executor) {
+  if (cloud.size() <= PreparedCloud::kSample) return all;
+  LandmarkCloud part;
+  part.positions.assign(cloud.positions.begin(), cloud.positions.begin() + PreparedCloud::kSample);
+  CloudScales scales = cloud_scales(part, BatchTree(part.positions), executor);
+  scales.noise = all.noise;
+  return scales;
+}
+
+LandmarkCloud moved(LandmarkCloud cloud, const Eigen::Vector3d& by) {
+  for (Eigen::Vector3d& position : cloud.positions) position += by;
+  for (LandmarkView& view : cloud.views) view.centre += by;
+  return cloud;
+}
+
+std::span<const Eigen::Vector3d> first_of(std::span<const Eigen::Vector3d> points) {
+  return points.first(std::min(points.size(), PreparedCloud::kSample));
+}
+
+Similarity3 translation(const Eigen::Vector3d& by) {
+  return Rigid3(Eigen::Quaterniond::Identity(), by);
+}
+
+}  // namespace
+
+PreparedCloud::More::More(const LandmarkCloud& landmarks, const BatchTree& tree,
+                          const Executor& executor)
+    : spacings(landmark_spacings(landmarks.positions, tree, executor)),
+      scales(cloud_scales(landmarks, tree, executor)),
+      sample_scales(scales_of_sample(landmarks, scales, executor)),
+      groups(spatial_groups(first_of(landmarks.positions), kGroups)),
+      views(landmarks) {}
+
+PreparedCloud PreparedCloud::plain(LandmarkCloud cloud) {
+  PreparedCloud result;
+  result.centre_ = central_part(cloud.positions).centre;
+  result.landmarks_ =
+      std::make_shared<const LandmarkCloud>(moved(std::move(cloud), -result.centre_));
+  result.extent_ = cloud_extent(result.landmarks());
+  result.order_ = std::make_shared<const std::vector<std::uint32_t>>();
+  result.tree_ = std::make_shared<const BatchTree>(result.landmarks().positions);
+  return result;
+}
+
+PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Executor& executor,
+                             std::string_view name) {
+  cloud.validate(name);
+  const bool has_placeholders = has_placeholder_covariances(cloud);
+  if (has_placeholders) cloud.covariances.clear();
+  auto order = random_order(cloud, random_of(cloud, seed));
+  *this = plain(ordered(std::move(cloud), order));
+  ignores_covariances_ = has_placeholders;
+  order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));
+  more_ = std::make_shared<const More>(landmarks(), tree(), executor);
+}
+
+std::span<const Eigen::Vector3d> PreparedCloud::sample() const {
+  return first_of(landmarks().positions);
+}
+
+PreparedCloud PreparedCloud::scaled_plainly(double scale) const {
+  if (scale == 1.0) return *this;
+  PreparedCloud result = *this;
+  result.centre_ *= scale;
+  result.extent_ *= scale;
+  result.landmarks_ = std::make_shared<const LandmarkCloud>(cairn::scaled(landmarks(), scale));
+  result.tree_ = std::make_shared<const BatchTree>(result.landmarks().positions);
+  result.more_.reset();
+  return result;
+}
+
+PreparedCloud PreparedCloud::scaled(double scale, const Executor& executor) const {
+  if (scale == 1.0) return *this;
+  PreparedCloud result = scaled_plainly(scale);
+  result.more_ = std::make_shared<const More>(result.landmarks(), result.tree(), executor);
+  return result;
+}
+
+Similarity3 centred_pose(const PreparedCloud& source, const PreparedCloud& target,
+                         const Similarity3& target_from_source) {
+  return translation(-target.centre()) * target_from_source * translation(source.centre());
+}
+
+Similarity3 uncentred_pose(const PreparedCloud& source, const PreparedCloud& target,
+                           const Similarity3& centred) {
+  return translation(target.centre()) * centred * translation(-source.centre());
+}
+
+}  // namespace cairn::detail

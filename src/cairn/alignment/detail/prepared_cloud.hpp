@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "cairn/alignment/detail/cloud_scales.hpp"
+#include "cairn/alignment/detail/evidence/proximity.hpp"
+#include "cairn/alignment/detail/evidence/seen_views.hpp"
+#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/core/executor.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+
+namespace cairn::detail {
+
+/// A landmark cloud with everything computed once that alignments with any other cloud need. Its landmarks are moved to
+/// their centroid, so that large coordinates do not cost precision; poses between such clouds are called centred. Copies
+/// share the data; any number of threads may use it.
+class PreparedCloud {
+ public:
+  /// Number of landmarks in the sample.
+  static constexpr std::size_t kSample = 4096;
+  static constexpr std::size_t kGroups = Proximity::kGroups;  ///< spatial groups of the sample
+
+  /// Leaves out covariances that are placeholders (has_placeholder_covariances()).
+  /// @param seed of the random order, which also depends on the landmarks
+  /// @param name of the cloud, for messages
+  /// @throws Error (misuse) as LandmarkCloud::validate()
+  explicit PreparedCloud(LandmarkCloud cloud, std::uint64_t seed = 0,
+                         const Executor& executor = Executor(), std::string_view name = "cloud");
+
+  /// In the given order, with all covariances, for a refinement alone: without scales, spacings, groups and views.
+  static PreparedCloud plain(LandmarkCloud cloud);
+
+  std::size_t size() const { return landmarks().size(); }
+  /// Whether the cloud's covariances were placeholders, and so were left out.
+  bool ignores_covariances() const { return ignores_covariances_; }
+  /// Centred, in random order; landmarks of larger weight tend to come earlier. The first n are a sample.
+  const LandmarkCloud& landmarks() const { return *landmarks_; }
+  /// At most the first kSample.
+  std::span<const Eigen::Vector3d> sample() const;
+  /// The original centroid, without far outliers.
+  const Eigen::Vector3d& centre() const { return centre_; }
+  /// CloudScales::extent.
+  double extent() const { return extent_; }
+  /// Index of each landmark in the original cloud; empty: the same.
+  std::span<const std::uint32_t> order() const { return *order_; }
+  /// Index of a landmark in the original cloud.
+  std::uint32_t as_given(std::uint32_t landmark) const {
+    return order_->empty() ? landmark : (*order_)[landmark];
+  }
+  /// Of the landmarks' positions.
+  const BatchTree& tree() const { return *tree_; }
+  const CloudScales& scales() const { return more_->scales; }
+  /// Of the first kSample, whose spacing is larger.
+  const CloudScales& sample_scales() const { return more_->sample_scales; }
+  /// landmark_spacings() of each landmark.
+  std::span<const double> spacings() const { return more_->spacings; }
+  /// spatial_groups() of the first kSample.
+  std::span<const std::size_t> groups() const { return more_->groups; }
+  const SeenViews& views() const { return more_->views; }
+
+  /// The same landmarks in the same order, all lengths multiplied by the scale.
+  PreparedCloud scaled(double scale, const Executor& executor) const;
+  /// The same for a refinement alone, as plain().
+  PreparedCloud scaled_plainly(double scale) const;
+
+ private:
+  struct More {
+    More(const LandmarkCloud& landmarks, const BatchTree& tree, const Executor& executor);
+
+    std::vector<double> spacings;
+    CloudScales scales;
+    CloudScales sample_scales;
+    std::vector<std::size_t> groups;
+    SeenViews views;
+  };
+
+  PreparedCloud() = default;
+
+  Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();
+  double extent_ = 0.0;
+  std::shared_ptr<const LandmarkCloud> landmarks_;
+  std::shared_ptr<const std::vector<std::uint32_t>> order_;
+  std::shared_ptr<const BatchTree> tree_;
+  std::shared_ptr<const More> more_;  // null if plain
+  bool ignores_covariances_ = false;
+};
+
+/// The centred pose of a pose between the original clouds.
+Similarity3 centred_pose(const PreparedCloud& source, const PreparedCloud& target,
+                         const Similarity3& target_from_source);
+/// The inverse of centred_pose().
+Similarity3 uncentred_pose(const PreparedCloud& source, const PreparedCloud& target,
+                           const Similarity3& centred);
+
+}  // namespace cairn::detail

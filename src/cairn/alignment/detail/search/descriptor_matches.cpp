@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/search/descriptor_matches.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <utility>
+
+#include "cairn/alignment/detail/cloud_scales.hpp"
+#include "cairn/core/detail/descriptor_kernel.hpp"
+#include "cairn/geometry/moved_points.hpp"
+#include "cairn/map/distinct_descriptors.hpp"
+
+namespace cairn::detail {
+namespace {
+
+constexpr std::size_t kMostPairs = std::size_t{1} << 26;     // of landmarks that are compared
+constexpr std::size_t kMostRowPairs = std::size_t{1} << 28;  // the same, if landmarks have several
+constexpr std::uint32_t kNone = descriptor_kernel::Nearest::kNone;
+constexpr double kThing = 0.25;  // radius of an object that may occur twice, in extents of a map
+constexpr std::uint32_t kMostDifferingBits = 4;  // a match differs in at most one of so many bits
+// Square of Lowe's ratio.
+constexpr double kMostRatio = 0.85 * 0.85;
+
+// Rows of the known descriptors among the first landmarks, and the landmark of each.
+struct Rows {
+  std::vector<std::uint32_t> landmarks;
+  std::vector<std::uint8_t> bytes;
+  bool has_several = false;  // rows of one landmark
+};
+
+// @param most number of descriptors of a landmark
+Rows rows_of(const LandmarkCloud& cloud, std::size_t first, std::size_t most) {
+  const DescriptorColumn& column = *cloud.descriptors;
+  Rows rows;
+  for (std::uint32_t i = 0; i < std::min(first, cloud.size()); ++i) {
+    const std::size_t count = std::min(column.count(i), most);
+    for (std::size_t k = 0; k < count; ++k) {
+      rows.landmarks.push_back(i);
+      const auto bytes = column.descriptor(i, k);
+      rows.bytes.insert(rows.bytes.end(), bytes.begin(), bytes.end());
+    }
+    rows.has_several = rows.has_several || count > 1;
+  }
+  return rows;
+}
+
+// Rows of both clouds with as many descriptors of each landmark as kMostRowPairs allows.
+std::pair<Rows, Rows> affordable_rows(const LandmarkCloud& source, std::size_t source_count,
+                                      const LandmarkCloud& target, std::size_t target_count) {
+  for (std::size_t most = kMostDescriptorsEach;; --most) {
+    std::pair<Rows, Rows> rows = {rows_of(source, source_count, most),
+                                  rows_of(target, target_count, most)};
+    const std::size_t pairs = rows.first.landmarks.size() * rows.second.landmarks.size();
+    if (pairs <= kMostRowPairs || most == 1) return rows;
+  }
+}
+
+// A landmark's nearest landmark in the other cloud, by its best row.
+struct NearestLandmark {
+  std::uint32_t landmark = kNone;
+  std::uint32_t first = kNone;   // difference
+  std::uint32_t second = kNone;  // of the nearest other landmark
+};
+
+// One per landmark of the cloud, of which `rows` are the rows.
+std::vector<NearestLandmark> by_landmark(std::span<const descriptor_kernel::Nearest> nearest,
+                                         const Rows& rows, const Rows& others, std::size_t count) {
+  std::vector<NearestLandmark> result(count);
+  for (std::size_t i = 0; i < nearest.size(); ++i) {
+    if (nearest[i].index == kNone) continue;
+    NearestLandmark& best = result[rows.landmarks[i]];
+    const std::uint32_t there = others.landmarks[nearest[i].index];
+    if (nearest[i].first < best.first) {
+      // What was nearest competes only if it is another landmark.
+      const std::uint32_t former = best.landmark == there ? best.second : best.first;
+      best = {there, nearest[i].first, std::min(former, nearest[i].second)};
+    } else {
+      best.second =
+          std::min(best.second, there == best.landmark ? nearest[i].second : nearest[i].first);
+    }
+  }
+  return result;
+}
+
+// Numbers of landmarks to compare: all, or equal numbers of both clouds within kMostPairs.
+std::pair<std::size_t, std::size_t> affordable(std::size_t source, std::size_t target) {
+  if (source * target <= kMostPairs) return {source, target};
+  const auto side = static_cast<std::size_t>(std::sqrt(static_cast<double>(kMostPairs)));
+  if (source < side) return {source, kMostPairs / source};
+  if (target < side) return {kMostPairs / target, target};
+  return {side, side};
+}
+
+// Largest number of places within the radius of one of them.
+std::size_t largest_cluster(std::span<const Eigen::Vector3d> places, double radius) {
+  std::size_t most = 0;
+  for (const Eigen::Vector3d& centre : places) {
+    const auto inside =
+        std::count_if(places.begin(), places.end(), [&](const Eigen::Vector3d& place) {
+          return (place - centre).squaredNorm() <= radius * radius;
+        });
+    most = std::max(most, static_cast<std::size_t>(inside));
+  }
+  return most;
+}
+
+}  // namespace
+
+bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b) {
+  return a.descriptors && b.descriptors && a.descriptors->kind == b.descriptors->kind &&
+         a.descriptors->bytes_each == b.descriptors->bytes_each;
+}
+
+DescriptorMatches::DescriptorMatches(const LandmarkCloud& of_source,
+                                     const LandmarkCloud& of_target) {
+  if (!have_like_descriptors(of_source, of_target)) return;
+  possible_ = true;
+  const auto [source_count, target_count] = affordable(of_source.size(), of_target.size());
+  const auto [source, target] = affordable_rows(of_source, source_count, of_target, target_count);
+  const std::size_t bytes_each = of_source.descriptors->bytes_each;
+  const bool binary = is_binary(of_source.descriptors->kind);
+  using descriptor_kernel::Norm;
+  const auto nearest = descriptor_kernel::nearest_both_ways(
+      source.bytes, target.bytes, bytes_each, binary ? Norm::kHamming : Norm::kSquaredBytes,
+      target.has_several ? std::span<const std::uint32_t>(target.landmarks)
+                         : std::span<const std::uint32_t>());
+  const auto from_source = by_landmark(nearest.of_a, source, target, of_source.size());
+  const auto from_target = by_landmark(nearest.of_b, target, source, of_target.size());
+  for (std::uint32_t i = 0; i < from_source.size(); ++i) {
+    const NearestLandmark& there = from_source[i];
+    if (there.landmark == kNone || from_target[there.landmark].landmark != i) continue;
+    const bool distinct =
+        binary ? kMostDifferingBits * there.first <= 8 * bytes_each
+               : static_cast<double>(there.first) <= kMostRatio * static_cast<double>(there.second);
+    if (!distinct) continue;
+    matches_.push_back({i, there.landmark, there.first});
+  }
+  std::stable_sort(matches_.begin(), matches_.end(),
+                   [](const DescriptorMatch& a, const DescriptorMatch& b) {
+                     return a.difference < b.difference;
+                   });
+  for (const DescriptorMatch& match : matches_) {
+    source_places_.push_back(of_source.positions[match.source]);
+    target_places_.push_back(of_target.positions[match.target]);
+  }
+  source_extent_ = cloud_extent(of_source);
+  target_extent_ = cloud_extent(of_target);
+}
+
+DescriptorAgreement DescriptorMatches::agreement(const Similarity3& pose, double radius,
+                                                 std::size_t partners) const {
+  DescriptorAgreement result;
+  result.matches = matches_.size();
+  const std::vector<Eigen::Vector3d> moved = moved_points(source_places_, pose);
+  const double squared = radius * radius;
+  std::vector<Eigen::Vector3d> agreeing;
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if ((moved[i] - target_places_[i]).squaredNorm() <= squared) agreeing.push_back(moved[i]);
+  }
+  result.agreeing = agreeing.size();
+  result.spread =
+      agreeing.size() -
+      largest_cluster(agreeing, kThing * std::min(pose.scale() * source_extent_, target_extent_));
+  if (moved.empty()) return result;
+  const std::size_t others = std::min(partners, moved.size() - 1);
+  std::size_t met = 0;
+  for (std::size_t shift = 1; shift <= others; ++shift) {
+    for (std::size_t i = 0; i < moved.size(); ++i) {
+      const std::size_t j = i + shift < moved.size() ? i + shift : i + shift - moved.size();
+      if ((moved[i] - target_places_[j]).squaredNorm() <= squared) ++met;
+    }
+  }
+  if (others > 0) result.expected = static_cast<double>(met) / static_cast<double>(others);
+  return result;
+}
+
+}  // namespace cairn::detail

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/geometry/similarity3.hpp"
+
+namespace cairn::detail {
+
+/// Whether both clouds have descriptors, of one kind and length.
+bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b);
+
+/// Two landmarks with mutually nearest descriptors.
+struct DescriptorMatch {
+  std::uint32_t source = 0;
+  std::uint32_t target = 0;
+  std::uint32_t difference = 0;  ///< bits, or squared differences of bytes
+};
+
+/// Landmarks of two clouds that are probably the same by their descriptors alone.
+///
+/// Matches are mutual nearest neighbours; two landmarks are as far apart as their best pair of descriptors. Binary descriptors (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH) are
+/// compared by Hamming distance and may differ in at most a quarter of their bits. Others are compared by
+/// the Euclidean distance of their bytes, at most 0.85 times that of the second nearest landmark (Lowe 2004).
+class DescriptorMatches {
+ public:
+  /// No matches if the clouds have no descriptors of one kind and length.
+  /// @param source, target in random order; only the first landmarks of large clouds are compared
+  DescriptorMatches(const LandmarkCloud& source, const LandmarkCloud& target);
+
+  /// Whether both clouds have descriptors of one kind, so that missing matches are evidence.
+  bool possible() const { return possible_; }
+  /// Smallest difference first.
+  std::span<const DescriptorMatch> all() const { return matches_; }
+  /// Positions of all(), in the same order.
+  std::span<const Eigen::Vector3d> source_places() const { return source_places_; }
+  std::span<const Eigen::Vector3d> target_places() const { return target_places_; }
+
+  /// Enough to estimate the number of chance agreements to a few percent.
+  static constexpr std::size_t kPartners = 512;
+
+  /// Number of matches that a centred pose brings within the radius, and the number expected by chance.
+  /// @param partners number of random partners per match, for the latter
+  DescriptorAgreement agreement(const Similarity3& pose, double radius,
+                                std::size_t partners = kPartners) const;
+
+ private:
+  bool possible_ = false;
+  std::vector<DescriptorMatch> matches_;
+  std::vector<Eigen::Vector3d> source_places_;
+  std::vector<Eigen::Vector3d> target_places_;
+  double source_extent_ = 0.0;
+  double target_extent_ = 0.0;
+};
+
+}  // namespace cairn::detail

@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/search/placement.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "cairn/alignment/detail/evidence/verdict.hpp"
+#include "cairn/alignment/detail/refinement/robust_alignment.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/moved_points.hpp"
+
+namespace cairn::detail {
+namespace {
+
+constexpr int kFinalIterations = 60;
+// In units of the fine scale:
+constexpr double kEqual = 0.35;    // largest distance of equal optima
+constexpr double kDistinct = 3.0;  // least distance of poses that a user would call different
+
+// Shuffles them, so that the first ones are spread evenly.
+void shuffle(std::vector<Eigen::Quaterniond>& rotations, Random& random) {
+  for (std::size_t i = rotations.size(); i > 1; --i) {
+    std::swap(rotations[i - 1], rotations[random.index(i)]);
+  }
+}
+
+std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random random) {
+  constexpr double kRotations = 4608;     // at effort 1: about 15 degrees apart
+  constexpr double kFewRotations = 2304;  // the same if constellations also propose poses
+  constexpr double kTurns = 72;           // and about a known vertical: 5 degrees apart
+  std::vector<Eigen::Quaterniond> all;
+  if (options.gravity) {
+    all = rotations_about(options.gravity->source, options.gravity->target,
+                          static_cast<std::size_t>(std::ceil(kTurns * options.effort)));
+  } else {
+    // A random rotation, so that each seed searches other rotations.
+    Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
+    turn.normalize();
+    const double count = options.scale ? kRotations : kFewRotations;
+    all = all_rotations(static_cast<std::size_t>(std::ceil(count * options.effort)));
+    for (Eigen::Quaterniond& rotation : all) rotation = turn * rotation;
+  }
+  if (options.time_limit_s) shuffle(all, random);
+  return all;
+}
+
+// Angle between both downward directions.
+double tilt(const Rigid3& pose, const GravityPrior& gravity) {
+  const Eigen::Vector3d down = pose.quaternion() * gravity.source;
+  return std::atan2(down.cross(gravity.target).norm(), down.dot(gravity.target));
+}
+
+bool is_tilted(const Rigid3& pose, const PlaceOptions& options) {
+  return options.gravity && tilt(pose, *options.gravity) > options.gravity->max_tilt_rad;
+}
+
+// Whether a scale is outside the requested range. Its inverse is outside the inverse range then.
+bool has_other_scale(double scale, const PlaceOptions& options) {
+  constexpr double kScaleMargin = 0.03;  // of the range's ends, because scales are not exact
+  if (!options.scale) return false;
+  const auto [least, most] = *options.scale;
+  return scale * (1.0 + kScaleMargin) < least || scale > most * (1.0 + kScaleMargin);
+}
+
+}  // namespace
+
+std::optional<std::string> forbidden(const Similarity3& target_from_source,
+                                     const PlaceOptions& options) {
+  if (is_tilted(target_from_source.rigid(), options)) {
+    return fmt::format(
+        "the pose tilts the source's gravity by {:.1f} deg against the target's: at most {:.1f} "
+        "deg are allowed",
+        degrees(tilt(target_from_source.rigid(), *options.gravity)),
+        degrees(options.gravity->max_tilt_rad));
+  }
+  if (has_other_scale(target_from_source.scale(), options)) {
+    return fmt::format("the pose has a scale of {:.4g}: from {:.4g} to {:.4g} is allowed",
+                       target_from_source.scale(), options.scale->least, options.scale->most);
+  }
+  return std::nullopt;
+}
+
+void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
+  candidate.target_from_source = pose.rigid();
+  candidate.scale = pose.scale();
+}
+
+Placement::Placement(const PreparedCloud& source, const PreparedCloud& target,
+                     std::vector<double> scales, std::optional<double> equal,
+                     const PlaceOptions& options)
+    : options_(options),
+      scales_(std::move(scales)),
+      equal_(equal),
+      source_(source),
+      target_(target),
+      support_(source, target, PreparedCloud::kSample, Random(options.seed).fork(5)),
+      matches_(source.landmarks(), target.landmarks()),
+      all_{source.scales(), target.scales()},
+      sample_{source.sample_scales(), target.sample_scales()},
+      distance_(PoseDistance::of(source_.landmarks().positions)) {}
+
+Finalist Placement::assessed(const Similarity3& pose, std::size_t partners) const {
+  Finalist result;
+  set_similarity(result, pose);
+  const double radius = kMatched * fine(pose.scale());
+  result.support = support_(pose, radius, &result.proximity);
+  if (matches_.possible()) result.support.agreement = matches_.agreement(pose, radius, partners);
+  return result;
+}
+
+double Placement::merit(const PlacementCandidate& pose) {
+  constexpr double kSupport = 50.0;
+  const Support& support = pose.support;
+  const double agreement = support.agreement ? support.agreement->evidence() : 0.0;
+  return support.spread_evidence + support.spread_likeness + agreement + kSupport * support.share;
+}
+
+std::vector<Finalist> Placement::with_probabilities(std::vector<Finalist> poses) const {
+  constexpr std::size_t kFewestSights = 200;  // lines of sight for a free-space check
+  for (Finalist& pose : poses) {
+    std::vector<const Proximity*> others;
+    for (const Finalist& other : poses) {
+      if (&other != &pose) others.push_back(&other.proximity);
+    }
+    pose.support.proximity = proximity_evidence(pose.proximity, others);
+    const SightCounts sight = sights(pose.similarity());
+    if (sight.total() >= kFewestSights) {
+      pose.contradicted = static_cast<double>(sight.in_front) / static_cast<double>(sight.total());
+    }
+  }
+  const std::vector<PlacementCandidate> candidates(poses.begin(), poses.end());
+  const std::vector<double> likely = probabilities(candidates, options_.prior_odds);
+  for (std::size_t i = 0; i < poses.size(); ++i) poses[i].probability = likely[i];
+  std::stable_sort(poses.begin(), poses.end(), [](const Finalist& a, const Finalist& b) {
+    return a.probability > b.probability;
+  });
+  return poses;
+}
+
+bool Placement::allows(const Finalist& pose) const {
+  return !is_tilted(pose.target_from_source, options_) && !has_other_scale(pose.scale, options_);
+}
+
+Finalist Placement::settled(const Similarity3& pose, const std::stop_token& stop) const {
+  std::vector<Finalist> one(1);
+  set_similarity(one.front(), pose);
+  refine_all(one, all_, PreparedCloud::kSample, kFinalIterations, stop);
+  return one.front();
+}
+
+bool Placement::near(const Finalist& a, const Finalist& b) const {
+  return distance_(a.similarity(), b.similarity()) < kDistinct * fine(b.scale);
+}
+
+std::pair<std::optional<Finalist>, double> Placement::better_near(
+    const std::vector<Finalist>& poses, const Finalist& pose) const {
+  std::pair<std::optional<Finalist>, double> better = {std::nullopt, 0.0};
+  for (const Finalist& other : poses) {
+    const double off = distance_(other.similarity(), pose.similarity());
+    if (!near(other, pose) || off < kEqual * fine(pose.scale)) continue;
+    if (merit(pose) >= kKeptMerit * merit(other)) continue;
+    if (!better.first || merit(other) > merit(*better.first)) better = {other, off};
+  }
+  return better;
+}
+
+SightCounts Placement::around(const Similarity3& pose) const {
+  // Share of the radius of matches within which two landmarks are probably the same.
+  constexpr double kClose = 0.25;
+  return surrounding_sights(source_, target_, pose, kClose * kMatched * fine(pose.scale()));
+}
+
+Candidates Placement::candidates(const TimeLimit& time) const {
+  // From this probability on, with kDecisiveAgreement, poses from descriptors make the search unnecessary. With less
+  // agreement, a search may find other poses that fit equally well.
+  constexpr double kDecided = 0.99;
+  // Shares of the time limit for the stages; the last refinement has the rest.
+  constexpr double kSearchTime = 0.5;
+  constexpr double kConstellationTime = 0.65;
+  constexpr double kCandidatesTime = 0.85;
+  constexpr std::size_t kShortPoints = 1000;  // of the source, in the first refinement
+  constexpr int kShortIterations = 16;
+  // Largest number of variants of a finalist; the last refinement selects one.
+  constexpr std::ptrdiff_t kVariants = 3;
+  const auto accept = [&](const Rigid3& pose) { return !is_tilted(pose, options_); };
+  std::vector<Finalist> proposed;
+  for (const DescriptorPose& proposal : proposals()) {
+    if (!accept(proposal.pose.rigid())) continue;
+    proposed.emplace_back();
+    set_similarity(proposed.back(), proposal.pose);
+    proposed.back().support.agreement = DescriptorAgreement{.agreeing = proposal.agreeing};
+  }
+  Candidates result;
+  if (options_.search != PoseSearch::kAlways) {
+    std::vector<Finalist> rivals = rivals_of(proposed);
+    result.cut_short = time.cuts(kCandidatesTime, [&](const std::stop_token& stop) {
+      refine_all(rivals, all_, PreparedCloud::kSample, kFinalIterations, stop);
+    });
+    result.poses = judged(std::move(rivals));
+    const bool decided =
+        !result.poses.empty() &&
+        result.poses.front().probability >= std::max(kDecided, options_.min_probability) &&
+        result.poses.front().support.agreement->spread >= kDecisiveAgreement;
+    if (decided || options_.search == PoseSearch::kNever) return result;
+  }
+  std::vector<Finalist> poses;
+  const auto turns = rotations(options_, Random(options_.seed).fork(3));
+  for (std::size_t i = 0; i < scales_.size(); ++i) {
+    // Each scale has an equal share of the time.
+    const double done = static_cast<double>(i) / static_cast<double>(scales_.size());
+    const double share = kSearchTime * (done + 1.0 / static_cast<double>(scales_.size()));
+    const bool cut = time.cuts(share, [&](const std::stop_token& stop) {
+      search(scales_[i], done, turns, accept, stop, poses);
+    });
+    result.cut_short = result.cut_short || cut;
+  }
+  poses.insert(poses.end(), proposed.begin(), proposed.end());
+  if (equal_) {
+    const bool cut = time.cuts(kConstellationTime, [&](const std::stop_token& stop) {
+      for (const ConstellationPose& found : constellations(stop)) {
+        if (!accept(found.target_from_source)) continue;
+        poses.emplace_back();
+        set_similarity(poses.back(), Similarity3(*equal_, found.target_from_source));
+      }
+    });
+    result.cut_short = result.cut_short || cut;
+  }
+  const bool unrefined = time.cuts(kCandidatesTime, [&](const std::stop_token& stop) {
+    refine_all(poses, sample_, kShortPoints, kShortIterations, stop);
+    poses = distinct(std::move(poses), sample_, kVariants);
+    refine_all(poses, all_, PreparedCloud::kSample, kFinalIterations, stop);
+  });
+  result.cut_short = result.cut_short || unrefined;
+  result.poses = judged(std::move(poses));
+  return result;
+}
+
+SightCounts Placement::sights(const Similarity3& pose) const {
+  const auto some = [](const LandmarkCloud& cloud) {
+    constexpr std::size_t kSightPoints = 1024;  // of a map, checked from each view of the other
+    return std::span(cloud.positions).first(std::min(kSightPoints, cloud.size()));
+  };
+  SightCounts counts = target_.views().count(moved_points(some(source_.landmarks()), pose));
+  counts += source_.views().count(moved_points(some(target_.landmarks()), pose.inverse()));
+  return counts;
+}
+
+std::vector<DescriptorPose> Placement::proposals() const {
+  DescriptorPoseOptions options;
+  options.free_scale = options_.scale.has_value();
+  // With a free scale, only the target's lengths are known.
+  options.tolerance =
+      kMatched * (options.free_scale ? kernel_scales(all_.target, all_.target).fine : fine(1.0));
+  if (options_.scale) {
+    options.least_scale = options_.scale->least;
+    options.most_scale = options_.scale->most;
+  }
+  return descriptor_poses(matches_, Random(options_.seed).fork(4), options);
+}
+
+std::vector<ConstellationPose> Placement::constellations(const std::stop_token& stop) const {
+  constexpr double kConstellations = 192;  // at effort 1
+  const ConstellationOptions options{
+      .fine = sample_.at(*equal_).fine,
+      .draws = static_cast<std::size_t>(std::ceil(kConstellations * options_.effort)),
+      .execution = {.executor = options_.execution.executor, .stop = stop}};
+  const auto sample = source_.sample();
+  std::vector<Eigen::Vector3d> source(sample.begin(), sample.end());
+  for (Eigen::Vector3d& position : source) position *= *equal_;
+  return constellation_poses(source, target_.sample(), Random(options_.seed).fork(6), options);
+}
+
+std::vector<Finalist> Placement::rivals_of(const std::vector<Finalist>& proposed) {
+  // Matches that must agree with the first pose for a decision without a search.
+  constexpr std::size_t kFewestAgreeing = 7;
+  constexpr double kRivalShare = 0.4;  // of the first pose's matches
+  constexpr std::size_t kMost = 4;
+  std::vector<Finalist> rivals;
+  if (proposed.empty() || proposed.front().support.agreement->agreeing < kFewestAgreeing) {
+    return rivals;
+  }
+  const auto most = static_cast<double>(proposed.front().support.agreement->agreeing);
+  for (const Finalist& one : proposed) {
+    const auto agreeing = static_cast<double>(one.support.agreement->agreeing);
+    if (agreeing >= kRivalShare * most && rivals.size() < kMost) rivals.push_back(one);
+  }
+  return rivals;
+}
+
+std::vector<Finalist> Placement::judged(std::vector<Finalist> poses) const {
+  std::erase_if(poses, [&](const Finalist& pose) { return !allows(pose); });
+  return with_probabilities(distinct(std::move(poses), all_, 1));
+}
+
+void Placement::search(double scale, double progress, std::span<const Eigen::Quaterniond> turns,
+                       const std::function<bool(const Rigid3&)>& accept,
+                       const std::stop_token& stop, std::vector<Finalist>& poses) const {
+  constexpr std::size_t kCandidatesAScale = 24;  // if several scales are searched
+  constexpr std::size_t kCandidatesBeside = 48;  // in addition to those from constellations
+  const KernelScales kernel = all_.at(scale);
+  SearchOptions options{.coarse = kernel.coarse,
+                        .fine = kernel.fine,
+                        .execution = {.executor = options_.execution.executor, .stop = stop}};
+  if (scales_.size() > 1) options.candidates = kCandidatesAScale;
+  if (!options_.scale) options.candidates = kCandidatesBeside;
+  if (options_.execution.progress) {
+    options.execution.progress = [&](double share) {
+      options_.execution.progress(progress + share / static_cast<double>(scales_.size()));
+    };
+  }
+  std::vector<Eigen::Vector3d> source = source_.landmarks().positions;
+  for (Eigen::Vector3d& position : source) position *= scale;
+  for (const SearchCandidate& found :
+       search_poses(source, source_.landmarks().weights, target_.landmarks().positions,
+                    target_.landmarks().weights, turns, accept, options)) {
+    poses.emplace_back();
+    set_similarity(poses.back(), {scale, found.target_from_source});
+  }
+}
+
+void Placement::refine_all(std::vector<Finalist>& poses, const PairScales& lengths,
+                           std::size_t points, int iterations, const std::stop_token& stop) const {
+  // Roughly for many poses, accurately for the remaining few.
+  const std::size_t partners = points == PreparedCloud::kSample ? DescriptorMatches::kPartners : 32;
+  // The candidates run in parallel, each on one thread.
+  const RobustAlignment alignment(source_, target_, options_.use_covariances, false, Executor());
+  options_.execution.executor.for_blocks(poses.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const double fine = lengths.at(poses[i].scale).fine;
+      const Similarity3 pose = alignment
+                                   .run(poses[i].similarity(),
+                                        {.coarse = sample_.at(poses[i].scale).fine,
+                                         .fine = fine,
+                                         .finest = kFinest * fine,
+                                         .max_iterations = iterations,
+                                         .points = points,
+                                         .free_scale = options_.scale.has_value()},
+                                        stop)
+                                   .target_from_source;
+      poses[i] = assessed(pose, partners);
+    }
+  });
+}
+
+std::vector<Finalist> Placement::distinct(std::vector<Finalist> poses, const PairScales& lengths,
+                                          std::ptrdiff_t variants) const {
+  constexpr std::size_t kFinalists = 12;
+  std::stable_sort(poses.begin(), poses.end(),
+                   [](const Finalist& a, const Finalist& b) { return merit(a) > merit(b); });
+  std::vector<Finalist> kept;
+  for (const Finalist& pose : poses) {
+    const double fine = lengths.at(pose.scale).fine;
+    const auto within = [&](double radii) {
+      return std::count_if(kept.begin(), kept.end(), [&](const Finalist& other) {
+        return distance_(pose.similarity(), other.similarity()) < radii * fine;
+      });
+    };
+    if (within(kEqual) == 0 && within(kDistinct) < variants) kept.push_back(pose);
+    if (kept.size() == kFinalists) break;
+  }
+  return kept;
+}
+
+}  // namespace cairn::detail

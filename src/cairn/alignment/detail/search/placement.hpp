@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cairn/alignment/detail/evidence/support_counter.hpp"
+#include "cairn/alignment/detail/prepared_cloud.hpp"
+#include "cairn/alignment/detail/search/descriptor_matches.hpp"
+#include "cairn/alignment/detail/search/poses.hpp"
+#include "cairn/core/detail/alarm.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
+
+namespace cairn::detail {
+
+/// Radius within which landmarks count as matched, in fine scales.
+inline constexpr double kMatched = 0.5;
+/// Least share of a candidate's merit that its refinement, or a pose that it is near, must have.
+inline constexpr double kKeptMerit = 0.95;
+
+/// Time limit of a placement, if any.
+class TimeLimit {
+ public:
+  TimeLimit(std::chrono::steady_clock::time_point start, const PlaceOptions& options)
+      : start_(start), limit_s_(options.time_limit_s), caller_(options.execution.stop) {}
+
+  /// Calls work(stop) and requests a stop when this share of the time is over.
+  /// @return whether a stop was requested
+  template <class Work>
+  bool cuts(double share, const Work& work) const {
+    if (!limit_s_) {
+      work(caller_);
+      return false;
+    }
+    const auto end = start_ + std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+                                  std::chrono::duration<double>(share * *limit_s_));
+    // Starts no thread if the time is already over.
+    if (std::chrono::steady_clock::now() >= end) {
+      std::stop_source over;
+      over.request_stop();
+      work(over.get_token());
+      return !caller_.stop_requested();
+    }
+    const Alarm alarm(end, caller_);
+    work(alarm.token());
+    return alarm.token().stop_requested() && !caller_.stop_requested();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_;
+  std::optional<double> limit_s_;
+  std::stop_token caller_;
+};
+
+/// Kernel scales of a pair of clouds, as a function of the source's scale.
+struct PairScales {
+  CloudScales source;
+  CloudScales target;
+
+  KernelScales at(double scale) const {
+    return kernel_scales({scale * source.extent, scale * source.spacing, scale * source.noise},
+                         target);
+  }
+};
+
+/// Why the gravity or the range of scales of `options` does not allow a pose; std::nullopt if they do.
+std::optional<std::string> forbidden(const Similarity3& target_from_source,
+                                     const PlaceOptions& options);
+
+/// Sets the pose of a candidate.
+void set_similarity(PlacementCandidate& candidate, const Similarity3& pose);
+
+/// A centred pose that may become a candidate.
+struct Finalist : PlacementCandidate {
+  Proximity proximity = {};
+};
+
+struct Candidates {
+  std::vector<Finalist> poses;  ///< likeliest first
+  bool cut_short = false;
+};
+
+/// Search on samples of both maps. The source should be the smaller one, so that most of it is in the target
+/// if they overlap.
+class Placement {
+ public:
+  /// @param scales of the source at which poses are searched for
+  /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
+  Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
+            std::optional<double> equal, const PlaceOptions& options);
+
+  /// Fine kernel scale for a source of this scale.
+  double fine(double scale) const { return all_.at(scale).fine; }
+
+  /// The support of a pose.
+  /// @param partners number of random partners per descriptor match, to estimate chance agreements
+  Finalist assessed(const Similarity3& pose,
+                    std::size_t partners = DescriptorMatches::kPartners) const;
+
+  /// Rank of a pose: evidence of positions and descriptors. Most wrong poses have neither; a few landmarks
+  /// that match by chance must not outweigh a tenth of all.
+  static double merit(const PlacementCandidate& pose);
+
+  /// Probability of each pose versus the others; likeliest first.
+  std::vector<Finalist> with_probabilities(std::vector<Finalist> poses) const;
+
+  /// Whether the requested gravity and scale allow it.
+  bool allows(const Finalist& pose) const;
+
+  /// The optimum near a pose.
+  Finalist settled(const Similarity3& pose, const std::stop_token& stop) const;
+
+  /// Whether a user would call both the same.
+  bool near(const Finalist& a, const Finalist& b) const;
+
+  /// The best-fitting of the poses near this one, excluding equal ones, if it fits clearly better; and its
+  /// distance.
+  std::pair<std::optional<Finalist>, double> better_near(const std::vector<Finalist>& poses,
+                                                         const Finalist& pose) const;
+
+  /// How far two poses are apart: root mean square over the source's landmarks.
+  double apart(const Similarity3& a, const Similarity3& b) const { return distance_(a, b); }
+
+  /// Free-space check of the surroundings of the matches.
+  SightCounts around(const Similarity3& pose) const;
+
+  Similarity3 centred(const Similarity3& pose) const {
+    return centred_pose(source_, target_, pose);
+  }
+  Similarity3 uncentred(const Similarity3& pose) const {
+    return uncentred_pose(source_, target_, pose);
+  }
+
+  /// Number of landmarks of the smaller cloud.
+  std::size_t landmarks() const { return std::min(source_.size(), target_.size()); }
+
+  Candidates candidates(const TimeLimit& time) const;
+
+ private:
+  // Free-space check in both directions; all zeros if the clouds have no views.
+  SightCounts sights(const Similarity3& pose) const;
+
+  // Poses from descriptor matches.
+  std::vector<DescriptorPose> proposals() const;
+
+  // Poses that align a constellation and its surroundings. They need distances, hence one unit.
+  std::vector<ConstellationPose> constellations(const std::stop_token& stop) const;
+
+  // The first pose and those that may be right instead; empty if too few matches agree with the first.
+  static std::vector<Finalist> rivals_of(const std::vector<Finalist>& proposed);
+
+  // The distinct poses with their probabilities, likeliest first.
+  std::vector<Finalist> judged(std::vector<Finalist> poses) const;
+
+  // Adds the poses that a search at the scale finds.
+  void search(double scale, double progress, std::span<const Eigen::Quaterniond> turns,
+              const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
+              std::vector<Finalist>& poses) const;
+
+  // Moves each pose to the optimum near it, at the fine scale of the lengths, and counts its support
+  // there.
+  void refine_all(std::vector<Finalist>& poses, const PairScales& lengths, std::size_t points,
+                  int iterations, const std::stop_token& stop) const;
+
+  // The best poses, with at most `variants` that a user would call the same.
+  std::vector<Finalist> distinct(std::vector<Finalist> poses, const PairScales& lengths,
+                                 std::ptrdiff_t variants) const;
+
+  const PlaceOptions& options_;
+  std::vector<double> scales_;
+  std::optional<double> equal_;
+  PreparedCloud source_;
+  PreparedCloud target_;
+  SupportCounter support_;
+  DescriptorMatches matches_;
+  PairScales all_;     // of all landmarks
+  PairScales sample_;  // of those that the search sees
+  PoseDistance distance_;
+};
+
+}  // namespace cairn::detail

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "cairn/alignment/detail/search/descriptor_matches.hpp"
+#include "cairn/core/execution.hpp"
+#include "cairn/core/random.hpp"
+#include "cairn/geometry/similarity3.hpp"
+
+namespace cairn::detail {
+
+/// Evenly spread, deterministic rotations over SO(3): super-Fibonacci spirals (Alexa, CVPR 2022). With n of
+/// them, every rotation is within about 4.5 rad / n^(1/3) of the nearest.
+std::vector<Eigen::Quaterniond> all_rotations(std::size_t count);
+
+/// Rotations from direction `from` to direction `to`, at even steps about it.
+std::vector<Eigen::Quaterniond> rotations_about(const Eigen::Vector3d& from,
+                                                const Eigen::Vector3d& to, std::size_t count);
+
+/// A pose found by the search.
+struct SearchCandidate {
+  Rigid3 target_from_source;
+  double score = 0.0;  ///< mean of the kernel over the sampled source points, in [0, 1]
+};
+
+struct SearchOptions {
+  double coarse = 0.0;  ///< initial kernel scale
+  double fine = 0.0;    ///< final kernel scale
+  std::size_t candidates = 128;
+  Execution execution = {};  ///< when stopped, returns what was found so far
+};
+
+/// Poses that bring source points close to target points: from each rotation with many translations, by
+/// iteratively reweighted least squares with the Geman-McClure kernel 1 / (1 + d²/σ²)², with σ decreasing
+/// from coarse to fine while ever fewer poses are kept.
+///
+/// Each step depends only on the input, so any number of threads gives the same poses.
+///
+/// @param source, target points centred near both centroids, so that single precision suffices; the source
+///        in random order, because its first points are the sample
+/// @param accept  whether a pose may be a candidate
+/// @return distinct poses, best score first
+std::vector<SearchCandidate> search_poses(std::span<const Eigen::Vector3d> source,
+                                          std::span<const double> source_weights,
+                                          std::span<const Eigen::Vector3d> target,
+                                          std::span<const double> target_weights,
+                                          std::span<const Eigen::Quaterniond> rotations,
+                                          const std::function<bool(const Rigid3&)>& accept,
+                                          const SearchOptions& options);
+
+struct ConstellationOptions {
+  /// Unit of all lengths here: the fine kernel scale, about three times the landmark spacing. Positive.
+  double fine = 0.0;
+  std::size_t draws = 192;   ///< number of source constellations to search for in the target
+  std::size_t poses = 24;    ///< largest number of proposals
+  Execution execution = {};  ///< when stopped, returns what was found so far
+};
+
+/// A pose that aligns a constellation and its surroundings.
+struct ConstellationPose {
+  Rigid3 target_from_source;
+  double evidence = 0.0;  ///< log-likelihood ratio of the landmarks around the constellation
+};
+
+/// Poses that map a constellation of three source points to three target points with the same distances,
+/// and the points around it close to others. Finds maps that share only a small part, for which no coarse
+/// pose stands out. Compares each constellation with the whole target (as in 4-points congruent sets, Aiger
+/// et al. 2008, but with three local points), and checks each pose against the voxels occupied by target
+/// points.
+///
+/// The same input gives the same poses for any number of threads.
+/// @return distinct poses, most evidence first
+std::vector<ConstellationPose> constellation_poses(std::span<const Eigen::Vector3d> source,
+                                                   std::span<const Eigen::Vector3d> target,
+                                                   Random random,
+                                                   const ConstellationOptions& options);
+
+struct DescriptorPoseOptions {
+  std::size_t matches = 800;  ///< number of matches to use, the most similar ones
+  int draws = 4000;           ///< number of triples to try; three times as many with a free scale
+  std::size_t poses = 8;      ///< largest number of proposals
+  /// Largest difference between distances of landmarks, in the target's unit; positive.
+  double tolerance = 0.0;
+  bool free_scale = false;           ///< estimate the source's scale; if false, it is 1
+  double least_scale = 1.0 / 400.0;  ///< bounds of a free scale
+  double most_scale = 400.0;
+};
+
+/// A pose that several descriptor matches agree with.
+struct DescriptorPose {
+  Similarity3 pose;          ///< centred
+  std::size_t agreeing = 0;  ///< matches within the tolerance
+};
+
+/// Centred poses from mutual descriptor matches, by consensus of random triples (RANSAC, Fischler and
+/// Bolles 1981): three landmarks with equal distances in both clouds, or with a free scale equal
+/// proportions, give a pose, which is re-estimated from all agreeing matches.
+///
+/// @return distinct poses, most agreeing matches first; each with at least four
+std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, Random random,
+                                             const DescriptorPoseOptions& options);
+
+}  // namespace cairn::detail

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "cairn/alignment/detail/search/nearest_field.hpp"
+#include "cairn/alignment/detail/search/poses.hpp"
+#include "cairn/core/statistics.hpp"
+#include "cairn/geometry/decompositions.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
+
+namespace cairn::detail {
+namespace {
+
+using PointsF = std::vector<Eigen::Vector3f>;
+
+// One round of the tournament: how many poses enter, and what is done with each.
+struct Round {
+  std::size_t entrants;
+  double scale;  // geometric position between coarse (0) and fine (1) at its end
+  int iterations;
+  std::size_t points;
+};
+
+constexpr std::size_t kAnchors = 8;       // of each map; translations are all pairs of them
+constexpr std::size_t kScoutPoints = 48;  // source points that score a translation
+constexpr std::size_t kMostVoxels = 1 << 21;
+constexpr float kVoxelsPerScale = 4.0F;
+constexpr std::array<Round, 4> kRounds = {{
+    {3072, 0.0, 5, 128},
+    {768, 0.3, 6, 256},
+    {256, 0.65, 6, 600},
+    {128, 1.0, 10, 600},
+}};
+
+// Centroids of compact groups of equal size, by repeated halving at the median of the bounding box's longest
+// edge.
+PointsF anchors(PointsF points, std::size_t count) {
+  if (points.empty()) return {};
+  if (count == 1 || points.size() == 1) {
+    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+    for (const Eigen::Vector3f& point : points) sum += point;
+    return {sum / static_cast<float>(points.size())};
+  }
+  Eigen::Vector3f low = points.front();
+  Eigen::Vector3f high = points.front();
+  for (const Eigen::Vector3f& point : points) {
+    low = low.cwiseMin(point);
+    high = high.cwiseMax(point);
+  }
+  Eigen::Index axis = 0;
+  (high - low).maxCoeff(&axis);
+  const auto middle = points.begin() + static_cast<std::ptrdiff_t>(points.size() / 2);
+  std::nth_element(
+      points.begin(), middle, points.end(),
+      [axis](const Eigen::Vector3f& a, const Eigen::Vector3f& b) { return a[axis] < b[axis]; });
+  PointsF result = anchors(PointsF(points.begin(), middle), count / 2);
+  const PointsF upper = anchors(PointsF(middle, points.end()), count / 2);
+  result.insert(result.end(), upper.begin(), upper.end());
+  return result;
+}
+
+// Contains all points except the farthest 1 % on each side, plus a margin, so that outliers do not enlarge
+// the voxels.
+Box robust_box(const PointsF& points, float margin) {
+  Box box{Eigen::Vector3f::Zero(), Eigen::Vector3f::Zero()};
+  std::vector<float> values(points.size());
+  const std::size_t rank = points.size() / 100;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::transform(points.begin(), points.end(), values.begin(),
+                   [axis](const Eigen::Vector3f& point) { return point[axis]; });
+    box.low[axis] = nth_lowest(values, rank) - margin;
+    box.high[axis] = nth_lowest(values, values.size() - 1 - rank) + margin;
+  }
+  return box;
+}
+
+PointsF in_single_precision(std::span<const Eigen::Vector3d> points) {
+  PointsF result;
+  result.reserve(points.size());
+  for (const Eigen::Vector3d& point : points) result.push_back(point.cast<float>());
+  return result;
+}
+
+/// Normal equations of a small motion (δt, δφ) of matched points: x moves by δt + δφ × x. The sums need
+/// only a few multiplications per match; for isotropic weights.
+class PoseStep {
+ public:
+  /// @param x position of the point, relative to the motion's pivot
+  /// @param residual from there to the target position
+  void add(const Eigen::Vector3d& x, const Eigen::Vector3d& residual, double weight) {
+    const Eigen::Vector3d weighted = weight * x;
+    weight_ += weight;
+    first_ += weighted;
+    second_.noalias() += weighted * x.transpose();
+    force_ += weight * residual;
+    torque_ += weighted.cross(residual);
+  }
+
+  double weight() const { return weight_; }
+
+  /// Least-squares motion, slightly damped, so that undetermined directions do not move.
+  Vector6d solve() const {
+    Eigen::Matrix<double, 6, 6> information;
+    information.topLeftCorner<3, 3>() = weight_ * Eigen::Matrix3d::Identity();
+    information.topRightCorner<3, 3>() = -skew(first_);
+    information.bottomLeftCorner<3, 3>() = skew(first_);
+    information.bottomRightCorner<3, 3>() = second_.trace() * Eigen::Matrix3d::Identity() - second_;
+    information.diagonal().array() *= 1.0 + kDamping;
+    Eigen::Matrix<double, 6, 1> gradient;
+    gradient << force_, torque_;
+    return solve_symmetric<6>(information, gradient);
+  }
+
+ private:
+  static constexpr double kDamping = 1e-6;
+
+  double weight_ = 0.0;
+  Eigen::Vector3d first_ = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d second_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d force_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d torque_ = Eigen::Vector3d::Zero();
+};
+
+class Search {
+ public:
+  Search(std::span<const Eigen::Vector3d> source, std::span<const double> source_weights,
+         std::span<const Eigen::Vector3d> target, std::span<const double> target_weights,
+         const std::function<bool(const Rigid3&)>& accept, const SearchOptions& options)
+      : source_(in_single_precision(source)),
+        target_(in_single_precision(target)),
+        source_weights_(source_weights),
+        target_weights_(target_weights),
+        accept_(accept),
+        options_(options),
+        distance_(PoseDistance::of(source)) {}
+
+  std::vector<SearchCandidate> run(std::span<const Eigen::Quaterniond> rotations) const {
+    double scale = options_.coarse;
+    std::vector<SearchCandidate> poses = scout(rotations, field(scale));
+    double done = 1.0;
+    for (const Round& round : kRounds) {
+      if (options_.execution.progress) options_.execution.progress(done++ / (kRounds.size() + 1.0));
+      keep_best(poses, round.entrants);
+      const double start = scale;
+      scale = options_.coarse * std::pow(options_.fine / options_.coarse, round.scale);
+      std::vector<SearchCandidate> refined = poses;
+      refine(refined, start, scale, round, field(scale));
+      // Scores of different scales are not comparable.
+      if (options_.execution.stop.stop_requested()) break;
+      poses = std::move(refined);
+      // Keeps one of the poses that approach the same optimum.
+      poses = distinct(std::move(poses), 0.5 * scale);
+    }
+    std::erase_if(poses,
+                  [&](const SearchCandidate& pose) { return !accept_(pose.target_from_source); });
+    poses = distinct(std::move(poses), 0.35 * options_.fine);
+    keep_best(poses, options_.candidates);
+    return poses;
+  }
+
+ private:
+  NearestField field(double scale) const {
+    const auto sigma = static_cast<float>(scale);
+    return {target_, robust_box(target_, sigma), sigma / kVoxelsPerScale, kMostVoxels};
+  }
+
+  // Each rotation with the best of its translations.
+  std::vector<SearchCandidate> scout(std::span<const Eigen::Quaterniond> rotations,
+                                     const NearestField& field) const {
+    const PointsF from = anchors(source_, kAnchors);
+    const PointsF to = anchors(target_, kAnchors);
+    const std::size_t count = std::min(kScoutPoints, source_.size());
+    constexpr double kNotTried = -1.0;
+    std::vector<SearchCandidate> poses(rotations.size(), {Rigid3(), kNotTried});
+    options_.execution.executor.for_blocks(
+        rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
+          // The first block always runs, so that there are poses to continue with.
+          if (begin > 0 && options_.execution.stop.stop_requested()) return;
+          PointsF rotated(count);
+          for (std::size_t i = begin; i < end; ++i) {
+            const Eigen::Matrix3f rotation = rotations[i].toRotationMatrix().cast<float>();
+            for (std::size_t j = 0; j < count; ++j) rotated[j] = rotation * source_[j];
+            float best = -1.0F;
+            Eigen::Vector3f best_translation = Eigen::Vector3f::Zero();
+            for (const Eigen::Vector3f& a : from) {
+              const Eigen::Vector3f moved = rotation * a;
+              for (const Eigen::Vector3f& b : to) {
+                const Eigen::Vector3f translation = b - moved;
+                const float value = score(rotated, translation, field);
+                if (value > best) {
+                  best = value;
+                  best_translation = translation;
+                }
+              }
+            }
+            poses[i] = {Rigid3(rotations[i], best_translation.cast<double>()), best};
+          }
+        });
+    std::erase_if(poses, [](const SearchCandidate& pose) { return pose.score == kNotTried; });
+    return poses;
+  }
+
+  float score(const PointsF& rotated, const Eigen::Vector3f& translation,
+              const NearestField& field) const {
+    const auto per_square = static_cast<float>(1.0 / (options_.coarse * options_.coarse));
+    float sum = 0.0F;
+    for (std::size_t i = 0; i < rotated.size(); ++i) {
+      const Eigen::Vector3f moved = rotated[i] + translation;
+      const std::uint32_t nearest = field.nearest(moved);
+      if (nearest == NearestField::kNone) continue;
+      sum += weight(i, nearest) / (1.0F + per_square * (target_[nearest] - moved).squaredNorm());
+    }
+    return sum / static_cast<float>(rotated.size());
+  }
+
+  float weight(std::size_t source, std::size_t target) const {
+    double result = 1.0;
+    if (!source_weights_.empty()) result *= source_weights_[source];
+    if (!target_weights_.empty()) result *= target_weights_[target];
+    return static_cast<float>(result);
+  }
+
+  void refine(std::vector<SearchCandidate>& poses, double start, double end, const Round& round,
+              const NearestField& field) const {
+    const std::size_t count = std::min(round.points, source_.size());
+    options_.execution.executor.for_blocks(
+        poses.size(), 16, [&](std::size_t begin, std::size_t stop) {
+          for (std::size_t i = begin; i < stop; ++i) {
+            if (options_.execution.stop.stop_requested()) return;
+            for (int k = 1; k <= round.iterations; ++k) {
+              const double share = static_cast<double>(k) / round.iterations;
+              step(poses[i], start * std::pow(end / start, share), count, field);
+            }
+          }
+        });
+  }
+
+  // One step of least squares; the score is that before it.
+  void step(SearchCandidate& pose, double scale, std::size_t count,
+            const NearestField& field) const {
+    const Eigen::Matrix3f rotation = pose.target_from_source.rotation().cast<float>();
+    const Eigen::Vector3f translation = pose.target_from_source.translation().cast<float>();
+    const Eigen::Vector3f pivot = (pose.target_from_source * distance_.centroid).cast<float>();
+    const auto per_square = static_cast<float>(1.0 / (scale * scale));
+    PoseStep equations;
+    float sum = 0.0F;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Eigen::Vector3f moved = rotation * source_[i] + translation;
+      const std::uint32_t nearest = field.nearest(moved);
+      if (nearest == NearestField::kNone) continue;
+      const Eigen::Vector3f residual = target_[nearest] - moved;
+      const float kernel = 1.0F / (1.0F + per_square * residual.squaredNorm());
+      const float trust = weight(i, nearest);
+      sum += trust * kernel;
+      equations.add((moved - pivot).cast<double>(), residual.cast<double>(),
+                    trust * kernel * kernel);
+    }
+    pose.score = sum / static_cast<float>(count);
+    if (!(equations.weight() > 0.0)) return;
+    const Vector6d delta = equations.solve();
+    const Rigid3 turned(rotation_exp(delta.tail<3>()) * pose.target_from_source.quaternion(),
+                        Eigen::Vector3d::Zero());
+    const Eigen::Vector3d moved_centroid =
+        pose.target_from_source * distance_.centroid + delta.head<3>();
+    pose.target_from_source =
+        Rigid3(turned.quaternion(), moved_centroid - turned * distance_.centroid);
+  }
+
+  static void keep_best(std::vector<SearchCandidate>& poses, std::size_t count) {
+    std::stable_sort(
+        poses.begin(), poses.end(),
+        [](const SearchCandidate& a, const SearchCandidate& b) { return a.score > b.score; });
+    poses.resize(std::min(poses.size(), count));
+  }
+
+  std::vector<SearchCandidate> distinct(std::vector<SearchCandidate> poses, double radius) const {
+    keep_best(poses, poses.size());
+    std::vector<SearchCandidate> kept;
+    for (const SearchCandidate& pose : poses) {
+      const bool known = std::any_of(kept.begin(), kept.end(), [&](const SearchCandidate& other) {
+        return distance_(pose.target_from_source, other.target_from_source) < radius;
+      });
+      if (!known) kept.push_back(pose);
+    }
+    return kept;
+  }
+
+  PointsF source_;
+  PointsF target_;
+  std::span<const double> source_weights_;
+  std::span<const double> target_weights_;
+  const std::function<bool(const Rigid3&)>& accept_;
+  const SearchOptions& options_;
+  PoseDistance distance_;
+};
+
+}  // namespace
+
+std::vector<Eigen::Quaterniond> all_rotations(std::size_t count) {
+  // The paper's constants: the root of 2 and the positive solution of x⁴ = x + 4.
+  constexpr double kPhi = std::numbers::sqrt2;
+  constexpr double kPsi = 1.533751168755204288118041;
+  std::vector<Eigen::Quaterniond> rotations;
+  rotations.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double s = static_cast<double>(i) + 0.5;
+    const double t = s / static_cast<double>(count);
+    const double inner = std::sqrt(t);
+    const double outer = std::sqrt(1.0 - t);
+    const double alpha = 2.0 * std::numbers::pi * s / kPhi;
+    const double beta = 2.0 * std::numbers::pi * s / kPsi;
+    rotations.emplace_back(outer * std::cos(beta), inner * std::sin(alpha), inner * std::cos(alpha),
+                           outer * std::sin(beta));
+  }
+  return rotations;
+}
+
+std::vector<Eigen::Quaterniond> rotations_about(const Eigen::Vector3d& from,
+                                                const Eigen::Vector3d& to, std::size_t count) {
+  const Eigen::Quaterniond upright = rotation_between(from, to);
+  std::vector<Eigen::Quaterniond> rotations;
+  rotations.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double angle =
+        2.0 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(count);
+    rotations.push_back(Eigen::AngleAxisd(angle, to.normalized()) * upright);
+  }
+  return rotations;
+}
+
+std::vector<SearchCandidate> search_poses(std::span<const Eigen::Vector3d> source,
+                                          std::span<const double> source_weights,
+                                          std::span<const Eigen::Vector3d> target,
+                                          std::span<const double> target_weights,
+                                          std::span<const Eigen::Quaterniond> rotations,
+                                          const std::function<bool(const Rigid3&)>& accept,
+                                          const SearchOptions& options) {
+  if (source.empty() || target.empty()) return {};
+  return Search(source, source_weights, target, target_weights, accept, options).run(rotations);
+}
+
+}  // namespace cairn::detail

@@ -1,0 +1,446 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cairn/alignment/detail/evidence/verdict.hpp"
+#include "cairn/alignment/detail/search/placement.hpp"
+#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/core/detail/require.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
+
+namespace cairn {
+namespace {
+
+using namespace detail;
+
+constexpr std::size_t kFewestLandmarks = 20;  // with fewer, a right pose looks like chance
+
+// From the nearest to 1 outwards.
+std::vector<double> scales_about_one(const ScaleRange& range) {
+  // Refinement bridges one step, and beyond this number of steps from the scale that extents and spacings suggest, maps
+  // overlap little.
+  constexpr double kScaleStep = 1.25;
+  constexpr int kScaleReach = 5;
+  std::vector<double> scales = {1.0};
+  for (int i = 1; i <= kScaleReach; ++i) {
+    scales.push_back(std::pow(kScaleStep, i));
+    scales.push_back(std::pow(kScaleStep, -i));
+  }
+  // Refinement goes half a step farther.
+  const double margin = std::sqrt(kScaleStep);
+  std::erase_if(scales, [&](double scale) {
+    return scale < range.least / margin || scale > range.most * margin;
+  });
+  return scales;
+}
+
+// Scale of the source at which both clouds have the most similar extents and spacings.
+double likely_scale(const CloudScales& from, const CloudScales& to) {
+  const double square = to.extent * to.spacing / (from.extent * from.spacing);
+  return std::isfinite(square) && square > 0.0 ? std::sqrt(square) : 1.0;
+}
+
+// How closely the maps agree at a candidate, in fine scales, if known. A much finer kernel would fit the
+// errors of single landmarks.
+double precision(const Finalist& pose) {
+  constexpr double kPerDeviation = 2.0;
+  constexpr double kClear = 20.0;  // least evidence
+  const Support& support = pose.support;
+  if (support.proximity.spread > kClear) {
+    return std::max(kPerDeviation * support.proximity.deviation / kSmoothSpacings, kFinest);
+  }
+  // Descriptors also identify the same landmarks, but not their distances.
+  const bool same = support.agreement && support.agreement->evidence() > kClear;
+  return same ? kPerDeviation * ProximityEvidence::kWidest / kSmoothSpacings : 1.0;
+}
+
+}  // namespace
+
+// A placement of the caller's clouds, with the source scaled or the two exchanged if necessary.
+class PreparedPair::Work {
+ public:
+  Work(const PreparedMap& source, const PreparedMap& target, const PlaceOptions& options)
+      : source_(source),
+        target_(target),
+        callers_(options),
+        options_(options),
+        unit_(options.scale
+                  ? std::clamp(likely_scale(source.cloud().scales(), target.cloud().scales()),
+                               options.scale->least, options.scale->most)
+                  : 1.0),
+        // With a free scale, sizes are not comparable; the cloud with fewer landmarks is probably part of the
+        // other.
+        inverted_(options.scale ? source.cloud().size() > target.cloud().size()
+                                : source.cloud().scales().extent > target.cloud().scales().extent) {
+    if (std::min(source.cloud().size(), target.cloud().size()) < kFewestLandmarks) return;
+    if (inverted_ && options_.gravity) {
+      std::swap(options_.gravity->source, options_.gravity->target);
+    }
+    std::vector<double> scales = {1.0};
+    std::optional<double> equal = 1.0;
+    if (options_.scale) {
+      const double least = options_.scale->least / unit_;
+      const double most = options_.scale->most / unit_;
+      options_.scale = inverted_ ? ScaleRange{1.0 / most, 1.0 / least} : ScaleRange{least, most};
+      scales = scales_about_one(*options_.scale);
+      // Free units are often equal, as of two maps that one program made.
+      equal = inverted_ ? unit_ : 1.0 / unit_;
+      if (*equal < options_.scale->least || *equal > options_.scale->most) equal.reset();
+      if (equal && *equal != 1.0) scales.push_back(*equal);
+    }
+    const PreparedCloud moving = source.cloud().scaled(unit_, options.execution.executor);
+    if (inverted_) {
+      placement_.emplace(target.cloud(), moving, std::move(scales), equal, options_);
+    } else {
+      placement_.emplace(moving, target.cloud(), std::move(scales), equal, options_);
+    }
+  }
+
+  PlacementResult place() {
+    return timed([&](const TimeLimit& time, PlacementResult& result) {
+      conclude(searched(time), time, result);
+    });
+  }
+  PlacementResult judge(const Similarity3& pose);
+  PlacementResult settle(const Similarity3& pose);
+
+ private:
+  struct Placed {
+    Candidates found;
+    std::size_t own = 0;  // index of the placed pose among them
+  };
+
+  template <class Stages>
+  PlacementResult timed(const Stages& stages);
+  Similarity3 for_caller(const Similarity3& centred) const {
+    const Similarity3 pose = placement_->uncentred(centred);
+    const Similarity3 direct = inverted_ ? pose.inverse() : pose;
+    return {direct.scale() * unit_, direct.rigid()};
+  }
+  Similarity3 centred(const Similarity3& callers) const {
+    const Similarity3 direct(callers.scale() / unit_, callers.rigid());
+    return placement_->centred(inverted_ ? direct.inverse() : direct);
+  }
+  // Scale of the kernel for a centred pose, in the unit of the caller's target.
+  double fine(const Finalist& pose) const {
+    return placement_->fine(pose.scale) / (inverted_ ? pose.scale : 1.0);
+  }
+  RegistrationResult refined(const Finalist& best, bool hold, const TimeLimit& time,
+                             PlacementResult& result) const;
+  const Candidates& searched(const TimeLimit& time);
+  void conclude(Candidates found, const TimeLimit& time, PlacementResult& result) const;
+  void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
+                     const TimeLimit& time, PlacementResult& result) const;
+  void judge_best(const Finalist& best, PlacementResult& result) const;
+  Placed beside(Candidates found, const Finalist& pose) const;
+  void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
+  void require_scale(const Similarity3& pose) const;
+
+  const PreparedMap source_;
+  const PreparedMap target_;
+  const PlaceOptions callers_;
+  PlaceOptions options_;  // in the placement's unit
+  double unit_;           // factor of the source
+  bool inverted_;
+  std::optional<Placement> placement_;  // std::nullopt if there are too few landmarks
+  std::optional<Candidates> searched_;
+};
+
+// The pose of a candidate at the scale where its refinement ended, with all landmarks.
+RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
+                                               const TimeLimit& time,
+                                               PlacementResult& result) const {
+  const Similarity3 pose = for_caller(best.similarity());
+  RefineOptions refinement;
+  refinement.initial = pose.rigid();
+  if (callers_.scale) refinement.scale = pose.scale();
+  refinement.by_icp_too = false;
+  refinement.hold = hold;
+  refinement.one_to_one = precision(best) < 1.0;
+  const double kernel = precision(best) * fine(best);
+  // If it is unknown how closely the maps agree, starts at a wider kernel, which undoes the choice at finer
+  // scales.
+  constexpr double kReopened = 3.0;
+  refinement.coarse = refinement.one_to_one ? kernel : kReopened * kernel;
+  refinement.fine = refinement.finest = kernel;
+  refinement.error_scale = std::min(kErrorScale * kernel, fine(best));
+  refinement.use_covariances = callers_.use_covariances;
+  refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
+  refinement.execution.executor = callers_.execution.executor;
+  refinement.trace = callers_.trace;
+  RegistrationResult alignment;
+  const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
+    refinement.execution.stop = stop;
+    alignment = refine(source_, target_, refinement);
+  });
+  if (unfinished && alignment.status == RegistrationStatus::kCancelled) {
+    result.cut_short = true;
+    alignment.stop_reason = StopReason::kTimeLimit;
+    alignment.status = status_of(StopReason::kTimeLimit);
+    alignment.reason =
+        fmt::format("stopped at the time limit after {} iterations", alignment.iterations);
+  }
+  return alignment;
+}
+
+// Candidates of the search; the same for every judged pose.
+const Candidates& PreparedPair::Work::searched(const TimeLimit& time) {
+  if (!searched_) searched_ = placement_->candidates(time);
+  return *searched_;
+}
+
+void PreparedPair::Work::report(const std::vector<Finalist>& poses, PlacementResult& result) const {
+  for (const Finalist& pose : poses) {
+    set_similarity(result.candidates.emplace_back(pose), for_caller(pose.similarity()));
+  }
+}
+
+// Refines the likeliest pose with all landmarks and judges the result like the candidates. If another pose is
+// then likelier, also refines that one. Keeps a candidate unchanged if it has more evidence than its
+// refinement.
+void PreparedPair::Work::conclude(Candidates found, const TimeLimit& time,
+                                  PlacementResult& result) const {
+  constexpr int kAttempts = 4;  // at the last refinement
+  result.cut_short = found.cut_short;
+  if (found.poses.empty()) {
+    result.radius = kMatched * placement_->fine(1.0);
+    result.verdict = Verdict::kRejected;
+    result.reason = detail::judge({}, {}, placement_->landmarks()).reason;
+    result.alignment.reason = result.reason;
+    return;
+  }
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const Finalist best = found.poses.front();
+    result.radius = kMatched * fine(best);
+    result.alignment = refined(best, false, time, result);
+    if (result.alignment.status == RegistrationStatus::kCancelled) break;
+    const bool failed = result.alignment.status == RegistrationStatus::kFailed;
+    Finalist after = placement_->assessed(centred(result.alignment.similarity()));
+    // Evidence at the finer scales can only be lost if there is some.
+    const bool worse =
+        precision(best) < 1.0 && Placement::merit(after) < kKeptMerit * Placement::merit(best);
+    const bool settled = !failed && !worse && placement_->allows(after);
+    if (!settled || attempt + 1 == kAttempts) {
+      result.alignment = refined(best, true, time, result);
+      break;
+    }
+    const Similarity3 pose = after.similarity();
+    found.poses.front() = std::move(after);
+    found.poses = placement_->with_probabilities(std::move(found.poses));
+    if (found.poses.front().similarity().matrix() == pose.matrix()) break;
+  }
+  report(found.poses, result);
+  result.own = 0;
+  result.probability = result.candidates.front().probability;
+  judge_best(found.poses.front(), result);
+}
+
+// The verdict on the likeliest candidate.
+void PreparedPair::Work::judge_best(const Finalist& best, PlacementResult& result) const {
+  result.around = placement_->around(best.similarity());
+  Judgement judgement = detail::judge(result.candidates, result.alignment, placement_->landmarks(),
+                                      callers_.min_probability, result.around);
+  result.verdict = judgement.verdict;
+  result.reason = std::move(judgement.reason);
+}
+
+// Places a given pose among the poses found; it replaces those that a user would call the same.
+PreparedPair::Work::Placed PreparedPair::Work::beside(Candidates found,
+                                                      const Finalist& pose) const {
+  std::erase_if(found.poses, [&](const Finalist& other) { return placement_->near(other, pose); });
+  found.poses.push_back(pose);
+  found.poses = placement_->with_probabilities(std::move(found.poses));
+  const Matrix4d matrix = pose.similarity().matrix();
+  const auto own = std::find_if(found.poses.begin(), found.poses.end(), [&](const Finalist& one) {
+    return one.similarity().matrix() == matrix;
+  });
+  const auto index = static_cast<std::size_t>(own - found.poses.begin());
+  return {std::move(found), index};
+}
+
+// @param held   the pose to judge, unchanged
+// @param better distance to the placed pose, if that is a better one nearby
+void PreparedPair::Work::conclude_held(const Placed& placed, const Finalist& held,
+                                       std::optional<double> better, const TimeLimit& time,
+                                       PlacementResult& result) const {
+  const auto& [found, own] = placed;
+  result.cut_short = found.cut_short;
+  result.radius = kMatched * fine(held);
+  result.alignment = refined(held, true, time, result);
+  // A stopped search may have missed likelier poses.
+  if (callers_.execution.stop.stop_requested()) {
+    result.alignment.status = RegistrationStatus::kCancelled;
+    result.alignment.stop_reason = StopReason::kCancelled;
+    result.alignment.reason = result.reason = "cancelled before the pose was judged";
+    return;
+  }
+  report(found.poses, result);
+  if (auto why = forbidden(for_caller(held.similarity()), callers_)) {
+    result.reason = *std::move(why);
+    return;
+  }
+  // A distance of poses, in matching radii.
+  const auto radii = [&](double apart) {
+    return (inverted_ ? apart / held.scale : apart) / result.radius;
+  };
+  if (better) {
+    result.reason = fmt::format(
+        "another pose, {:.2g} matching radii away (root mean square over the landmarks), fits "
+        "better: its probability is {}",
+        radii(*better), probability_text(found.poses[own].probability));
+    return;
+  }
+  result.own = own;
+  result.probability = found.poses[own].probability;
+  if (own > 0) {
+    result.reason = fmt::format(
+        "another pose is likelier: its probability is {}, that of this pose {}",
+        probability_text(found.poses.front().probability), probability_text(result.probability));
+    return;
+  }
+  // Beside an optimum, directions can look open that are determined.
+  std::optional<double> off;
+  if (!result.alignment.unobservable.empty()) {
+    const RegistrationResult optimum = refined(held, false, time, result);
+    if (optimum.covariance) {
+      off = placement_->apart(held.similarity(), centred(optimum.similarity()));
+      result.alignment.unobservable.clear();
+      result.alignment.covariance = optimum.covariance;
+    }
+  }
+  judge_best(found.poses.front(), result);
+  if (off) result.alignment.covariance.reset();
+  if (off && result.verdict != Verdict::kRejected) {
+    result.verdict = Verdict::kAmbiguous;
+    result.reason = fmt::format(
+        "the pose has no covariance, because it is {:.2g} matching radii (root mean square over "
+        "the landmarks) beside an optimum; {}",
+        radii(*off), result.reason);
+  }
+}
+
+void PreparedPair::Work::require_scale(const Similarity3& pose) const {
+  constexpr double kOne = 1e-9;
+  if (callers_.scale || std::abs(pose.scale() - 1.0) <= kOne) return;
+  throw Error(ErrorKind::kMisuse, "target_from_source", fmt::format("scale {}", pose.scale()),
+              "1, or PlaceOptions.scale");
+}
+
+template <class Stages>
+PlacementResult PreparedPair::Work::timed(const Stages& stages) {
+  const auto start = std::chrono::steady_clock::now();
+  PlacementResult result;
+  result.time_limited = callers_.time_limit_s.has_value();
+  if (!placement_) {
+    result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
+                                source_.cloud().size(), target_.cloud().size(), kFewestLandmarks);
+    result.alignment.reason = result.reason;
+  } else {
+    stages(TimeLimit(start, callers_), result);
+    if (result.cut_short) result.reason += "; the time limit cut the work short";
+    for (const auto& [map, name] : {std::pair(&source_, "source"), std::pair(&target_, "target")}) {
+      if (!callers_.use_covariances || !map->cloud().ignores_covariances()) continue;
+      result.reason += fmt::format(
+          "; the covariances of the {} are not used, because they exceed a tenth of its extent",
+          name);
+    }
+  }
+  result.duration_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+PlacementResult PreparedPair::Work::judge(const Similarity3& pose) {
+  require_scale(pose);
+  return timed([&](const TimeLimit& time, PlacementResult& result) {
+    const Candidates& found = searched(time);
+    const Finalist held = placement_->assessed(centred(pose));
+    const auto [better, off] = placement_->better_near(found.poses, held);
+    // A better pose nearby is compared with the others instead.
+    const Placed placed = beside(found, better.value_or(held));
+    conclude_held(placed, better ? held : placed.found.poses[placed.own],
+                  better ? std::optional(off) : std::nullopt, time, result);
+  });
+}
+
+PlacementResult PreparedPair::Work::settle(const Similarity3& pose) {
+  require_scale(pose);
+  return timed([&](const TimeLimit& time, PlacementResult& result) {
+    const Candidates& found = searched(time);
+    Finalist settled = placement_->settled(centred(pose), callers_.execution.stop);
+    if (const auto better = placement_->better_near(found.poses, settled).first) settled = *better;
+    Placed placed = beside(found, settled);
+    if (placed.own == 0 && placement_->allows(settled)) {
+      return conclude(std::move(placed.found), time, result);
+    }
+    conclude_held(placed, placed.found.poses[placed.own], std::nullopt, time, result);
+  });
+}
+
+void PlaceOptions::validate() const {
+  const auto require = [](bool valid, std::string_view field, const auto& value,
+                          std::string_view expected) {
+    detail::require(valid, fmt::format("PlaceOptions.{}", field), value, expected);
+  };
+  constexpr double kLongest = 1e6;  // time limit in seconds
+  require(effort >= 1.0 / 16.0 && effort <= 64.0, "effort", effort, "from 1/16 to 64");
+  require(prior_odds >= 1e-6 && prior_odds <= 1e6, "prior_odds", prior_odds, "from 1e-6 to 1e6");
+  require(min_probability >= 0.5 && min_probability < 1.0, "min_probability", min_probability,
+          "at least 0.5 and below 1");
+  require(!time_limit_s || (*time_limit_s > 0.0 && *time_limit_s <= kLongest), "time_limit_s",
+          time_limit_s.value_or(0.0), "a positive number of at most 1e6");
+  require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),
+          "overlap_radius", overlap_radius.value_or(0.0), "a positive number");
+  require(!scale || (scale->least > 0.0 && std::isfinite(scale->least)), "scale.least",
+          scale ? scale->least : 0.0, "a positive number");
+  require(!scale || (scale->most >= scale->least && std::isfinite(scale->most)), "scale.most",
+          scale ? scale->most : 0.0, "a number not below scale.least");
+  if (!gravity) return;
+  for (const Eigen::Vector3d& down : {gravity->source, gravity->target}) {
+    require(down.allFinite() && down.norm() > 0.0, "gravity", "no direction", "a vector downwards");
+  }
+  require(gravity->max_tilt_rad > 0.0 && gravity->max_tilt_rad <= std::numbers::pi,
+          "gravity.max_tilt_rad", gravity->max_tilt_rad, "above 0 and at most pi");
+}
+
+PreparedPair::PreparedPair(const PreparedMap& source, const PreparedMap& target,
+                           const PlaceOptions& options) {
+  options.validate();
+  work_ = std::make_unique<Work>(source, target, options);
+}
+PreparedPair::~PreparedPair() = default;
+PreparedPair::PreparedPair(PreparedPair&&) noexcept = default;
+PreparedPair& PreparedPair::operator=(PreparedPair&&) noexcept = default;
+
+PlacementResult PreparedPair::place() {
+  return work_->place();
+}
+
+PlacementResult PreparedPair::judge(const Similarity3& target_from_source) {
+  return work_->judge(target_from_source);
+}
+
+PlacementResult PreparedPair::settle(const Similarity3& target_from_source) {
+  return work_->settle(target_from_source);
+}
+
+PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
+                      const PlaceOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  options.validate();
+  const PrepareOptions preparation{.seed = options.seed, .executor = options.execution.executor};
+  PlacementResult result = PreparedPair(PreparedMap(source, preparation, "source"),
+                                        PreparedMap(target, preparation, "target"), options)
+                               .place();
+  result.duration_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+}  // namespace cairn
