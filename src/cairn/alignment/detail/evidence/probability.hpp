@@ -15,7 +15,7 @@ namespace cairn {
 /// distances against the other candidates and, without descriptors, with the ratio of its matches within a
 /// quarter of the radius to those of the best other candidate. They decrease with the share of contradicted
 /// lines of sight. If maps lack an input, that term is left out and the others have larger weights. Fitted
-/// to simulated sessions, of which half the pairs show different places (docs/method.md).
+/// to simulated sessions, of which half the pairs show different places (docs/evidence.md).
 ///
 /// @param prior_odds that two maps show one place, versus two; positive
 std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
