@@ -173,7 +173,7 @@ TEST(ByParts, AreTheSameForAnyNumberOfThreads) {
 }
 
 // Several parts of a map may see the same thing, and each be sure of it. The maps as wholes are refused here; a
-// thing that is a large share of a map is beyond that verdict too (docs/method.md).
+// thing that is a large share of a map is beyond that verdict too (docs/evidence.md).
 TEST(ByParts, AcceptNoTwoPlacesForOneThingThatStandsInBoth) {
   int convincing = 0;
   for (const std::size_t landmarks : {60, 90, 120, 180, 240, 480}) {

@@ -79,7 +79,7 @@ double evidence(const Candidate& candidate) {
   return count > chance ? count * std::log(count / chance) - (count - chance) : 0.0;
 }
 
-// A logistic model, fitted to images of simulated places (docs/method.md).
+// A logistic model, fitted to images of simulated places (docs/evidence.md).
 double probability_of(const Candidate& candidate) {
   constexpr double kConstant = -7.17;
   constexpr double kEvidence = 2.46;

@@ -12,13 +12,13 @@ namespace {
 
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
-// For lines of sight to the surroundings of the matches; docs/method.md explains the choice.
+// For lines of sight to the surroundings of the matches; docs/evidence.md explains the choice.
 constexpr std::size_t kFewestAround = 100;  // least number for a decision
 constexpr double kMostContradicted = 0.25;  // of those that agree or are contradicted
 constexpr double kFewestInAgreement =
     0.02;  // of all, including those that end behind a seen surface
 
-// Of the best pose's evidence, of each kind: another pose with so much cannot be told from it. docs/method.md explains
+// Of the best pose's evidence, of each kind: another pose with so much cannot be told from it. docs/evidence.md explains
 // the choice.
 constexpr double kAsWell = 0.5;
 // Smaller differences of the share of contradicted lines of sight tell nothing.
