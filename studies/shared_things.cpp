@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the verdict makes of different places in which one thing stands, and of pairs as they are.
 //   cairn_shared_things_benchmark FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]
-// FOLDER holds sessions as benchmarks/placement_sessions.sh makes them; NUMBERS is "150" or "150-300". "things" (the
+// FOLDER holds sessions as studies/placement_sessions.sh makes them; NUMBERS is "150" or "150-300". "things" (the
 // default) takes two maps of different places and puts into both what two sessions of a third saw
 // within 0.2 to 0.7 m of a landmark: any pose that is aligned is wrong. "pairs" leaves maps as they are,
 // every other pair of one place. "deformed" frees the scale and judges pairs also up to a smooth deformation, both by

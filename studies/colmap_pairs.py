@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Aligns and merges COLMAP models that share no image, and compares the poses with the truth.
 
-  benchmarks/colmap_pairs.py --cairn build/release/bin/cairn --work FOLDER [--data FOLDER]
+  studies/colmap_pairs.py --cairn build/release/bin/cairn --work FOLDER [--data FOLDER]
 
 Needs COLMAP (3.8; no GPU) and NumPy. Images are rendered by `cairn simulate`, and taken from TUM's fr1/desk, fr1/xyz
 and fr1/rpy in --data (folders tum_fr1_*). The images of a place are split, and COLMAP reconstructs each set with a

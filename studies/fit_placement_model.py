@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fits the weights of src/cairn/alignment/detail/evidence/probability.cpp and reports how reliable they are.
 
-  benchmarks/fit_placement_model.py FIT.csv CHOOSE.csv [TEST.csv [DIAGRAM.svg]]
+  studies/fit_placement_model.py FIT.csv CHOOSE.csv [TEST.csv [DIAGRAM.svg]]
 
 The tables are those of cairn_placement_sessions_benchmark, of parts fit, choose and test, with the
 variants descriptors, searched and undescribed (TEST may have the variant shipped alone). Needs NumPy. A

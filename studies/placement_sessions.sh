@@ -6,7 +6,7 @@
 set -euo pipefail
 
 if [ $# -lt 2 ]; then
-  echo "Usage: benchmarks/placement_sessions.sh CAIRN FOLDER [SEED[:LAYOUT]...]  (1 to 6 by default)" >&2
+  echo "Usage: studies/placement_sessions.sh CAIRN FOLDER [SEED[:LAYOUT]...]  (1 to 6 by default)" >&2
   exit 2
 fi
 source "$(dirname "${BASH_SOURCE[0]}")/second_session.sh"

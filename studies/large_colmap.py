@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes a COLMAP model of a given size: cameras in a row before a wall of points, each seen by four of them.
 
-Usage: benchmarks/large_colmap.py FOLDER [GIGABYTES]
+Usage: studies/large_colmap.py FOLDER [GIGABYTES]
 """
 import pathlib
 import struct

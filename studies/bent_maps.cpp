@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Aligns maps of simulated sessions that are bent smoothly, with truth.
 //   cairn_bent_maps_benchmark FOLDER PAIRS [DEGREES,...]
-// FOLDER holds sessions as benchmarks/placement_sessions.sh makes them. Each pair is two sessions of one place, of which the
+// FOLDER holds sessions as studies/placement_sessions.sh makes them. Each pair is two sessions of one place, of which the
 // second is cut and bent by each of DEGREES (default 0,2.5,5,7.5,10).
 //   cairn_bent_maps_benchmark FOLDER PAIRS strangers
 // takes sessions of different places, bent by up to 10 degrees, and aligns them by parts alone, which includes the

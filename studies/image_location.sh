@@ -5,7 +5,7 @@
 set -euo pipefail
 
 if [ $# -lt 3 ]; then
-  echo "Usage: benchmarks/image_location.sh BIN SESSIONS SEED...  (BIN has cairn and cairn_image_location_benchmark)" >&2
+  echo "Usage: studies/image_location.sh BIN SESSIONS SEED...  (BIN has cairn and cairn_image_location_benchmark)" >&2
   exit 2
 fi
 source "$(dirname "${BASH_SOURCE[0]}")/second_session.sh"

@@ -3,7 +3,7 @@
 //   cairn_image_location_benchmark MAP SEQUENCE STEP colour|depth same|other
 // Every STEP-th image is located, with depth or without. "same" holds the poses against groundtruth.txt, in whose world the map
 // must be; of "other" places any pose that is located is wrong. The sequence has a camera.yaml. One CSV row an
-// image to stdout; benchmarks/image_location.sh runs it on simulated sessions.
+// image to stdout; studies/image_location.sh runs it on simulated sessions.
 #include <chrono>
 #include <cmath>
 #include <cstdio>

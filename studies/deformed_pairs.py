@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Aligns COLMAP models of one place that were made with different cameras, as maps of different systems are.
 
-  benchmarks/deformed_pairs.py --cairn build/release/bin/cairn --work FOLDER [--places NAME...]
+  studies/deformed_pairs.py --cairn build/release/bin/cairn --work FOLDER [--places NAME...]
 
 Images, COLMAP and truth are those of colmap_pairs.py, with which the work folder can be shared. Each set of images (even,
 odd, later) is reconstructed four times:

@@ -80,7 +80,7 @@ double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const R
 /// no parts that overlap as wanted are found: these are left out.
 ///
 /// @param folder holds, for each session, PLACE-SEED-SESSION.cairn and PLACE-SEED-SESSION.gt, its ground
-///               truth (benchmarks/placement_sessions.sh makes them)
+///               truth (studies/placement_sessions.sh makes them)
 /// @throws Error or std::runtime_error if there are no two sessions
 void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers,
                            SessionPart part, const std::function<void(const SessionPair&)>& take);
