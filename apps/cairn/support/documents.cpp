@@ -17,7 +17,7 @@
 #include "cairn/formats/foreign/all_formats.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/report/viewer_page.hpp"
+#include "cairn/report/writer.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/map_loading.hpp"
