@@ -74,6 +74,10 @@ foreach(module IN LISTS modules)
   endif()
 endforeach()
 set_property(GLOBAL PROPERTY CAIRN_COMPONENTS ${CAIRN_COMPONENTS})
+set(CAIRN_YAML_PACKAGE "")
+if(yaml-cpp_FOUND)
+  set(CAIRN_YAML_PACKAGE yaml-cpp)
+endif()
 configure_package_config_file(cmake/cairn-config.cmake.in "${PROJECT_BINARY_DIR}/cairn-config.cmake"
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/cairn)
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/cairn-config-version.cmake"

@@ -53,7 +53,6 @@ endfunction()
 # Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
 # of another's there.
 set(CAIRN_UNITY_APART
-    "src/cairn/experiments/paper.cpp src/cairn/experiments/statistics/correlation.cpp"
     "src/cairn/atlas/store/sqlite_store.cpp"
     "src/cairn/geometry/decompositions.cpp"
     "src/cairn/merging/recognition/map_index_test.cpp"
@@ -66,10 +65,6 @@ set(CAIRN_UNITY_APART
     "src/cairn/alignment/detail/search/descriptor_poses_test.cpp"
     "src/cairn/alignment/detail/evidence/look_comparison_test.cpp"
     "src/cairn/registration/estimation/point_to_point_test.cpp src/cairn/registration/neighbors/batch_tree_test.cpp"
-    "src/cairn/report/figures/clouds.cpp src/cairn/report/map_builder.cpp"
-    "src/cairn/report/figures/figures_test.cpp"
-    "src/cairn/experiments/run_test.cpp"
-    "src/cairn/experiments/study_runs.cpp"
     "src/cairn/pose_graph/optimise_poses.cpp"
     "src/cairn/alignment/detail/evidence/verdict_test.cpp")
 

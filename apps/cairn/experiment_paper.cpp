@@ -14,7 +14,6 @@
 #include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/experiments/paper.hpp"
-#include "cairn/experiments/paper_tables.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/report/experiment_sections.hpp"
@@ -89,7 +88,7 @@ void PaperArguments::add_to(const Command& command) {
       "Each run starts from the true pose, or from the maps as they lie without --truth, "
       "displaced\n"
       "as in the paper: turned about the target's origin, then moved.\n"
-      "Writes runs.csv, timings.csv, experiment.json, summary.md, tables/ and figures/.\n"
+      "Writes runs.csv, timings.csv, experiment.json, summary.md and tables/.\n"
       "\n"
       "Example: run the experiments on two maps with a known true pose\n"
       "  cairn experiment paper second.map first.map --truth truth.txt -o results");
@@ -203,8 +202,6 @@ int PaperArguments::run() {
   }
   write_text(unfinished, "summary.md", summary(results, tables));
   std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
-  write_figures(unfinished, sections);
-  write_clouds(unfinished, pair, results, options.points);
   if (!images.empty()) {
     common.console().remark(write_common_view(unfinished, pair, results, images[0], images[1]));
   }

@@ -15,7 +15,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/experiments/study_runs.hpp"
+#include "cairn/experiments/study.hpp"
 #ifdef CAIRN_HAS_SIMULATED_SESSIONS
 #include "cairn/experiments/simulated_session/simulated_session.hpp"
 #endif

@@ -15,9 +15,8 @@
 #include "cairn/core/detail/json_text.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/experiments/runs_file.hpp"
-#include "cairn/experiments/study_analysis.hpp"
-#include "cairn/experiments/study_tables.hpp"
+#include "cairn/experiments/run.hpp"
+#include "cairn/experiments/study.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/report/experiment_sections.hpp"
@@ -336,9 +335,9 @@ void Assembly::add_experiment(const std::string& folder) {
     add_paper_experiment(text, folder, std::move(runs));
   } else if (kind == "sweep") {
     const Study study = parse_study(text_of("study.yaml"), path_of("study.yaml"));
-    const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common_.executor()});
-    add_study(report_, study.name, study_findings(study, analysis), study_answers(study, analysis),
-              report::study_sections(study, analysis, runs), prefix());
+    const StudySummary summary = summarise_study(study, runs);
+    add_study(report_, study.name, study_findings(study, summary),
+              report::study_sections(study, summary, runs), prefix());
   } else {
     throw Error(ErrorKind::kInput, path, "its experiment is neither 'paper' nor 'sweep'",
                 kExpectedResult);

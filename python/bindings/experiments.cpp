@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include "cairn/experiments/paper.hpp"
-#include "cairn/experiments/paper_tables.hpp"
 
 #include "bindings/support.hpp"
 

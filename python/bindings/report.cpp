@@ -8,9 +8,7 @@
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/report/frame_images.hpp"
 #endif
-#include "cairn/report/machine.hpp"
-#include "cairn/report/pair_sections.hpp"
-#include "cairn/report/viewer_page.hpp"
+#include "cairn/report/sections.hpp"
 #include "cairn/report/writer.hpp"
 
 #include "bindings/alignment.hpp"

@@ -5,9 +5,9 @@
 #include <thread>
 
 #include "cairn/core/detail/csv.hpp"
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/run.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/report/viewer_page.hpp"
+#include "cairn/report/writer.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
@@ -53,17 +53,6 @@ TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
   EXPECT_EQ(json["runs"].size(), 180U);
   EXPECT_THAT(json["inputs"]["source"]["hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
   EXPECT_THAT(content("results/experiment.json"), Not(HasSubstr("duration")));
-}
-
-TEST_F(ExperimentTest, PaperDrawsThePapersFigures) {
-  answer({"experiment", "paper", "source.map", "target.map", "--truth", "truth.txt", "-o", "r"});
-  for (const char* const name :
-       {"figure2", "figure3", "figure3-published", "figure4", "figure4-published", "figure5",
-        "figure5-published", "score-against-error"}) {
-    const std::string svg = content("r/figures/" + std::string(name) + ".svg");
-    EXPECT_THAT(svg, ::testing::StartsWith("<svg")) << name;
-    EXPECT_THAT(svg, HasSubstr("</svg>")) << name;
-  }
 }
 
 TEST_F(ExperimentTest, PaperSaysFromWhereItStarts) {
@@ -172,9 +161,9 @@ class SweepTest : public ExperimentTest {
 TEST_F(SweepTest, AnswersAndKeepsItsRuns) {
   const std::string text = answer({"experiment", "sweep", "study.yaml", "-o", "results"});
   EXPECT_THAT(text, HasSubstr("2 pairs of maps (2 with a known truth), 12 starts each"));
-  EXPECT_THAT(text, HasSubstr("observations against base"));
+  EXPECT_THAT(text, HasSubstr("Success, highest: "));
   EXPECT_EQ(runs("results").size(), 2U * 12U * 4U);
-  EXPECT_THAT(content("results/summary.md"), HasSubstr("## comparisons"));
+  EXPECT_THAT(content("results/summary.md"), HasSubstr("## strategies"));
   EXPECT_EQ(content("results/study.yaml"), content("study.yaml"));
   EXPECT_EQ(Json::parse(content("results/experiment.json"))["experiment"], "sweep");
 }
@@ -217,7 +206,7 @@ TEST_F(SweepTest, ShardsMergeToTheSameBytes) {
             std::string("part") + shard[0]});
   }
   answer({"experiment", "merge", "part3", "part1", "part2", "-o", "merged"});
-  for (const char* const name : {"runs.csv", "summary.md", "tables/comparisons.csv"}) {
+  for (const char* const name : {"runs.csv", "summary.md", "tables/strategies.csv"}) {
     EXPECT_EQ(content("merged/" + std::string(name)), content("whole/" + std::string(name)))
         << name;
   }

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "cairn/core/file.hpp"
-#include "cairn/report/viewer_page.hpp"
+#include "cairn/report/writer.hpp"
 
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/vision/sequence.hpp"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/report/viewer_page.hpp"
+#include "cairn/report/writer.hpp"
 
 #include "cli.hpp"
 

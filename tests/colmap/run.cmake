@@ -3,7 +3,7 @@
 # three pairs is aligned with the right pose and merges with all images, and none is aligned with a wrong one. COLMAP's
 # models differ from run to run.
 #
-#   cmake -D PYTHON=... -D SCRIPT=benchmarks/colmap_pairs.py -D CAIRN=... -D WORK=... -P run.cmake
+#   cmake -D PYTHON=... -D SCRIPT=studies/colmap_pairs.py -D CAIRN=... -D WORK=... -P run.cmake
 
 find_program(colmap colmap)
 execute_process(COMMAND "${PYTHON}" -c "import numpy" RESULT_VARIABLE no_numpy OUTPUT_QUIET ERROR_QUIET)

@@ -3,7 +3,8 @@
 #include <string>
 
 #include "cairn/core/detail/csv.hpp"
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/detail/runs_file.hpp"
+#include "cairn/experiments/run.hpp"
 
 #include "fuzz/imported.hpp"
 
@@ -27,12 +28,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
     const std::string row = std::string(text.substr(begin, end - begin)) + ",";
-    table += row + cairn::row_checksum(row) + "\n";
+    table += row + cairn::detail::row_checksum(row) + "\n";
     begin = end + 1;
   }
   cairn::testing::expect_read_or_refused([&] { cairn::parse_runs(text, "input"); });
   cairn::testing::expect_read_or_refused(
-      [&] { cairn::sound_size(text, cairn::runs_header(), "input"); });
+      [&] { cairn::detail::sound_size(text, cairn::runs_header(), "input"); });
   cairn::testing::expect_read_or_refused([&] {
     std::string once = cairn::runs_header();
     for (const cairn::TrialResult& run : cairn::parse_runs(table, "input")) {

@@ -3,7 +3,6 @@ import { answerFigure } from "./answer";
 import { chartFigure } from "./charts/chart_figure";
 import { h, paragraphs, s } from "./dom";
 import type { Report, Section } from "./document/report";
-import { imagesFigure } from "./images";
 import { networkFigure } from "./network/network_figure";
 import { licencesDisclosure, provenanceSection } from "./provenance";
 import { sceneFigure } from "./scene/scene_figure";
@@ -45,8 +44,6 @@ function sectionContent(section: Section, settled: () => void): HTMLElement[] {
       return [chartFigure(section)];
     case "table":
       return [tableFigure(section.table, section.title, section.id)];
-    case "images":
-      return [imagesFigure(section.images)];
     case "network":
       return [networkFigure(section, settled)];
     case "text":

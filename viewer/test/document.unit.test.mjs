@@ -61,7 +61,7 @@ test("a minimal document is a report", () => {
 test("the small sample decodes, unknown kinds become notices", () => {
   const report = parseReport(JSON.stringify(sample.document), toArrayBuffer(sample.buffers));
   const kinds = report.sections.map(({ kind }) => kind);
-  assert.deepEqual([...new Set(kinds)].sort(), ["chart", "images", "notice", "scene", "table", "text"]);
+  assert.deepEqual([...new Set(kinds)].sort(), ["chart", "notice", "scene", "table", "text"]);
   const notices = report.sections.filter(({ kind }) => kind === "notice");
   assert.equal(notices.length, 1);
   assert.match(notices[0].message, /hologram/);

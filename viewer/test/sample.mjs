@@ -420,11 +420,11 @@ export function smallSample() {
     sections: [
       scene("alignment", "Alignment", "Each pane shows one strategy. Move the slider to see the source map find its place on the target.", runs, truth),
       { kind: "chart", id: "yaw", title: "Score by initial yaw", text: "Scores of 24 starts between −60° and 60°. Below the line the authors call it a success.", chart: "violin", x_label: "Strategy", y_label: "Score (m²)", y_scale: "log", threshold: { value: 0.0037, label: "success below 0.0037 m²" }, groups },
-      { kind: "chart", id: "xy", title: "Score by initial translation", text: null, chart: "box", x_label: "Strategy", y_label: "Score (m²)", y_scale: "linear", threshold: null, groups },
-      { kind: "chart", id: "convergence", title: "Convergence", text: "Median with the middle half of all starts.", chart: "lines", x_label: "Iteration", y_label: "Rotation error (°)", x_scale: "linear", y_scale: "log", threshold: { value: 1, label: "1°" },
+      { kind: "chart", id: "xy", title: "Score by initial translation", text: null, chart: "violin", x_label: "Strategy", y_label: "Score (m²)", y_scale: "linear", threshold: null, groups },
+      { kind: "chart", id: "convergence", title: "Convergence", text: "Median of all starts.", chart: "lines", x_label: "Iteration", y_label: "Rotation error (°)", y_scale: "log",
         series: names.map((name, s) => {
           const y = iterations.map((i) => 35 * Math.exp(-i / (14 + 6 * s)) + 0.2 + 0.1 * s);
-          return { name, x: iterations, y, low: y.map((v) => v * 0.7), high: y.map((v) => v * 1.5) };
+          return { name, x: iterations, y };
         }) },
       { kind: "chart", id: "basin", title: "Basin of convergence", text: "Share of starts that end at the truth.", chart: "heatmap", x_label: "Initial yaw (°)", y_label: "Initial translation (m)", value_label: "Success rate",
         x: [-70, -50, -30, -10, 10, 30, 50, 70], y: [0, 0.25, 0.5, 0.75, 1], range: [0, 1],
@@ -441,7 +441,6 @@ export function smallSample() {
         columns: [{ name: "k", unit: null, type: "number", digits: 0 }, ...["Base", "Cov.", "# Obs.", "Mean dist."].map((name) => ({ name, unit: "10⁻³ m²", type: "number", digits: 5 })), { name: "Note", unit: null, type: "text", digits: null }],
         rows: [[1, 5.34268, 5.34268, 5.34268, 5.34268, "k = 1 is base ICP"], [3, 5.34268, 4.58499, 3.3126, 3.31155, null], [5, 5.34268, 3.28737, 3.29407, 3.54915, null], [7, 5.34268, 3.28614, 3.30512, 3.6283, null], [10, 5.34268, 14.0339, 3.33651, 4.00365, "covariance diverges"], [15, 5.34268, 14.0491, 3.39744, 5.54156, null], [20, 5.34268, 14.0212, 3.42316, null, "not run"]],
         best: [null, "low", "low", "low", "low", null] },
-      { kind: "images", id: "frames", title: "Frames", text: null, images: [{ caption: "Frame 448 of the earlier session.", media_type: "image/png", data: writer.add(new Uint8Array(png(320, 200))), width: 320, height: 200 }, { caption: "Frame 90 of the later session.", media_type: "image/png", data: writer.add(new Uint8Array(png(320, 200))), width: 320, height: 200 }] },
       { kind: "scene", id: "target-map", title: "The earlier map", text: "One map on its own.", source: null, target: "earlier", truth: null, up: null, runs: [] },
       { kind: "text", id: "notes", title: "Notes", text: "The maps were recorded ten minutes apart.\n\nLandmarks with fewer than two observations are left out, as the paper's authors do." },
       { kind: "hologram", id: "future", title: "From the future", text: null },
@@ -497,7 +496,7 @@ export function answerSample() {
       { kind: "table", id: "files", title: "Files", text: null, columns: [{ name: "File", unit: null, type: "text", digits: null }, { name: "Content hash", unit: null, type: "text", digits: null }, { name: "Observations", unit: null, type: "number", digits: 0 }],
         rows: [["/srv/robots/2026-11-26/warehouse-north/session-0042/maps/later.map", "xxh3:8f1c0e7a55d2b3904cc1f0e2a7b6d915", 123456], ["earlier.map", "xxh3:17aa90be4f02c1d8730e5b6cd2f8a344", 98765]], best: null },
       { kind: "chart", id: "flat", title: "Convergence", text: null, chart: "lines", x_label: "Iteration", y_label: "Score (m²)", x_scale: "linear", y_scale: "log", threshold: null,
-        series: [{ name: "robust", x: [0, 1, 2, 3], y: [0.01862, 0.01861, 0.0186, 0.0186], low: null, high: null }] },
+        series: [{ name: "robust", x: [0, 1, 2, 3], y: [0.01862, 0.01861, 0.0186, 0.0186] }] },
     ],
   };
   return { document, buffers: writer.bytes() };
@@ -704,7 +703,7 @@ export function hostileSample() {
     sections: [
       { kind: "scene", id: "scene", title: evil, text: close, source: "a", target: "b", truth: null, up: null, runs: [run(evil), run(long), run(unicode)] },
       chart("violin", { chart: "violin", ...axes, y_scale: "linear", threshold: { value: 2, label: evil }, groups }),
-      chart("lines", { chart: "lines", ...axes, x_scale: "linear", y_scale: "linear", threshold: null, series: names.map((name) => ({ name, x: [1, 2, 3, 4, 5], y: some(), low: null, high: null })) }),
+      chart("lines", { chart: "lines", ...axes, y_scale: "linear", series: names.map((name) => ({ name, x: [1, 2, 3, 4, 5], y: some() })) }),
       chart("heat", { chart: "heatmap", ...axes, value_label: evil, x: [0, 1, 2], y: [0, 1], panels: names.map((name) => ({ name, values: [[1, null]], counts: null })), range: null }),
       chart("dots", { chart: "intervals", x_label: evil, series: names.map((name) => ({ name, items: [{ name: close, value: 0.5, low: null, high: 0.7 }] })) }),
       chart("cloud", { chart: "scatter", ...axes, x_scale: "linear", y_scale: "linear", x_threshold: null, y_threshold: null, series: names.map((name) => ({ name, x: some(), y: some(), labels: [evil, close, long, "", ""] })) }),

@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/report/network_builder.hpp"
+#include "cairn/report/sections.hpp"
 
 #include "support/atlas_arguments.hpp"
 #include "support/map_lists.hpp"

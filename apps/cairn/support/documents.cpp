@@ -18,7 +18,7 @@
 #include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/report/viewer_page.hpp"
+#include "cairn/report/writer.hpp"
 
 #include "support/interrupt.hpp"
 

@@ -9,10 +9,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/experiments/common_view.hpp"
-#include "cairn/experiments/paper_tables.hpp"
+#include "cairn/experiments/paper.hpp"
 #include "cairn/report/experiment_sections.hpp"
-#include "cairn/report/figures/figures.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
@@ -24,23 +22,6 @@
 
 namespace cairn::cli {
 namespace {
-
-// Runs with a pose, by their score.
-std::pair<const TrialResult*, const TrialResult*> best_and_worst(const PaperResults& results) {
-  const TrialResult* best = nullptr;
-  const TrialResult* worst = nullptr;
-  for (const TrialResult& run : results.runs) {
-    if (!run.score || !run.target_from_source) continue;
-    if (best == nullptr || *run.score < *best->score) best = &run;
-    if (worst == nullptr || *run.score > *worst->score) worst = &run;
-  }
-  return {best, worst};
-}
-
-std::string name_of(const TrialResult& run) {
-  return fmt::format("{}, k = {}, initial {}: score {:.4g} m²", run.trial.strategy, run.trial.k,
-                     describe(run.trial.initial), *run.score);
-}
 
 #ifdef CAIRN_HAS_ODOMETRY
 // The image of a keyframe, by its time.
@@ -151,8 +132,8 @@ void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& 
 }
 
 void add_study(report::Report& report, const std::string& name,
-               const std::vector<std::string>& findings, const std::vector<std::string>& answers,
-               std::vector<report::Section> sections, const std::string& prefix) {
+               const std::vector<std::string>& findings, std::vector<report::Section> sections,
+               const std::string& prefix) {
   if (report.title.empty()) report.title = "Study " + name;
   // The first stands below the title, unless the report has others beside this study.
   const bool alone = prefix.empty() && !report.subtitle && findings.size() > 1;
@@ -162,39 +143,6 @@ void add_study(report::Report& report, const std::string& name,
                              .text = paragraphs_of(std::span(findings).subspan(alone ? 1 : 0)),
                              .content = report::Text()});
   add_sections(report, std::move(sections), prefix);
-  report.sections.push_back({.id = prefix + "answers",
-                             .title = "Every comparison",
-                             .text = paragraphs_of(answers),
-                             .content = report::Text()});
-}
-
-void write_figures(const std::string& folder, const std::vector<report::Section>& sections) {
-  for (const report::Section& section : sections) {
-    const auto* chart = std::get_if<report::Chart>(&section.content);
-    if (chart == nullptr) continue;
-    report::FigureOptions options{.title = section.title};
-    if (const auto* heatmap = std::get_if<report::HeatmapChart>(chart)) {
-      constexpr double kPanelWidth = 280.0;
-      options.width =
-          std::max(options.width, kPanelWidth * static_cast<double>(heatmap->panels.size()));
-    }
-    write_text(folder, "figures/" + section.id + ".svg",
-               report::chart_svg(*chart, options, report::violin_density()));
-  }
-}
-
-void write_clouds(const std::string& folder, const MapPair& pair, const PaperResults& results,
-                  const PointSetOptions& point_options) {
-  const auto [best, worst] = best_and_worst(results);
-  if (best == nullptr) return;
-  const PointSet source = point_set(pair.source, {}, point_options);
-  const PointSet target = point_set(pair.target, {}, point_options);
-  report::CloudsFigure figure;
-  for (const TrialResult* const run : {best, worst}) {
-    figure.panels.push_back({name_of(*run), target.positions,
-                             report::moved_positions(source.positions, *run->target_from_source)});
-  }
-  write_text(folder, "figures/figure2.svg", report::clouds_svg(figure, {.width = 1000.0}));
 }
 
 std::string write_common_view([[maybe_unused]] const std::string& folder,
@@ -203,7 +151,11 @@ std::string write_common_view([[maybe_unused]] const std::string& folder,
                               [[maybe_unused]] const std::string& source_sequence,
                               [[maybe_unused]] const std::string& target_sequence) {
 #ifdef CAIRN_HAS_ODOMETRY
-  const TrialResult* const best = best_and_worst(results).first;
+  const TrialResult* best = nullptr;
+  for (const TrialResult& run : results.runs) {
+    if (!run.score || !run.target_from_source) continue;
+    if (best == nullptr || *run.score < *best->score) best = &run;
+  }
   if (best == nullptr) return "Figure 1: no run found a pose";
   constexpr double kRadius = 0.05;  // metres
   const auto view = find_common_view(pair.source, pair.target, *best->target_from_source, kRadius);

@@ -30,21 +30,12 @@ struct ShownPaper {
 void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& common,
                const std::string& prefix = {});
 
-/// Adds a study's findings, figures and tables, and then its answers in full.
+/// Adds a study's findings, figures and tables.
 /// @param findings study_findings(), at least one
-/// @param answers study_answers()
 /// @param sections study_sections()
 void add_study(report::Report& report, const std::string& name,
-               const std::vector<std::string>& findings, const std::vector<std::string>& answers,
-               std::vector<report::Section> sections, const std::string& prefix = {});
-
-/// Writes each section that is a chart as figures/ID.svg.
-void write_figures(const std::string& folder, const std::vector<report::Section>& sections);
-
-/// Writes the paper's Figure 2 as figures/figure2.svg: the clouds where they fit best, and where they
-/// fit worst.
-void write_clouds(const std::string& folder, const MapPair& pair, const PaperResults& results,
-                  const PointSetOptions& point_options);
+               const std::vector<std::string>& findings, std::vector<report::Section> sections,
+               const std::string& prefix = {});
 
 /// Writes the paper's Figure 1 as figures/figure1.png: an image of each sequence, of those two keyframes
 /// that have the most landmarks in common at the pose of the run with the lowest score.

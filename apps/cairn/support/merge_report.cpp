@@ -9,7 +9,7 @@
 #include <fmt/ranges.h>
 
 #include "cairn/pose_graph/optimise_poses.hpp"
-#include "cairn/report/network_builder.hpp"
+#include "cairn/report/sections.hpp"
 
 #include "support/map_lists.hpp"
 

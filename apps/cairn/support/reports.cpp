@@ -11,7 +11,6 @@
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/report/frame_images.hpp"
 #endif
-#include "cairn/report/machine.hpp"
 #include "cairn/report/writer.hpp"
 
 #include "support/command_line.hpp"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/report/pair_sections.hpp"
 #include "cairn/report/report.hpp"
+#include "cairn/report/sections.hpp"
 
 #include "support/alignments.hpp"
 #include "support/documents.hpp"

@@ -9,9 +9,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/experiments/runs_file.hpp"
-#include "cairn/experiments/study_analysis.hpp"
-#include "cairn/experiments/study_tables.hpp"
+#include "cairn/experiments/run.hpp"
+#include "cairn/experiments/study.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/report/experiment_sections.hpp"
 #ifdef CAIRN_HAS_SIMULATED_SESSIONS
@@ -41,10 +40,10 @@ void check_simulation([[maybe_unused]] const PairSimulation& simulation) {
 #endif
 }
 
-std::string summary(const Study& study, const std::vector<std::string>& answers,
+std::string summary(const Study& study, const std::vector<std::string>& findings,
                     const std::vector<ResultTable>& tables) {
   std::string text = fmt::format("# {}\n\n", study.name);
-  for (const std::string& answer : answers) text += fmt::format("- {}\n", answer);
+  for (const std::string& finding : findings) text += fmt::format("- {}\n", finding);
   return text + markdown_of(tables);
 }
 
@@ -114,15 +113,14 @@ StudyConclusion conclude_study(const Study& study, const std::string& folder,
                                const CommonArguments& common) {
   const std::string path = (fs::path(folder) / "runs.csv").string();
   const std::vector<TrialResult> runs = parse_runs(read_file(path), path);
-  const StudyAnalysis analysis = analyse_study(study, runs, {.executor = common.executor()});
-  const std::vector<ResultTable> tables = study_tables(study, analysis);
+  const StudySummary results = summarise_study(study, runs);
+  const std::vector<ResultTable> tables = study_tables(study, results);
   StudyConclusion conclusion;
   conclusion.runs = runs.size();
-  conclusion.findings = study_findings(study, analysis);
-  conclusion.answers = study_answers(study, analysis);
-  conclusion.sections = report::study_sections(study, analysis, runs);
+  conclusion.findings = study_findings(study, results);
+  conclusion.sections = report::study_sections(study, results, runs);
   write_tables(folder, tables);
-  write_text(folder, "summary.md", summary(study, conclusion.answers, tables));
+  write_text(folder, "summary.md", summary(study, conclusion.findings, tables));
 
   CommonArguments seeded = common;
   seeded.seed = study.seed;
@@ -136,11 +134,10 @@ StudyConclusion conclude_study(const Study& study, const std::string& folder,
                 {"equivalence_margin", study.equivalence_margin}});
   json["experiment"] = "sweep";
   json["name"] = study.name;
-  json["answers"] = conclusion.answers;
+  json["findings"] = conclusion.findings;
   json["tables"] = Json::array();
   for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
   write_text(folder, "experiment.json", to_text(json));
-  write_figures(folder, conclusion.sections);
   return conclusion;
 }
 
@@ -151,12 +148,11 @@ void tell_study(const Study& study, StudyConclusion conclusion, const std::strin
     conclusion.json.erase("tables");
     report::Report report = begin_report("", common);
     set_provenance(report, conclusion.json);
-    add_study(report, study.name, conclusion.findings, conclusion.answers,
-              std::move(conclusion.sections));
+    add_study(report, study.name, conclusion.findings, std::move(conclusion.sections));
     write_report(report, common);
   }
   std::string text = fmt::format("{}: {} runs\n\n", folder, conclusion.runs);
-  for (const std::string& answer : conclusion.answers) text += answer + "\n";
+  for (const std::string& finding : conclusion.findings) text += finding + "\n";
   common.console().print(text);
 }
 

@@ -47,17 +47,16 @@ LandmarkMap read_study_map(const std::string& path);
 struct StudyConclusion {
   std::size_t runs = 0;
   std::vector<std::string> findings;
-  std::vector<std::string> answers;
   std::vector<report::Section> sections;
   Json json;  ///< experiment.json
 };
 
-/// Reads a complete study's runs.csv, and writes beside it what follows from them: tables/, figures/, summary.md
-/// and experiment.json.
+/// Reads a complete study's runs.csv, and writes beside it what follows from them: tables/, summary.md and
+/// experiment.json.
 StudyConclusion conclude_study(const Study& study, const std::string& folder,
                                const CommonArguments& common);
 
-/// Writes the document and the report that the user asked for; prints the answer.
+/// Writes the document and the report that the user asked for; prints the findings.
 /// @param folder of the results
 void tell_study(const Study& study, StudyConclusion conclusion, const std::string& folder,
                 const CommonArguments& common);

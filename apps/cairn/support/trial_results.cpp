@@ -9,7 +9,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/run.hpp"
 
 namespace cairn::cli {
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/common_view.hpp"
-
 #include <array>
 #include <map>
 #include <set>
 #include <span>
 #include <utility>
 
+#include "cairn/experiments/paper.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
 
 namespace cairn {

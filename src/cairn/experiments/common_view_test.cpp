@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/common_view.hpp"
-
 #include <gtest/gtest.h>
 
+#include "cairn/experiments/paper.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 

@@ -1,16 +1,68 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/execution.hpp"
-#include "cairn/experiments/published.hpp"
+#include "cairn/experiments/result_table.hpp"
 #include "cairn/experiments/run.hpp"
 
+/// The paper's experiments: as published, and on another pair of maps.
 namespace cairn {
+
+/// The paper's four experiments (section 4).
+enum class Experiment {
+  kNeighbors,  ///< 4.1, Table 1: the number of candidates k
+  kYaw,        ///< 4.2, Figure 3
+  kXy,         ///< 4.3, Figure 4: by quadrants
+  kXyYaw,      ///< 4.4, Figure 5
+};
+
+inline constexpr std::array kExperiments = {Experiment::kNeighbors, Experiment::kYaw,
+                                            Experiment::kXy, Experiment::kXyYaw};
+
+/// "k", "yaw", "xy", "xy_yaw".
+std::string_view experiment_name(Experiment experiment);
+
+/// The paper's strategies, in its order: base ICP and the three confidences.
+inline constexpr std::array<std::string_view, 4> kPaperStrategies = {"base", "covariance",
+                                                                     "observations", "distance"};
+
+/// "In all cases where the alignment is satisfactory, the score is below 0.0037 for this map pair": m²,
+/// valid for that pair only.
+inline constexpr double kPublishedSuccessScore = 0.0037;
+
+struct PublishedOutcome {
+  double score;  ///< m²
+  int iterations;
+  double duration_s;  ///< PCL without optimisation, scored at each iteration
+};
+
+/// One configuration, and its results in the paper's supplement.
+struct PublishedExperiment {
+  Experiment experiment;
+  std::size_t k;
+  Displacement initial;
+  double initial_score;                      ///< m²
+  std::array<PublishedOutcome, 4> outcomes;  ///< in the order of kPaperStrategies
+};
+
+/// All 45, in the order of the supplement.
+std::span<const PublishedExperiment> published_experiments();
+
+/// The score of base ICP from the identity, 0.0034319 m²: the paper's example of a good alignment (Figure
+/// 2a).
+double published_reference_score();
+
+/// A success threshold for another pair of maps: 1.078 times the score of a good alignment, the ratio of
+/// the published threshold to published_reference_score().
+double success_score_above(double good_score);
 
 struct PaperOptions {
   IcpOptions
@@ -67,5 +119,34 @@ Rigid3 initial_pose(const Displacement& displacement, const std::optional<Rigid3
 /// The run of one strategy under a published configuration.
 const TrialResult& run_of(const PaperResults& results, std::size_t configuration,
                           std::size_t strategy);
+
+/// The tables of the paper and its supplement, with the published numbers next to ours: a table of scores
+/// for each experiment (that of k is the paper's Table 1), then iterations, pose errors if the truth is
+/// known, and success counts. No times.
+/// @param tolerance of a success by the true pose
+std::vector<ResultTable> paper_tables(const PaperResults& results, const PoseTolerance& tolerance);
+
+/// Duration of each run, next to the published one.
+ResultTable paper_durations(const PaperResults& results);
+
+/// Displacement at which each quadrant failed; for results with a search.
+ResultTable search_table(const PaperResults& results);
+
+/// From where the runs start: "the true pose, displaced" or "the maps as they lie, displaced".
+std::string_view start_text(const PaperResults& results);
+
+/// Two frames, one of each map, that observed the same place.
+struct CommonView {
+  FrameIndex source;
+  FrameIndex target;
+  std::size_t landmarks = 0;  ///< of the source, observed by both
+};
+
+/// The frames of two aligned maps with the most common landmarks; the first of equals. A source landmark is
+/// common to them if its nearest target landmark is within the radius and each is observed in its frame.
+/// @param radius in the maps' unit of length, positive
+/// @returns std::nullopt if no two frames have a common landmark, or a map has no observations
+std::optional<CommonView> find_common_view(const LandmarkMap& source, const LandmarkMap& target,
+                                           const Rigid3& target_from_source, double radius);
 
 }  // namespace cairn

@@ -1,22 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/paper_tables.hpp"
-
 #include <algorithm>
-#include <array>
 #include <functional>
 #include <utility>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/experiments/paper.hpp"
 #include "cairn/geometry/angles.hpp"
 
 namespace cairn {
 namespace {
 
 using Cell = ResultTable::Cell;
-
-constexpr std::size_t kStrategyCount = kPaperStrategies.size();
 
 Cell cell(const std::optional<double>& value) {
   return value ? Cell(*value) : Cell();
@@ -48,7 +44,7 @@ ResultTable side_by_side(const PaperResults& results, std::string name, std::str
         row.push_back(published_cell(outcome));
       }
     }
-    for (std::size_t s = 0; s < kStrategyCount; ++s) {
+    for (std::size_t s = 0; s < kPaperStrategies.size(); ++s) {
       row.push_back(cell_of(run_of(results, i, s)));
     }
     table.rows.push_back(std::move(row));
@@ -90,7 +86,7 @@ std::string count(Experiment experiment, std::size_t strategy,
   for (std::size_t i = 0; i < published.size(); ++i) {
     if (published[i].experiment != experiment) continue;
     ++total;
-    if (passes(i * kStrategyCount + strategy)) ++passed;
+    if (passes(i * kPaperStrategies.size() + strategy)) ++passed;
   }
   return fmt::format("{} of {}", passed, total);
 }
@@ -108,12 +104,13 @@ ResultTable successes(const PaperResults& results, const PoseTolerance& toleranc
   if (results.has_truth) table.columns.push_back({"by true pose"});
   const auto published = published_experiments();
   for (const Experiment experiment : kExperiments) {
-    for (std::size_t s = 0; s < kStrategyCount; ++s) {
+    for (std::size_t s = 0; s < kPaperStrategies.size(); ++s) {
       std::vector<Cell> row = {
           std::string(experiment_name(experiment)), std::string(kPaperStrategies[s]),
           count(experiment, s,
                 [&](std::size_t i) {
-                  return published[i / kStrategyCount].outcomes[s].score < kPublishedSuccessScore;
+                  return published[i / kPaperStrategies.size()].outcomes[s].score <
+                         kPublishedSuccessScore;
                 }),
           count(experiment, s,
                 [&](std::size_t i) { return results.score_success(results.runs[i]); }),
@@ -183,21 +180,6 @@ ResultTable search_table(const PaperResults& results) {
 
 std::string_view start_text(const PaperResults& results) {
   return results.has_truth ? "the true pose, displaced" : "the maps as they lie, displaced";
-}
-
-std::string describe(const Displacement& displacement) {
-  const std::array<std::pair<std::string_view, double>, 6> parts = {
-      {{"x", displacement.x_m},
-       {"y", displacement.y_m},
-       {"z", displacement.z_m},
-       {"roll", displacement.roll_deg},
-       {"pitch", displacement.pitch_deg},
-       {"yaw", displacement.yaw_deg}}};
-  std::string text;
-  for (const auto& [name, value] : parts) {
-    if (value != 0.0) text += fmt::format("{}{} {:g}", text.empty() ? "" : " ", name, value);
-  }
-  return text.empty() ? "none" : text;
 }
 
 }  // namespace cairn

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/paper_tables.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/detail/csv.hpp"
+#include "cairn/experiments/paper.hpp"
 
 namespace cairn {
 namespace {

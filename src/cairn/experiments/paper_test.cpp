@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/run.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -13,7 +13,7 @@ namespace cairn {
 namespace {
 
 // Both in the target's frame, as the paper's maps are.
-MapPair small_pair(bool with_truth = true) {
+MapPair paper_pair(bool with_truth = true) {
   SyntheticPair synthetic =
       synthetic_pair({.seed = 6, .landmarks = 250, .frames = 12, .overlap = 0.9});
   MapPair pair{"small",
@@ -25,7 +25,7 @@ MapPair small_pair(bool with_truth = true) {
 }
 
 TEST(PaperExperiments, RunEveryConfigurationByEveryStrategy) {
-  const MapPair pair = small_pair();
+  const MapPair pair = paper_pair();
   const PaperResults results = run_paper_experiments(pair);
   ASSERT_EQ(results.runs.size(), 180U);
   const auto published = published_experiments();
@@ -58,7 +58,7 @@ TEST(PaperExperiments, StartFromTheTruthOrElseFromTheMapsAsRead) {
   unknown.truth.reset();
   const PaperResults from_truth = run_paper_experiments(own);
   const PaperResults as_read = run_paper_experiments(unknown);
-  const PaperResults common = run_paper_experiments(small_pair());
+  const PaperResults common = run_paper_experiments(paper_pair());
   EXPECT_TRUE(from_truth.has_truth);
   EXPECT_FALSE(as_read.has_truth);
   // The same starts as of the maps in one frame.
@@ -72,7 +72,7 @@ TEST(PaperExperiments, StartFromTheTruthOrElseFromTheMapsAsRead) {
 }
 
 TEST(PaperExperiments, AreTheSameWithAnyNumberOfThreads) {
-  const MapPair pair = small_pair();
+  const MapPair pair = paper_pair();
   const auto text = [&](unsigned threads) {
     PaperOptions options;
     options.execution.executor = Executor(threads);
@@ -89,7 +89,7 @@ TEST(PaperExperiments, AreTheSameWithAnyNumberOfThreads) {
 }
 
 TEST(PaperExperiments, ScaleThePapersThresholdToThePair) {
-  const MapPair pair = small_pair(false);
+  const MapPair pair = paper_pair(false);
   const PaperResults results = run_paper_experiments(pair);
   const auto published = published_experiments();
   for (std::size_t i = 0; i < published.size(); ++i) {
@@ -103,7 +103,7 @@ TEST(PaperExperiments, ScaleThePapersThresholdToThePair) {
 }
 
 TEST(PaperExperiments, SearchTheFirstFailureOfEachQuadrant) {
-  const MapPair pair = small_pair();
+  const MapPair pair = paper_pair();
   PaperOptions options;
   options.search_xy = true;
   options.search_resolution_m = 0.03;
@@ -137,7 +137,7 @@ TEST(PaperExperiments, SearchTheFirstFailureOfEachQuadrant) {
 }
 
 TEST(PaperExperiments, StopWhenAsked) {
-  const MapPair pair = small_pair();
+  const MapPair pair = paper_pair();
   std::stop_source stop;
   PaperOptions options;
   options.execution.stop = stop.get_token();
@@ -148,7 +148,7 @@ TEST(PaperExperiments, StopWhenAsked) {
 }
 
 TEST(PaperExperiments, RefuseOptionsByName) {
-  const MapPair pair = small_pair();
+  const MapPair pair = paper_pair();
   PaperOptions options;
   options.success_score = -1.0;
   try {

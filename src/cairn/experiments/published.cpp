@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/published.hpp"
-
 #include <algorithm>
+
+#include "cairn/experiments/paper.hpp"
 
 namespace cairn {
 namespace {

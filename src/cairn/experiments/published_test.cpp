@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/published.hpp"
-
 #include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
+
+#include "cairn/experiments/paper.hpp"
 
 namespace cairn {
 namespace {

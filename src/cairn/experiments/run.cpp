@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/experiments/run.hpp"
 
+#include <array>
+#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
@@ -93,6 +95,27 @@ PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
     points.target_cloud = landmark_cloud(pair.target, strategy.metric, options);
   }
   return points;
+}
+
+Rigid3 Displacement::pose() const {
+  constexpr double kRadians = std::numbers::pi / 180.0;
+  return Rigid3::from_roll_pitch_yaw({x_m, y_m, z_m}, roll_deg * kRadians, pitch_deg * kRadians,
+                                     yaw_deg * kRadians);
+}
+
+std::string describe(const Displacement& displacement) {
+  const std::array<std::pair<std::string_view, double>, 6> parts = {
+      {{"x", displacement.x_m},
+       {"y", displacement.y_m},
+       {"z", displacement.z_m},
+       {"roll", displacement.roll_deg},
+       {"pitch", displacement.pitch_deg},
+       {"yaw", displacement.yaw_deg}}};
+  std::string text;
+  for (const auto& [name, value] : parts) {
+    if (value != 0.0) text += fmt::format("{}{} {:g}", text.empty() ? "" : " ", name, value);
+  }
+  return text.empty() ? "none" : text;
 }
 
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,

@@ -12,7 +12,7 @@
 
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/evaluation/pose_error.hpp"
-#include "cairn/experiments/displacement.hpp"
+#include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/registration/icp.hpp"
 
@@ -72,6 +72,24 @@ struct PairPoints {
 PairPoints pair_points(const MapPair& pair, const Strategy& strategy,
                        const PointSetOptions& options = {}, bool with_clouds = false);
 
+/// An initial misalignment, as listed in experiments and tables: R = Rz(yaw)·Ry(pitch)·Rx(roll), then the
+/// translation.
+struct Displacement {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  double z_m = 0.0;
+  double roll_deg = 0.0;
+  double pitch_deg = 0.0;
+  double yaw_deg = 0.0;
+
+  Rigid3 pose() const;
+
+  friend bool operator==(const Displacement&, const Displacement&) = default;
+};
+
+/// "x 0.5 y -0.5 yaw 10": the nonzero parts of a displacement, in metres and degrees; "none" for zero.
+std::string describe(const Displacement& displacement);
+
 /// One alignment task: the key of a row in tables.
 struct Trial {
   std::string pair = {};
@@ -109,6 +127,19 @@ struct TrialResult {
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
                       const std::optional<Rigid3>& truth, IcpOptions options,
                       std::uint64_t seed = 0);
+
+/// Runs as rows of two tables (docs/experiments.md): `runs.csv`, which is reproducible, and `timings.csv`
+/// with the same keys and the durations.
+///
+/// Rows end with a checksum and LF. Without LF a row is incomplete; with another checksum it is damaged.
+std::string runs_header();
+std::string runs_row(const TrialResult& run);
+std::string timings_header();
+std::string timings_row(const TrialResult& run);
+
+/// The runs of a `runs.csv`, without durations. Leaves out a truncated last row.
+/// @throws Error (input) naming line, column and constraint, or the line of a damaged row
+std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name);
 
 /// Largest pose error of a success.
 struct PoseTolerance {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/detail/runs_file.hpp"
 
 #include <algorithm>
 #include <array>
@@ -13,6 +13,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/experiments/run.hpp"
 #include "cairn/geometry/angles.hpp"
 
 namespace cairn {
@@ -65,14 +66,14 @@ std::vector<std::string_view> runs_columns() {
 // The row with its checksum and line end.
 std::string sealed(const Csv& row) {
   const std::string before = row.text() + ",";
-  return before + row_checksum(before) + "\n";
+  return before + detail::row_checksum(before) + "\n";
 }
 
 // Whether a text that ends with LF ends with the checksum of what is before.
 bool is_sealed(std::string_view row) {
   if (row.size() < kChecksumSize + 1) return false;
   const std::size_t size = row.size() - kChecksumSize - 1;
-  return row.substr(size, kChecksumSize) == row_checksum(row.substr(0, size));
+  return row.substr(size, kChecksumSize) == detail::row_checksum(row.substr(0, size));
 }
 
 // The cells of one row, one after another.
@@ -220,13 +221,14 @@ std::string timings_row(const TrialResult& run) {
   return sealed(row);
 }
 
-std::string row_checksum(std::string_view before) {
+std::string detail::row_checksum(std::string_view before) {
   Hasher hasher;
   hasher.update(before);
   return to_string(hasher.digest()).substr(0, kChecksumSize);
 }
 
-std::size_t sound_size(std::string_view table, std::string_view header, std::string_view name) {
+std::size_t detail::sound_size(std::string_view table, std::string_view header,
+                               std::string_view name) {
   if (!table.starts_with(header)) {
     if (is_lost(table.substr(0, header.size()), header)) return 0;
     throw Error(ErrorKind::kInput, fmt::format("{}:1", name),

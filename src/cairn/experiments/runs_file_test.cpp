@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/detail/runs_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/detail/csv.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/experiments/run.hpp"
 
 namespace cairn {
 namespace {
@@ -65,7 +66,7 @@ TEST(RunsFile, ReadsBackWhatItWrote) {
 std::string resealed(std::string row, std::string_view from, std::string_view to) {
   row.replace(row.find(from), from.size(), to);
   row.resize(row.rfind(',') + 1);
-  return row + row_checksum(row) + "\n";
+  return row + detail::row_checksum(row) + "\n";
 }
 
 TEST(RunsFile, NoticesEveryChangedByteOfARow) {
@@ -81,31 +82,32 @@ TEST(RunsFile, NoticesEveryChangedByteOfARow) {
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kInput);
     }
-    EXPECT_EQ(sound_size(table, runs_header(), "runs.csv"), runs_header().size() + other.size())
+    EXPECT_EQ(detail::sound_size(table, runs_header(), "runs.csv"),
+              runs_header().size() + other.size())
         << i;
   }
 }
 
 TEST(RunsFile, IsSoundUpToARowThatIsNotComplete) {
   const std::string whole = timings_header() + timings_row(full_run()) + timings_row(failed_run());
-  EXPECT_EQ(sound_size(whole, timings_header(), "t"), whole.size());
-  EXPECT_EQ(sound_size(whole.substr(0, whole.size() - 1), timings_header(), "t"),
+  EXPECT_EQ(detail::sound_size(whole, timings_header(), "t"), whole.size());
+  EXPECT_EQ(detail::sound_size(whole.substr(0, whole.size() - 1), timings_header(), "t"),
             timings_header().size() + timings_row(full_run()).size());
-  EXPECT_EQ(sound_size(timings_header().substr(0, 9), timings_header(), "t"), 0U);
-  EXPECT_THROW(sound_size("a,b\n", timings_header(), "t"), Error);
+  EXPECT_EQ(detail::sound_size(timings_header().substr(0, 9), timings_header(), "t"), 0U);
+  EXPECT_THROW(detail::sound_size("a,b\n", timings_header(), "t"), Error);
   // The power failed before the header was on the disk.
   std::string lost = timings_header() + timings_row(full_run());
   std::fill_n(lost.begin() + 3, lost.size() - 3, '\0');
-  EXPECT_EQ(sound_size(lost, timings_header(), "t"), 0U);
+  EXPECT_EQ(detail::sound_size(lost, timings_header(), "t"), 0U);
   lost[0] ^= 1;
-  EXPECT_THROW(sound_size(lost, timings_header(), "t"), Error);
+  EXPECT_THROW(detail::sound_size(lost, timings_header(), "t"), Error);
 }
 
 TEST(RunsFile, IsSoundWhereAPairsNameHasQuotesAndLineEnds) {
   TrialResult run = full_run();
   run.trial.pair = "a\n\"b\"\nc";
   const std::string table = runs_header() + runs_row(run) + runs_row(full_run());
-  EXPECT_EQ(sound_size(table, runs_header(), "runs.csv"), table.size());
+  EXPECT_EQ(detail::sound_size(table, runs_header(), "runs.csv"), table.size());
   EXPECT_EQ(parse_runs(table, "runs.csv")[0].trial.pair, run.trial.pair);
 }
 

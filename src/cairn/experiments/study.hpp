@@ -3,14 +3,23 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
 #include <optional>
+#include <span>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <variant>
 #include <vector>
 
+#include "cairn/core/executor.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/experiments/result_table.hpp"
 #include "cairn/experiments/run.hpp"
+
+/// Studies: many pairs of maps, each aligned from many initial poses by several methods.
 
 namespace cairn {
 
@@ -63,8 +72,8 @@ struct Study {
   /// lowest score times the ratio of the paper's threshold to its good example.
   std::optional<double> success_score;
   double confidence_level = 0.95;  ///< of intervals
-  double equivalence_margin =
-      0.05;  ///< largest difference of success rates that counts as equivalent
+  /// Largest difference of success rates that counts as equivalent. For studies/analyse.py.
+  double equivalence_margin = 0.05;
 };
 
 /// Reads a study from YAML (docs/experiments.md).
@@ -109,5 +118,166 @@ class StudyPlan {
 /// @param centroid of the source's landmarks, in the source frame
 Rigid3 displaced(const Displacement& displacement, const std::optional<Rigid3>& truth,
                  const Eigen::Vector3d& centroid);
+
+/// Part `index` of `count` of a study, from 1: a contiguous range of its runs.
+struct Shard {
+  std::size_t index = 1;
+  std::size_t count = 1;
+
+  /// @throws Error (misuse) unless 1 <= index <= count
+  void validate() const;
+  std::size_t begin(std::size_t runs) const {
+    return runs / count * (index - 1) + extra(runs, index - 1);
+  }
+  std::size_t end(std::size_t runs) const { return runs / count * index + extra(runs, index); }
+
+ private:
+  // The first shards have one more run if runs do not divide evenly.
+  std::size_t extra(std::size_t runs, std::size_t shards) const {
+    return shards < runs % count ? shards : runs % count;
+  }
+};
+
+/// A folder with the runs of a study or of a shard, safe against being killed at any time: complete rows of
+/// runs.csv and timings.csv are kept, no row is written twice; from a truncated or damaged row on, all are
+/// dropped and run again.
+/// Used by one process at a time: a second is refused, before it reads or writes anything.
+class StudyFolder {
+ public:
+  /// Creates the folder, or continues with its content.
+  /// @param inputs other inputs of the runs, one line each, e.g. the hashes of the maps
+  /// @throws Error (storage) if another process uses it or it cannot be written; (input) if it holds runs
+  ///        of another study or shard, naming the difference, or rows that do not match the plan
+  StudyFolder(const std::filesystem::path& folder, const StudyPlan& plan, const Shard& shard,
+              const std::vector<std::string>& inputs = {});
+  ~StudyFolder();
+  StudyFolder(const StudyFolder&) = delete;
+  StudyFolder& operator=(const StudyFolder&) = delete;
+
+  /// Kinds of processor that wrote rows, this one included, in ascending order; see processor_kind(). Those of
+  /// different kinds may differ in last digits.
+  const std::vector<std::string>& processors() const { return processors_; }
+
+  /// Rows in the folder; the next run is shard.begin() + done().
+  std::size_t done() const { return done_; }
+  /// Appends the next run's rows.
+  /// @throws Error (storage), e.g. for a full disk; (misuse) if it is not the next run
+  void append(const TrialResult& run);
+  /// Waits until all rows are on disk.
+  void sync();
+
+ private:
+  struct Files;
+  std::unique_ptr<Files> files_;
+  std::vector<std::string> processors_;
+  std::size_t done_ = 0;
+};
+
+struct StudyOptions {
+  Executor executor = Executor();
+  std::stop_token stop = {};
+  /// Called after each run, with the number of finished runs of the shard and the number of all.
+  std::function<void(std::size_t done, std::size_t all)> progress = {};
+  /// Called with each run before that.
+  std::function<void(const TrialResult& run)> each_run = {};
+};
+
+/// Makes the missing runs of the folder, in order, several at once; loads a pair's maps only if one of its
+/// runs is missing. The rows do not depend on the number of threads.
+/// @throws Error (cancelled); what `load_pair` and the folder throw
+void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
+               const std::function<MapPair(const StudyPair&)>& load_pair,
+               const StudyOptions& options = {});
+
+/// Whether the folder holds all runs of the shard, each row sound. Changes nothing.
+/// @param inputs as of StudyFolder
+/// @throws Error (input) as StudyFolder
+bool is_complete(const std::filesystem::path& folder, const StudyPlan& plan, const Shard& shard,
+                 const std::vector<std::string>& inputs = {});
+
+/// @param name of the study's file, for messages
+/// @throws Error (input) if the folder's runs are not of this study, naming the difference
+void require_runs_of(const std::filesystem::path& folder, const Study& study,
+                     std::string_view name);
+
+/// Joins the complete folders of all shards of one study, in any order, to the folder that a single process
+/// would have written; runs.csv is identical. The folder appears whole or not at all.
+/// @param merged a new or empty folder
+/// @return the kinds of processor that wrote the rows, as StudyFolder::processors()
+/// @throws Error (input) naming a folder of another study, incomplete, missing or given twice; (storage) if
+///        `merged` holds anything or cannot be written
+std::vector<std::string> merge_study(const std::vector<std::filesystem::path>& shards,
+                                     const std::filesystem::path& merged);
+
+/// How often runs succeed.
+struct SuccessCount {
+  std::size_t successes = 0;
+  std::size_t trials = 0;
+
+  void add(bool success) {
+    ++trials;
+    if (success) ++successes;
+  }
+  std::optional<double> share() const;  ///< std::nullopt for no trials
+};
+
+/// The same with an interval of the share at the study's confidence level. Runs of one pair of maps tend to succeed or
+/// fail together, so the pairs count as independent, not the runs. [0, 1] for fewer than two pairs.
+struct SuccessRate : SuccessCount {
+  double low = 0.0;
+  double high = 1.0;
+};
+
+/// Results of one strategy with one method and k.
+struct StrategySummary {
+  /// "observations", after the method's name if that is not ICP, with k if the study has several
+  std::string name;
+  SuccessRate success;                ///< by the true pose, over runs of pairs with truth
+  std::vector<double> pair_rates;     ///< the same share of each pair, as pairs_with_truth
+  std::vector<SuccessRate> of_group;  ///< the same, as StudySummary::groups
+  /// The same by initial pose: rows of rotation, columns of translation.
+  std::vector<SuccessCount> of_offset;
+  std::size_t runs = 0;             ///< with and without truth
+  std::size_t score_successes = 0;  ///< of these, by the paper's measure
+  std::size_t at_limit = 0;         ///< of these, ended at the iteration limit
+  double median_iterations = 0.0;
+  /// Median errors of the successes; std::nullopt if there are none.
+  std::optional<double> median_rotation_rad;
+  std::optional<double> median_translation;
+};
+
+/// Whether the score predicts success: is a lower score a better pose?
+struct ScoreJudgement {
+  std::size_t pairs = 0;  ///< with both right and wrong poses
+  /// Over those pairs: the probability that of a right and a wrong pose the right one has the lower score.
+  double median_auc = 0.5;
+  double lowest_auc = 0.5;
+  SuccessRate passed_wrong;     ///< runs with a wrong pose that pass by score
+  SuccessRate refused_right;    ///< runs with a right pose that fail by score
+  SuccessRate lowest_is_wrong;  ///< pairs whose lowest score belongs to a wrong pose
+};
+
+/// What a study's runs come to. studies/analyse.py compares the strategies.
+struct StudySummary {
+  std::vector<std::string> pairs;             ///< with runs
+  std::vector<std::size_t> pairs_with_truth;  ///< indices into pairs
+  std::vector<std::string> groups;    ///< kinds of place: pairs' names without a trailing number
+  std::vector<double> lowest_scores;  ///< over all runs of each pair, m²; 0 without runs
+  std::vector<double> rotation_edges_rad;  ///< of StrategySummary::of_offset, ascending
+  std::vector<double> translation_edges_m;
+  std::vector<StrategySummary> strategies;
+  ScoreJudgement judgement;  ///< only meaningful with truth
+};
+
+/// @param runs all of the study's, in order
+/// @throws Error (misuse) if they are not, or if poses have an error without a truth, or none with one
+StudySummary summarise_study(const Study& study, std::span<const TrialResult> runs);
+
+/// Success by strategy, kind of place, initial pose and pair, and whether the score predicts success.
+std::vector<ResultTable> study_tables(const Study& study, const StudySummary& summary);
+
+/// The main findings: which strategies succeed most and least often, whether the score predicts success, what was done.
+/// A sentence each.
+std::vector<std::string> study_findings(const Study& study, const StudySummary& summary);
 
 }  // namespace cairn

@@ -10,14 +10,25 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#ifdef CAIRN_HAS_YAML
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
+#endif
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/experiments/study.hpp"
 
 namespace cairn {
+
+#ifndef CAIRN_HAS_YAML
+
+Study parse_study(const std::string& /*yaml*/, std::string_view name) {
+  throw Error(ErrorKind::kInput, name, "this build cannot read studies", "a build with yaml-cpp");
+}
+
+#else
+
 namespace {
 
 constexpr std::size_t kMost = 1'000'000;  // of whatever a study counts
@@ -70,7 +81,7 @@ class Entry {
   }
 
   // Calls the handler of each key that is there.
-  using Handlers = std::vector<std::pair<std::string_view, std::function<void(const Entry&)>>>;
+  using Handlers = std::vector<std::pair<std::string_view, std::function<void(const Entry&)> > >;
   void read(const Handlers& handlers, std::initializer_list<std::string_view> required = {}) const {
     std::vector<std::string_view> names;
     for (const auto& [name, handler] : handlers) names.push_back(name);
@@ -227,49 +238,38 @@ void parse_initial(const Entry& entry, Study& study) {
               {"yaw_deg", range(&Displacement::yaw_deg, 180.0)}});
 }
 
-void parse_methods(const Entry& entry, Study& study) {
-  study.methods.clear();
+// Values of which none may be given twice.
+template <class Value, class Read>
+void parse_distinct(const Entry& entry, std::string_view what, std::vector<Value>& values,
+                    const Read& read) {
+  values.clear();
   for (const Entry& e : entry.list()) {
-    const std::string name = e.text();
-    const auto* const method =
-        std::find_if(kMethods.begin(), kMethods.end(),
-                     [&](Method candidate) { return to_string(candidate) == name; });
-    if (method == kMethods.end()) {
-      std::vector<std::string_view> names;
-      for (const Method candidate : kMethods) names.push_back(to_string(candidate));
-      e.refuse(printable(name), fmt::format("{}", fmt::join(names, ", ")));
+    Value value = read(e);
+    if (std::count(values.begin(), values.end(), value) > 0) {
+      e.refuse(printable(e.text()) + " is given twice", fmt::format("each {} once", what));
     }
-    if (std::count(study.methods.begin(), study.methods.end(), *method) > 0) {
-      e.refuse(printable(name) + " is given twice", "each method once");
-    }
-    study.methods.push_back(*method);
+    values.push_back(std::move(value));
   }
 }
 
-void parse_strategies(const Entry& entry, Study& study) {
-  study.strategies.clear();
-  for (const Entry& e : entry.list()) {
-    const std::string name = e.text();
-    try {
-      strategy_named(name);
-    } catch (const Error&) {
-      e.refuse(printable(name), fmt::format("base, {}", fmt::join(metric_names(), ", ")));
-    }
-    if (std::count(study.strategies.begin(), study.strategies.end(), name) > 0) {
-      e.refuse(printable(name) + " is given twice", "each strategy once");
-    }
-    study.strategies.push_back(name);
+Method parse_method(const Entry& entry) {
+  const std::string name = entry.text();
+  std::vector<std::string_view> names;
+  for (const Method candidate : kMethods) {
+    if (to_string(candidate) == name) return candidate;
+    names.push_back(to_string(candidate));
   }
+  entry.refuse(printable(name), fmt::format("{}", fmt::join(names, ", ")));
 }
 
-void parse_k(const Entry& entry, Study& study) {
-  study.k.clear();
-  for (const Entry& e : entry.list()) {
-    study.k.push_back(e.whole(1, 1000));
-    if (std::count(study.k.begin(), study.k.end(), study.k.back()) > 1) {
-      e.refuse(fmt::format("{} is given twice", study.k.back()), "each k once");
-    }
+std::string parse_strategy(const Entry& entry) {
+  std::string name = entry.text();
+  try {
+    strategy_named(name);
+  } catch (const Error&) {
+    entry.refuse(printable(name), fmt::format("base, {}", fmt::join(metric_names(), ", ")));
   }
+  return name;
 }
 
 void parse_align(const Entry& entry, Study& study) {
@@ -313,30 +313,38 @@ Study parse_study(const std::string& yaml, std::string_view name) {
   const Entry entry(root, std::string(name), "");
   const Entry top(root, std::string(name), "study");
   if (!root.IsMap()) top.refuse("no keys", "name, pairs, initial_poses, ...");
-  entry.read({{"name", [&](const Entry& e) { study.name = parse_name(e); }},
-              {"seed",
-               [&](const Entry& e) {
-                 study.seed = e.whole(0, std::numeric_limits<std::uint64_t>::max());
-               }},
-              {"pairs",
-               [&](const Entry& e) {
-                 for (const Entry& pair : e.list()) parse_pair(pair, study.pairs);
-                 std::set<std::string> names;
-                 for (const StudyPair& pair : study.pairs) {
-                   if (!names.insert(pair.name).second) {
-                     e.refuse(printable(pair.name) + " names two pairs", "a name each");
-                   }
-                 }
-               }},
-              {"initial_poses", [&](const Entry& e) { parse_initial(e, study); }},
-              {"methods", [&](const Entry& e) { parse_methods(e, study); }},
-              {"strategies", [&](const Entry& e) { parse_strategies(e, study); }},
-              {"k", [&](const Entry& e) { parse_k(e, study); }},
-              {"align", [&](const Entry& e) { parse_align(e, study); }},
-              {"success", [&](const Entry& e) { parse_success(e, study); }},
-              {"statistics", [&](const Entry& e) { parse_statistics(e, study); }}},
-             {"name", "pairs", "initial_poses"});
+  entry.read(
+      {{"name", [&](const Entry& e) { study.name = parse_name(e); }},
+       {"seed",
+        [&](const Entry& e) {
+          study.seed = e.whole(0, std::numeric_limits<std::uint64_t>::max());
+        }},
+       {"pairs",
+        [&](const Entry& e) {
+          for (const Entry& pair : e.list()) parse_pair(pair, study.pairs);
+          std::set<std::string> names;
+          for (const StudyPair& pair : study.pairs) {
+            if (!names.insert(pair.name).second) {
+              e.refuse(printable(pair.name) + " names two pairs", "a name each");
+            }
+          }
+        }},
+       {"initial_poses", [&](const Entry& e) { parse_initial(e, study); }},
+       {"methods",
+        [&](const Entry& e) { parse_distinct(e, "method", study.methods, parse_method); }},
+       {"strategies",
+        [&](const Entry& e) { parse_distinct(e, "strategy", study.strategies, parse_strategy); }},
+       {"k",
+        [&](const Entry& e) {
+          parse_distinct(e, "k", study.k, [](const Entry& one) { return one.whole(1, 1000); });
+        }},
+       {"align", [&](const Entry& e) { parse_align(e, study); }},
+       {"success", [&](const Entry& e) { parse_success(e, study); }},
+       {"statistics", [&](const Entry& e) { parse_statistics(e, study); }}},
+      {"name", "pairs", "initial_poses"});
   return study;
 }
+
+#endif
 
 }  // namespace cairn

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/study_runs.hpp"
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -23,7 +21,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/detail/runs_file.hpp"
+#include "cairn/experiments/study.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 
 namespace cairn {
@@ -132,83 +131,6 @@ void write_processors(const fs::path& folder, const std::set<std::string>& kinds
   });
 }
 
-// Held by the process that writes a folder, from before it reads what is there.
-class FolderLock {
- public:
-  explicit FolderLock(const fs::path& folder) : file_(folder / kLock, true) { file_.require(); }
-  ~FolderLock() {
-    std::error_code ignored;
-    fs::remove(file_.path(), ignored);
-  }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
-
- private:
-  detail::FileLock file_;
-};
-
-// A table that is only ever appended to.
-class RowFile {
- public:
-  RowFile(fs::path path, const std::string& header)
-      : path_(std::move(path)),
-        descriptor_(::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
-    if (descriptor_ < 0) fail(path_, "cannot be written");
-    try {
-      text_ = read_file(path_);
-      text_.resize(sound_size(text_, header, path_.string()));
-      if (text_.empty()) {
-        truncate(0);
-        append(header);
-        sync();  // a row is never without the header
-        text_ = header;
-      }
-      rows_ = parse_csv(text_, path_.string());
-    } catch (...) {
-      ::close(descriptor_);
-      throw;
-    }
-  }
-  ~RowFile() { ::close(descriptor_); }
-  RowFile(const RowFile&) = delete;
-  RowFile& operator=(const RowFile&) = delete;
-
-  std::size_t rows() const { return rows_.size() - 1; }
-  const std::string& text() const { return text_; }
-  std::string name() const { return path_.string(); }
-
-  // Keeps the header and so many rows.
-  void keep(std::size_t rows) { truncate(rows_[rows].end); }
-
-  void append(std::string_view bytes) const {
-    while (!bytes.empty()) {
-      const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
-      if (written < 0 && errno == EINTR) continue;
-      if (written < 0) fail(path_, "cannot be written");
-      bytes.remove_prefix(static_cast<std::size_t>(written));
-    }
-  }
-
-  void sync() const {
-    if (::fdatasync(descriptor_) != 0) fail(path_, "cannot be written");
-  }
-
-  void forget_text() {
-    text_ = {};
-    rows_ = {};
-  }
-
- private:
-  void truncate(std::size_t size) const {
-    if (::ftruncate(descriptor_, static_cast<off_t>(size)) != 0) fail(path_, "cannot be cut");
-  }
-
-  fs::path path_;
-  int descriptor_;
-  std::string text_;
-  std::vector<CsvRow> rows_;
-};
-
 // The rows that both tables hold.
 // @throws Error (input) if a row is not the study's run of its place
 std::size_t matching_rows(const std::string& runs_text, const std::string& name,
@@ -229,24 +151,89 @@ std::size_t matching_rows(const std::string& runs_text, const std::string& name,
   return rows;
 }
 
-// A table as it was read, up to the first row that is not sound.
-struct SoundTable {
-  std::string text;
-  std::size_t rows = 0;
-  bool is_whole = false;  // nothing follows
+}  // namespace
+
+// Parts of StudyFolder, which no unity build may see in an unnamed namespace.
+namespace detail {
+
+// Held by the process that writes a folder, from before it reads what is there.
+class FolderLock {
+ public:
+  explicit FolderLock(const fs::path& folder) : file_(folder / kLock, true) { file_.require(); }
+  ~FolderLock() {
+    std::error_code ignored;
+    fs::remove(file_.path(), ignored);
+  }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  FileLock file_;
 };
 
-SoundTable read_table(const fs::path& path, const std::string& header) {
-  SoundTable table{read_file(path)};
-  const std::size_t sound = sound_size(table.text, header, path.string());
-  table.is_whole = sound == table.text.size();
-  table.text.resize(sound);
-  const std::vector<CsvRow> rows = parse_csv(table.text, path.string());
-  table.rows = rows.empty() ? 0 : rows.size() - 1;
-  return table;
-}
+// A table as it was read, up to the first row that is not sound.
+struct SoundTable {
+  SoundTable(const fs::path& path, const std::string& header) : text(read_file(path)) {
+    const std::size_t sound = sound_size(text, header, path.string());
+    is_whole = sound == text.size();
+    text.resize(sound);
+    rows = parse_csv(text, path.string());
+  }
 
-}  // namespace
+  std::size_t runs() const { return rows.empty() ? 0 : rows.size() - 1; }
+
+  std::string text;
+  std::vector<CsvRow> rows = {};  // the header is the first
+  bool is_whole = false;          // nothing follows
+};
+
+// A table that is only ever appended to.
+class RowFile {
+ public:
+  explicit RowFile(fs::path path)
+      : path_(std::move(path)),
+        descriptor_(::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
+    if (descriptor_ < 0) fail(path_, "cannot be written");
+  }
+  ~RowFile() { ::close(descriptor_); }
+  RowFile(const RowFile&) = delete;
+  RowFile& operator=(const RowFile&) = delete;
+
+  const fs::path& path() const { return path_; }
+
+  // Reads what is there; begins with the header if that is not.
+  SoundTable read(const std::string& header) const {
+    SoundTable table(path_, header);
+    if (!table.rows.empty()) return table;
+    truncate(0);
+    append(header);
+    sync();  // a row is never without the header
+    return {path_, header};
+  }
+
+  void append(std::string_view bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
+      if (written < 0 && errno == EINTR) continue;
+      if (written < 0) fail(path_, "cannot be written");
+      bytes.remove_prefix(static_cast<std::size_t>(written));
+    }
+  }
+
+  void sync() const {
+    if (::fdatasync(descriptor_) != 0) fail(path_, "cannot be written");
+  }
+
+  void truncate(std::size_t size) const {
+    if (::ftruncate(descriptor_, static_cast<off_t>(size)) != 0) fail(path_, "cannot be cut");
+  }
+
+ private:
+  fs::path path_;
+  int descriptor_;
+};
+
+}  // namespace detail
 
 void Shard::validate() const {
   if (index >= 1 && index <= count) return;
@@ -255,21 +242,11 @@ void Shard::validate() const {
 }
 
 struct StudyFolder::Files {
-  Files(std::unique_ptr<FolderLock> the_lock, const fs::path& folder, const StudyPlan& the_plan,
-        const Shard& the_shard)
-      : lock(std::move(the_lock)),
-        plan(the_plan),
-        shard(the_shard),
-        runs(folder / kRuns, runs_header()),
-        timings(folder / kTimings, timings_header()) {}
-
-  std::unique_ptr<FolderLock> lock;
+  std::unique_ptr<detail::FolderLock> lock;
   StudyPlan plan;
   Shard shard;
-  RowFile runs;
-  RowFile timings;
-  std::vector<std::string> processors = {};
-  std::size_t done = 0;
+  detail::RowFile runs;
+  detail::RowFile timings;
 };
 
 StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Shard& shard,
@@ -278,7 +255,7 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw Error(ErrorKind::kStorage, folder.string(), error.message(), "");
-  auto lock = std::make_unique<FolderLock>(folder);
+  auto lock = std::make_unique<detail::FolderLock>(folder);
   const Identity identity = identity_of(plan, shard, inputs);
   const fs::path path = folder / kIdentity;
   if (is_there(path)) {
@@ -291,40 +268,31 @@ StudyFolder::StudyFolder(const fs::path& folder, const StudyPlan& plan, const Sh
     }
     write_file(path, [&](const ByteSink& sink) { sink(identity.text()); });
   }
-  files_ = std::make_unique<Files>(std::move(lock), folder, plan, shard);
-
-  files_->done =
-      matching_rows(files_->runs.text(), files_->runs.name(), files_->timings.rows(), plan, shard);
-  files_->runs.keep(files_->done);
-  files_->timings.keep(files_->done);
-  files_->runs.forget_text();
-  files_->timings.forget_text();
+  files_.reset(new Files{std::move(lock), plan, shard, detail::RowFile(folder / kRuns),
+                         detail::RowFile(folder / kTimings)});
+  const detail::SoundTable runs = files_->runs.read(runs_header());
+  const detail::SoundTable timings = files_->timings.read(timings_header());
+  done_ = matching_rows(runs.text, files_->runs.path().string(), timings.runs(), plan, shard);
+  files_->runs.truncate(runs.rows[done_].end);
+  files_->timings.truncate(timings.rows[done_].end);
 
   std::set<std::string> processors = read_processors(folder);
-  if (files_->done == 0) processors.clear();
+  if (done_ == 0) processors.clear();
   if (processors.insert(detail::processor_kind()).second) write_processors(folder, processors);
-  files_->processors.assign(processors.begin(), processors.end());
+  processors_.assign(processors.begin(), processors.end());
 }
 
 StudyFolder::~StudyFolder() = default;
 
-const std::vector<std::string>& StudyFolder::processors() const {
-  return files_->processors;
-}
-
-std::size_t StudyFolder::done() const {
-  return files_->done;
-}
-
 void StudyFolder::append(const TrialResult& run) {
-  const std::size_t next = files_->shard.begin(files_->plan.size()) + files_->done;
+  const std::size_t next = files_->shard.begin(files_->plan.size()) + done_;
   if (next >= files_->shard.end(files_->plan.size()) || run.trial != files_->plan.trial(next)) {
     throw Error(ErrorKind::kMisuse, "StudyFolder.append", "not the next run",
                 "runs in their order");
   }
   files_->runs.append(runs_row(run));
   files_->timings.append(timings_row(run));
-  ++files_->done;
+  ++done_;
 }
 
 void StudyFolder::sync() {
@@ -380,12 +348,12 @@ bool is_complete(const fs::path& folder, const StudyPlan& plan, const Shard& sha
   const Identity identity = identity_of(plan, shard, inputs);
   require_same(folder, read_identity(folder).text(), identity.text());
   if (!is_there(folder / kRuns) || !is_there(folder / kTimings)) return false;
-  const SoundTable runs = read_table(folder / kRuns, runs_header());
-  const SoundTable timings = read_table(folder / kTimings, timings_header());
-  const bool is_whole = runs.is_whole && timings.is_whole && runs.rows == identity.runs &&
-                        timings.rows == identity.runs;
+  const detail::SoundTable runs(folder / kRuns, runs_header());
+  const detail::SoundTable timings(folder / kTimings, timings_header());
+  const bool is_whole = runs.is_whole && timings.is_whole && runs.runs() == identity.runs &&
+                        timings.runs() == identity.runs;
   if (!is_whole) return false;
-  matching_rows(runs.text, (folder / kRuns).string(), timings.rows, plan, shard);
+  matching_rows(runs.text, (folder / kRuns).string(), timings.runs(), plan, shard);
   return true;
 }
 
@@ -437,9 +405,9 @@ std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const 
     const std::string header = text;
     for (const auto& [index, part] : parts) {
       const fs::path path = part.first / name;
-      const SoundTable table = read_table(path, header);
-      if (table.rows != part.second.runs || !table.is_whole) {
-        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} sound rows", table.rows),
+      const detail::SoundTable table(path, header);
+      if (table.runs() != part.second.runs || !table.is_whole) {
+        throw Error(ErrorKind::kInput, path.string(), fmt::format("{} sound rows", table.runs()),
                     fmt::format("{}; run the shard again to complete it", part.second.runs));
       }
       text += table.text.substr(header.size());

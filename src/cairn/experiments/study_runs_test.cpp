@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/study_runs.hpp"
-
 #include <barrier>
 #include <filesystem>
 #include <memory>
@@ -13,7 +11,8 @@
 #include "cairn/core/detail/processor.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/experiments/runs_file.hpp"
+#include "cairn/experiments/detail/runs_file.hpp"
+#include "cairn/experiments/study.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/temporary_folder.hpp"
@@ -284,7 +283,7 @@ TEST_F(StudyRunsTest, KeepTheRowsOfAnotherStudy) {
   const std::size_t third = text.find('\n', second) + 1;
   std::string row = text.substr(second, text.rfind(',', third) + 1 - second);
   row.replace(row.find("observations"), 12, "covariance");
-  text.replace(second, third - second, row + row_checksum(row) + "\n");
+  text.replace(second, third - second, row + detail::row_checksum(row) + "\n");
   write_file(folder_ / "a/runs.csv", [&](const ByteSink& sink) { sink(text); });
   EXPECT_THAT(refusal(folder_ / "a", plan_), HasSubstr("runs.csv:3: is not the study's run"));
 }

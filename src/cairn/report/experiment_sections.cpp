@@ -2,13 +2,11 @@
 #include "cairn/report/experiment_sections.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "cairn/experiments/paper_tables.hpp"
-#include "cairn/experiments/statistics/density.hpp"
-#include "cairn/experiments/study_tables.hpp"
 #include "cairn/geometry/angles.hpp"
 
 namespace cairn::report {
@@ -114,32 +112,33 @@ Section score_against_error(const std::vector<ScoredPose>& poses, double toleran
                        std::move(chart));
 }
 
-Section success_chart(const StudyAnalysis& analysis) {
+void add_item(IntervalSeries& series, const std::string& name, const SuccessRate& rate) {
+  const auto share = rate.share();
+  if (!share) return;
+  series.items.push_back({name, kPercent * *share, kPercent * rate.low, kPercent * rate.high});
+}
+
+Section success_chart(const StudySummary& summary) {
   IntervalsChart chart;
   chart.x_label = "Success by the true pose (%)";
   IntervalSeries all{.name = "all places"};
-  for (const StrategySummary& strategy : analysis.strategies) {
-    const Interval interval = strategy.interval.value_or(strategy.success.interval);
-    all.items.push_back({strategy.name, kPercent * strategy.success.estimate.value_or(0.0),
-                         kPercent * interval.low, kPercent * interval.high});
+  for (const StrategySummary& strategy : summary.strategies) {
+    add_item(all, strategy.name, strategy.success);
   }
   chart.series.push_back(std::move(all));
   return chart_section("success", "Success by strategy",
-                       "Share of the starts that end at the true pose, with an interval from "
-                       "resampling the pairs of maps.",
+                       "Share of the starts that end at the true pose, with an interval for which "
+                       "the pair of maps is the unit.",
                        std::move(chart));
 }
 
-Section places_chart(const StudyAnalysis& analysis) {
+Section places_chart(const StudySummary& summary) {
   IntervalsChart chart;
   chart.x_label = "Success by the true pose (%)";
-  for (const StrategySummary& strategy : analysis.strategies) {
+  for (const StrategySummary& strategy : summary.strategies) {
     IntervalSeries series{.name = strategy.name};
-    for (std::size_t group = 0; group < analysis.groups.size(); ++group) {
-      const Proportion& rate = strategy.group_success[group];
-      if (!rate.estimate) continue;
-      series.items.push_back({analysis.groups[group], kPercent * *rate.estimate,
-                              kPercent * rate.interval.low, kPercent * rate.interval.high});
+    for (std::size_t group = 0; group < summary.groups.size(); ++group) {
+      add_item(series, summary.groups[group], strategy.of_group[group]);
     }
     chart.series.push_back(std::move(series));
   }
@@ -150,48 +149,44 @@ Section places_chart(const StudyAnalysis& analysis) {
       std::move(chart));
 }
 
-Section differences_chart(const StudyAnalysis& analysis) {
-  IntervalsChart chart;
-  chart.x_label = "Difference of success (points)";
-  IntervalSeries series{.name = "difference"};
-  for (const StrategyComparison& comparison : analysis.comparisons) {
-    const BootstrapResult& difference = comparison.difference.difference;
-    const auto& interval = difference.bca ? difference.bca : difference.percentile;
-    const double value = -kPercent * difference.estimate;
-    series.items.push_back({fmt::format("{} - {}", analysis.strategies[comparison.second].name,
-                                        analysis.strategies[comparison.first].name),
-                            value, interval ? -kPercent * interval->high : value,
-                            interval ? -kPercent * interval->low : value});
+Section pairs_chart(const StudySummary& summary) {
+  DistributionChart chart;
+  chart.x_label = "Strategy";
+  chart.y_label = "Success of a pair (%)";
+  for (const StrategySummary& strategy : summary.strategies) {
+    Distribution group{.name = strategy.name};
+    for (std::size_t i = 0; i < strategy.pair_rates.size(); ++i) {
+      group.values.push_back(kPercent * strategy.pair_rates[i]);
+      group.labels.push_back(summary.pairs[summary.pairs_with_truth[i]]);
+    }
+    chart.groups.push_back(std::move(group));
   }
-  chart.series.push_back(std::move(series));
-  return chart_section("differences", "Differences between strategies",
-                       "Intervals from resampling the pairs of maps; one that holds 0 shows no "
-                       "difference.",
+  return chart_section("success-by-pair", "Success by pair of maps",
+                       "Share of a pair's starts that end at the true pose. Solid: median; dashed: "
+                       "mean; points: single pairs.",
                        std::move(chart));
 }
 
-Section basins_chart(const StudyAnalysis& analysis) {
+Section basins_chart(const StudySummary& summary) {
   HeatmapChart chart;
   chart.x_label = "Translation of the start (m)";
   chart.y_label = "Rotation of the start (deg)";
   chart.value_label = "Success (%)";
   chart.range = {{0.0, kPercent}};
-  const SuccessTable& first = analysis.strategies.front().basin;
-  chart.x = first.translation_edges;
-  for (const double edge : first.rotation_edges) chart.y.push_back(degrees(edge));
-  for (const StrategySummary& strategy : analysis.strategies) {
+  chart.x = summary.translation_edges_m;
+  for (const double edge : summary.rotation_edges_rad) chart.y.push_back(degrees(edge));
+  const std::size_t columns = chart.x.size() - 1;
+  for (const StrategySummary& strategy : summary.strategies) {
     HeatmapPanel panel{.name = strategy.name};
-    for (std::size_t i = 0; i < strategy.basin.rows(); ++i) {
-      std::vector<double> values;
-      std::vector<double> counts;
-      for (std::size_t j = 0; j < strategy.basin.columns(); ++j) {
-        const Proportion& cell = strategy.basin.at(i, j);
-        values.push_back(cell.estimate ? kPercent * *cell.estimate
-                                       : std::numeric_limits<double>::quiet_NaN());
-        counts.push_back(static_cast<double>(cell.count.trials));
+    for (std::size_t i = 0; i < strategy.of_offset.size(); ++i) {
+      if (i % columns == 0) {
+        panel.values.emplace_back();
+        panel.counts.emplace_back();
       }
-      panel.values.push_back(std::move(values));
-      panel.counts.push_back(std::move(counts));
+      const SuccessCount& cell = strategy.of_offset[i];
+      panel.values.back().push_back(
+          kPercent * cell.share().value_or(std::numeric_limits<double>::quiet_NaN()));
+      panel.counts.back().push_back(static_cast<double>(cell.trials));
     }
     chart.panels.push_back(std::move(panel));
   }
@@ -247,25 +242,25 @@ std::vector<Section> paper_sections(const PaperResults& results, const PoseToler
   return sections;
 }
 
-std::vector<Section> study_sections(const Study& study, const StudyAnalysis& analysis,
+std::vector<Section> study_sections(const Study& study, const StudySummary& summary,
                                     std::span<const TrialResult> runs) {
   std::vector<Section> sections;
-  if (!analysis.pairs_with_truth.empty()) {
-    sections.push_back(success_chart(analysis));
-    if (analysis.groups.size() > 1) sections.push_back(places_chart(analysis));
-    if (!analysis.comparisons.empty()) sections.push_back(differences_chart(analysis));
-    sections.push_back(basins_chart(analysis));
+  if (!summary.pairs_with_truth.empty()) {
+    sections.push_back(success_chart(summary));
+    if (summary.groups.size() > 1) sections.push_back(places_chart(summary));
+    if (summary.pairs.size() > 1) sections.push_back(pairs_chart(summary));
+    sections.push_back(basins_chart(summary));
     std::vector<ScoredPose> poses;
     // More points show nothing new and enlarge the page.
     constexpr std::size_t kMostPoints = 6000;
     const std::size_t step = runs.size() / kMostPoints + 1;
-    const std::size_t runs_per_pair = runs.size() / analysis.pairs.size();
+    const std::size_t runs_per_pair = runs.size() / summary.pairs.size();
     // Strategies take turns: an odd step takes from all of them.
     for (std::size_t i = 0; i < runs.size(); i += step | 1U) {
       const TrialResult& run = runs[i];
       if (!run.error || !run.score) continue;
       poses.push_back({approach_name(run.trial.method, run.trial.strategy), run.error->translation,
-                       *run.score / analysis.lowest_scores[i / runs_per_pair],
+                       *run.score / summary.lowest_scores[i / runs_per_pair],
                        fmt::format("{} {}", run.trial.pair, run.trial.number)});
     }
     if (!poses.empty()) {
@@ -273,23 +268,8 @@ std::vector<Section> study_sections(const Study& study, const StudyAnalysis& ana
                                              "Score, times the pair's lowest"));
     }
   }
-  std::vector<ResultTable> tables = study_tables(study, analysis);
-  std::erase_if(tables,
-                [](const ResultTable& table) { return table.name == "basins"; });  // charted
-  add_tables(sections, tables);
+  add_tables(sections, study_tables(study, summary));
   return sections;
-}
-
-DensityFunction violin_density() {
-  return [](std::span<const double> values) {
-    std::vector<DensityPoint> points;
-    const auto density = kernel_density(values, {.points = 128, .reach = 0.0});
-    if (!density) return points;
-    for (std::size_t i = 0; i < density->positions.size(); ++i) {
-      points.push_back({density->positions[i], density->densities[i]});
-    }
-    return points;
-  };
 }
 
 }  // namespace cairn::report

@@ -7,12 +7,10 @@
 
 #include "cairn/experiments/paper.hpp"
 #include "cairn/experiments/result_table.hpp"
-#include "cairn/experiments/study_analysis.hpp"
-#include "cairn/report/figures/figures.hpp"
+#include "cairn/experiments/study.hpp"
 #include "cairn/report/report.hpp"
 
-/// Experiments as sections of a report. A chart section is also a figure: its id is the name of a file with
-/// the `chart_svg` of its chart.
+/// Experiments as sections of a report.
 namespace cairn::report {
 
 Section table_section(const ResultTable& source);
@@ -21,13 +19,9 @@ Section table_section(const ResultTable& source);
 /// truth is known, and all tables.
 std::vector<Section> paper_sections(const PaperResults& results, const PoseTolerance& tolerance);
 
-/// Success by strategy and kind of place, basins of convergence, score versus pose error, and all tables but the
-/// basins, whose numbers the chart shows.
-/// @param runs those of the analysis
-std::vector<Section> study_sections(const Study& study, const StudyAnalysis& analysis,
+/// Success by strategy, kind of place and pair, basins of convergence, score versus pose error, and all tables.
+/// @param runs those of the summary
+std::vector<Section> study_sections(const Study& study, const StudySummary& summary,
                                     std::span<const TrialResult> runs);
-
-/// Density estimate for violins: a kernel estimate within the range of the values.
-DensityFunction violin_density();
 
 }  // namespace cairn::report

@@ -18,7 +18,7 @@
 #include "cairn/core/statistics.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/map/camera_projection.hpp"
-#include "cairn/report/map_builder.hpp"
+#include "cairn/report/detail/map_builder.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
 
@@ -170,7 +170,7 @@ class Shrinking {
 class Shrinkings {
  public:
   Shrinkings(const LandmarkMap& map, std::uint32_t most_width)
-      : map_(map), frustum_(frustum_of(map)), most_width_(most_width) {}
+      : map_(map), frustum_(detail::frustum_of(map)), most_width_(most_width) {}
 
   const Shrinking& of(std::size_t frame, const ColorImage& image) {
     const auto camera = frame < map_.frames().cameras.size() ? map_.frames().cameras[frame]

@@ -12,7 +12,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/map/camera.hpp"
-#include "cairn/report/map_builder.hpp"
+#include "cairn/report/detail/map_builder.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
 
@@ -129,7 +129,7 @@ TEST(FrameImages, FillTheFrustumWithoutDistortion) {
   const ColorImage small =
       decoded(folder, frame_images(map, folder / "s", {.width = 128, .quality = 100}).front());
   ASSERT_EQ(small.width, 128U);
-  const Frustum frustum = *frustum_of(map);
+  const Frustum frustum = *detail::frustum_of(map);
   int unseen = 0;  // colours come back from JPEG only roughly
   for (std::uint32_t row = 2; row + 2 < small.height; ++row) {
     for (std::uint32_t column = 2; column + 2 < small.width; ++column) {

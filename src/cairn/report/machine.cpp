@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/machine.hpp"
-
 #include <string>
 
 #include <fmt/format.h>
@@ -9,6 +7,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/report/writer.hpp"
 
 namespace cairn::report {
 namespace {

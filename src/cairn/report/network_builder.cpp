@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/network_builder.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -14,7 +12,8 @@
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/report/map_builder.hpp"
+#include "cairn/report/detail/map_builder.hpp"
+#include "cairn/report/sections.hpp"
 
 namespace cairn::report {
 namespace {
@@ -208,14 +207,14 @@ std::vector<std::optional<std::string>> add_maps(Report& report, std::span<const
       ids.emplace_back();
       continue;
     }
-    MapOptions options{.id = fmt::format("map-{}", i), .name = maps[i].name};
+    detail::MapOptions options{.id = fmt::format("map-{}", i), .name = maps[i].name};
     if (stride > 1) {
       options.landmarks.emplace();
       for (std::size_t k = 0; k < maps[i].map->landmark_count(); k += stride) {
         options.landmarks->push_back(LandmarkIndex{static_cast<std::uint32_t>(k)});
       }
     }
-    Map map = make_map(*maps[i].map, options);
+    Map map = detail::make_map(*maps[i].map, options);
     map.columns.clear();  // colours identify the map; keeps pages of many maps small
     map.colors.clear();
     ids.emplace_back(map.id);
@@ -223,8 +222,6 @@ std::vector<std::optional<std::string>> add_maps(Report& report, std::span<const
   }
   return ids;
 }
-
-}  // namespace
 
 Network make_network(std::span<const NetworkMap> maps, std::span<const NetworkEdge> edges) {
   require_indices(maps, edges);
@@ -235,7 +232,8 @@ Network make_network(std::span<const NetworkMap> maps, std::span<const NetworkEd
     if (!map.frame || group_of_frame[*map.frame]) continue;
     const NetworkMap& frame = maps[*map.frame];
     group_of_frame[*map.frame] = network.groups.size();
-    network.groups.push_back({frame.name, frame.map == nullptr ? std::nullopt : up_of(*frame.map)});
+    network.groups.push_back(
+        {frame.name, frame.map == nullptr ? std::nullopt : detail::up_of(*frame.map)});
   }
   const std::vector<Similarity3> chained = chained_poses(maps, edges);
   for (std::size_t i = 0; i < maps.size(); ++i) {
@@ -259,6 +257,7 @@ Network make_network(std::span<const NetworkMap> maps, std::span<const NetworkEd
   return network;
 }
 
+// Distance of each used or contradicted link from the poses.
 IntervalsChart residual_chart(const Network& network) {
   IntervalsChart chart;
   chart.x_label = fmt::format("Distance from the poses ({})", unit_of(network.length_unit));
@@ -279,6 +278,8 @@ IntervalsChart residual_chart(const Network& network) {
   return chart;
 }
 
+// When each map's keyframes were taken; maps without times have no bar. If the longest session would take less than 2 %
+// of the common axis, each session starts at zero.
 SpansChart session_chart(std::span<const NetworkMap> maps) {
   struct Taken {
     std::string row;
@@ -321,6 +322,8 @@ SpansChart session_chart(std::span<const NetworkMap> maps) {
   }
   return chart;
 }
+
+}  // namespace
 
 void add_network(Report& report, std::span<const NetworkMap> maps,
                  std::span<const NetworkEdge> edges, std::vector<NetworkThing> things,

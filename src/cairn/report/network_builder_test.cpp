@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/network_builder.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -15,6 +13,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/report/sections.hpp"
 #include "cairn/report/writer.hpp"
 
 namespace cairn::report {
@@ -57,9 +56,31 @@ struct Row {
                                     NetworkEdge{.target = 0, .source = 3, .probability = 0.1}};
 };
 
+const Section* section_of(const Report& report, std::string_view id) {
+  const auto found = std::find_if(report.sections.begin(), report.sections.end(),
+                                  [&](const Section& one) { return one.id == id; });
+  return found == report.sections.end() ? nullptr : &*found;
+}
+
+Report report_of(std::span<const NetworkMap> maps, std::span<const NetworkEdge> edges) {
+  Report report;
+  report.title = "t";
+  add_network(report, maps, edges);
+  return report;
+}
+
+Network network_of(std::span<const NetworkMap> maps, std::span<const NetworkEdge> edges) {
+  return std::get<Network>(section_of(report_of(maps, edges), "network")->content);
+}
+
+template <class Kind>
+Kind chart_of(const Report& report, std::string_view id) {
+  return std::get<Kind>(std::get<Chart>(section_of(report, id)->content));
+}
+
 TEST(MakeNetwork, GoesFromOwnFramesAlongTheLinksToTheOptimisedPoses) {
   const Row row;
-  const Network network = make_network(row.maps, row.edges);
+  const Network network = network_of(row.maps, row.edges);
   ASSERT_THAT(network.stages, SizeIs(3));
   ASSERT_THAT(network.nodes[2].group_from_node, SizeIs(3));
   EXPECT_EQ(network.nodes[2].group_from_node[0].matrix(), Matrix4d::Identity());
@@ -72,7 +93,7 @@ TEST(MakeNetwork, GoesFromOwnFramesAlongTheLinksToTheOptimisedPoses) {
 TEST(MakeNetwork, ChainsTheSurestUsedLinks) {
   Row row;
   row.edges.push_back(edge(2, 0, shift(-2.5), 0.99));  // usable, but less sure than by way of b
-  const Network network = make_network(row.maps, row.edges);
+  const Network network = network_of(row.maps, row.edges);
   EXPECT_NEAR(network.nodes[2].group_from_node[1].translation().x(), 2.003, 1e-12);
 }
 
@@ -88,7 +109,7 @@ TEST(MakeNetwork, ChainsAlongManyLinksInEitherDirection) {
     edges.push_back(i % 2 == 0 ? edge(i - 1, i, shift(1.0), probability)
                                : edge(i, i - 1, shift(-1.0), probability));
   }
-  const Network network = make_network(maps, edges);
+  const Network network = network_of(maps, edges);
   EXPECT_NEAR(network.nodes.back().group_from_node[1].translation().x(), kMaps - 1.0, 1e-6);
 }
 
@@ -96,7 +117,7 @@ TEST(MakeNetwork, AGroupIsNamedByItsFrame) {
   Row row;
   row.maps.push_back(placed("e", shift(0.0), 4));
   row.maps.push_back(placed("f", shift(5.0), 4));
-  const Network network = make_network(row.maps, row.edges);
+  const Network network = network_of(row.maps, row.edges);
   ASSERT_THAT(network.groups, SizeIs(2));
   EXPECT_EQ(network.groups[1].frame, "e");
   EXPECT_EQ(network.nodes[5].group, 1U);
@@ -106,7 +127,7 @@ TEST(MakeNetwork, ResidualsAreDistanceAndAngleAtTheSourcesCentre) {
   std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0, 90.0))};
   maps[1].centre = {1.0, 0.0, 0.0};
   const std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.0, 91.0), 1.0)};
-  const Network network = make_network(maps, edges);
+  const Network network = network_of(maps, edges);
   EXPECT_NEAR(*network.links[0].residual_deg, 1.0, 1e-9);
   EXPECT_NEAR(*network.links[0].residual, 2.0 * std::sin(radians(0.5)), 1e-9);
 }
@@ -114,12 +135,13 @@ TEST(MakeNetwork, ResidualsAreDistanceAndAngleAtTheSourcesCentre) {
 TEST(MakeNetwork, RefusesIndicesThatAreNoMaps) {
   Row row;
   row.edges.push_back(edge(0, 9, shift(0.0), 1.0));
-  EXPECT_THROW(make_network(row.maps, row.edges), Error);
+  EXPECT_THROW(network_of(row.maps, row.edges), Error);
 }
 
 TEST(ResidualChart, ShowsUsedAndContradictedLinksApart) {
   const Row row;
-  const IntervalsChart chart = residual_chart(make_network(row.maps, row.edges));
+  const IntervalsChart chart =
+      chart_of<IntervalsChart>(report_of(row.maps, row.edges), "residuals");
   ASSERT_THAT(chart.series, SizeIs(2));
   EXPECT_EQ(chart.series[0].items.size(), 2U);
   EXPECT_EQ(chart.series[1].name, "contradicted");
@@ -130,7 +152,7 @@ TEST(ResidualChart, ShowsUsedAndContradictedLinksApart) {
 TEST(ResidualChart, LeavesOutLinksThatAloneSayWhereAMapIs) {
   const std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0))};
   const std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.0), 1.0)};
-  EXPECT_THAT(residual_chart(make_network(maps, edges)).series, IsEmpty());
+  EXPECT_EQ(section_of(report_of(maps, edges), "residuals"), nullptr);
 }
 
 // Keyframes one second apart.
@@ -150,34 +172,29 @@ TEST(SessionChart, KeepsOneClockUnlessABarWouldBeALine) {
   std::vector<NetworkMap> maps = {placed("a", shift(0.0)), placed("b", shift(1.0))};
   maps[0].map = &first;
   maps[1].map = &later;
-  SpansChart chart = session_chart(maps);
+  SpansChart chart = chart_of<SpansChart>(report_of(maps, {}), "sessions");
   ASSERT_THAT(chart.series, SizeIs(2));
   EXPECT_EQ(chart.series[0].spans[0].start, 1000.0);
   EXPECT_EQ(chart.series[1].spans[0].end, 1105.0);
   EXPECT_EQ(chart.x_label, "Time");
 
   maps[1].map = &other_clock;
-  chart = session_chart(maps);
+  chart = chart_of<SpansChart>(report_of(maps, {}), "sessions");
   ASSERT_THAT(chart.series, SizeIs(2));
   for (const SpanSeries& series : chart.series) EXPECT_EQ(series.spans[0].start, 0.0);
   EXPECT_EQ(chart.series[0].spans[0].end, 10.0);
   EXPECT_EQ(chart.series[1].spans[0].end, 5.0);
   EXPECT_EQ(chart.series[1].spans[0].marks.back(), 5.0);
   EXPECT_THAT(chart.x_label, HasSubstr("since the session's first keyframe"));
-  Report report;
-  report.title = "t";
-  add_network(report, maps, {});
-  const auto sessions = std::find_if(report.sections.begin(), report.sections.end(),
-                                     [](const Section& one) { return one.id == "sessions"; });
-  ASSERT_NE(sessions, report.sections.end());
-  EXPECT_THAT(*sessions->text, HasSubstr("Each session starts at zero"));
+  const Report report = report_of(maps, {});
+  EXPECT_THAT(*section_of(report, "sessions")->text, HasSubstr("Each session starts at zero"));
 
   // Maps of one session keep their order in time.
   maps[0].session = maps[1].session = "s";
   maps[1].map = &later;
   maps.push_back(placed("c", shift(2.0)));
   maps[2].map = &other_clock;
-  chart = session_chart(maps);
+  chart = chart_of<SpansChart>(report_of(maps, {}), "sessions");
   EXPECT_EQ(chart.series[1].spans[0].start, 100.0);
   EXPECT_EQ(chart.series[2].spans[0].start, 0.0);
 }
@@ -185,13 +202,8 @@ TEST(SessionChart, KeepsOneClockUnlessABarWouldBeALine) {
 TEST(LinksTable, DoesNotRoundAProbabilityUpTo100) {
   Row row;
   row.edges[0].probability = 0.99998;
-  Report report;
-  report.title = "t";
-  add_network(report, row.maps, row.edges);
-  const auto links = std::find_if(report.sections.begin(), report.sections.end(),
-                                  [](const Section& one) { return one.id == "links"; });
-  ASSERT_NE(links, report.sections.end());
-  EXPECT_EQ(std::get<Table>(links->content).rows[0][2], Scalar(99.99));
+  const Report report = report_of(row.maps, row.edges);
+  EXPECT_EQ(std::get<Table>(section_of(report, "links")->content).rows[0][2], Scalar(99.99));
 }
 
 TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {
@@ -217,9 +229,7 @@ TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {
 TEST(AddNetwork, WritesEvenWhatHasNoPoseAndNoLandmarks) {
   Row row;
   for (NetworkMap& map : row.maps) map.frame.reset();
-  Report report;
-  report.title = "t";
-  add_network(report, row.maps, row.edges);
+  const Report report = report_of(row.maps, row.edges);
   std::string page;
   write_report(report, "<!--CAIRN:TITLE--><!--CAIRN:DATA-->",
                [&](std::string_view text) { page += text; });

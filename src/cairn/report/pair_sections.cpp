@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/pair_sections.hpp"
-
 #include <cctype>
 #include <cmath>
 #include <utility>
@@ -8,7 +6,9 @@
 #include <fmt/format.h>
 
 #include "cairn/geometry/angles.hpp"
-#include "cairn/report/map_builder.hpp"
+#include "cairn/report/detail/map_builder.hpp"
+#include "cairn/report/detail/run_builder.hpp"
+#include "cairn/report/sections.hpp"
 
 namespace cairn::report {
 namespace {
@@ -26,8 +26,7 @@ std::vector<std::pair<std::string, double>> evidence_of(const Support& support) 
   return evidence;
 }
 
-}  // namespace
-
+// Verdict, pose with its uncertainty, candidates.
 AlignmentAnswer answer_of(const Alignment& alignment, const std::string& name) {
   AlignmentAnswer answer{.name = name,
                          .status = std::string(status_of(alignment)),
@@ -51,36 +50,28 @@ AlignmentAnswer answer_of(const Alignment& alignment, const std::string& name) {
   return answer;
 }
 
-AlignmentRun make_run(const Alignment& alignment, const ShownPoints& source,
-                      const ShownPoints& target, RunOptions options) {
-  RegistrationResult registration = alignment.registration;
-  registration.reason = alignment.reason;
-  registration.duration_s = alignment.duration_s;
-  options.rejected = alignment.verdict == Verdict::kRejected;
-  options.status = status_of(alignment);
-  return make_run(registration, source, target, options);
-}
+}  // namespace
 
 std::vector<AlignmentRun> runs_of(const ShownPair& pair) {
   const bool has_maps = pair.source != nullptr && pair.target != nullptr;
-  ShownPoints source;
-  ShownPoints target;
+  detail::ShownPoints source;
+  detail::ShownPoints target;
   if (has_maps) {
-    source = ShownPoints::only_aligned(*pair.source, pair.points);
-    target = ShownPoints::only_aligned(*pair.target, pair.points);
+    source = detail::ShownPoints::only_aligned(*pair.source, pair.points);
+    target = detail::ShownPoints::only_aligned(*pair.target, pair.points);
   }
   std::vector<AlignmentRun> runs;
   for (const ShownAlignment& shown : pair.alignments) {
-    const RunOptions options{.name = shown.name,
-                             .initial = pair.initial,
-                             .k = shown.k,
-                             .truth = has_maps ? pair.truth : std::nullopt};
+    const detail::RunOptions options{.name = shown.name,
+                                     .initial = pair.initial,
+                                     .k = shown.k,
+                                     .truth = has_maps ? pair.truth : std::nullopt};
     if (has_maps) {
-      runs.push_back(make_run(*shown.alignment, source, target, options));
+      runs.push_back(detail::make_run(*shown.alignment, source, target, options));
     } else {
       Alignment alignment = *shown.alignment;
       for (IterationRecord& iteration : alignment.registration.history) iteration.matches.clear();
-      runs.push_back(make_run(alignment, source, target, options));
+      runs.push_back(detail::make_run(alignment, source, target, options));
     }
   }
   return runs;
@@ -88,12 +79,13 @@ std::vector<AlignmentRun> runs_of(const ShownPair& pair) {
 
 void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> runs,
               const std::string& prefix) {
-  Table table = run_table(runs, pair.unit);
+  Table table = detail::run_table(runs, pair.unit);
   const std::vector<std::pair<Section, LinesChart>> charts = {
-      {{.id = "convergence", .title = "Convergence"}, convergence_chart(runs, pair.unit)},
+      {{.id = "convergence", .title = "Convergence"}, detail::convergence_chart(runs, pair.unit)},
       {{.id = "translation-error", .title = "Translation error"},
-       error_chart(runs, pair.unit, true)},
-      {{.id = "rotation-error", .title = "Rotation error"}, error_chart(runs, pair.unit, false)}};
+       detail::error_chart(runs, pair.unit, true)},
+      {{.id = "rotation-error", .title = "Rotation error"},
+       detail::error_chart(runs, pair.unit, false)}};
   const bool has_maps = pair.source != nullptr && pair.target != nullptr;
   const std::string names = pair.source_name + " to " + pair.target_name;
   if (pair.answer && !pair.alignments.empty()) {
@@ -111,10 +103,11 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
   if (has_maps) {
     const auto add_shown = [&](const char* role, const LandmarkMap& map, const std::string& name,
                                const std::vector<FrameImage>& images) {
-      report.maps.push_back(make_map(map, {.id = prefix + role,
-                                           .name = name,
-                                           .landmarks = landmarks_to_align(map, pair.points),
-                                           .images = images}));
+      report.maps.push_back(
+          detail::make_map(map, {.id = prefix + role,
+                                 .name = name,
+                                 .landmarks = landmarks_to_align(map, pair.points),
+                                 .images = images}));
     };
     add_shown("source", *pair.source, pair.source_name, pair.source_images);
     add_shown("target", *pair.target, pair.target_name, pair.target_images);
@@ -125,7 +118,7 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
          .content = Scene{.source = prefix + "source",
                           .target = prefix + "target",
                           .truth = pair.truth,
-                          .up = up_of(*pair.target),
+                          .up = detail::up_of(*pair.target),
                           .runs = std::move(runs)}});
   }
   report.sections.push_back(
@@ -145,17 +138,17 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
 
 void add_map(Report& report, const LandmarkMap& map, const std::string& name,
              const std::string& prefix, std::vector<FrameImage> images) {
-  report.maps.push_back(make_map(map, {.id = prefix + "map",
-                                       .name = name,
-                                       .landmarks = std::nullopt,
-                                       .images = std::move(images)}));
+  report.maps.push_back(detail::make_map(map, {.id = prefix + "map",
+                                               .name = name,
+                                               .landmarks = std::nullopt,
+                                               .images = std::move(images)}));
   report.sections.push_back({.id = prefix + "scene",
                              .title = prefix.empty() ? "Map" : name,
                              .text = std::nullopt,
                              .content = Scene{.source = std::nullopt,
                                               .target = prefix + "map",
                                               .truth = std::nullopt,
-                                              .up = up_of(map),
+                                              .up = detail::up_of(map),
                                               .runs = {}}});
 }
 

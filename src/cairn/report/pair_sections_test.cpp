@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/pair_sections.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -12,6 +10,7 @@
 
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/report/sections.hpp"
 
 namespace cairn::report {
 namespace {
@@ -111,7 +110,10 @@ TEST_F(PairSections, NameTheDirectionsThatAreOpen) {
   Alignment open = alignment_;
   open.registration.covariance.reset();
   open.registration.unobservable = {{.translation = {0, 1, 0}, .rotation = {0, 0, 0.5}}};
-  const AlignmentAnswer answer = answer_of(open, "icp");
+  pair_.alignments = {{&open, "icp", 1}};
+  Report report;
+  add_pair(report, pair_, runs_of(pair_));
+  const AlignmentAnswer answer = std::get<Answer>(report.sections.front().content).alignments.at(0);
   EXPECT_FALSE(answer.deviations);
   ASSERT_EQ(answer.open.size(), 1U);
   EXPECT_EQ(answer.open[0].translation, Eigen::Vector3d(0, 1, 0));
@@ -129,8 +131,8 @@ TEST_F(PairSections, ARunSaysTheVerdictNotWhatTheMethodThinksOfItself) {
   Alignment rejected = alignment_;
   rejected.verdict = Verdict::kRejected;
   rejected.reason = "too little in common";
-  const AlignmentRun run = make_run(rejected, ShownPoints::only_aligned(maps_.source, {}),
-                                    ShownPoints::only_aligned(maps_.target, {}), {});
+  pair_.alignments = {{&rejected, "icp", 1}};
+  const AlignmentRun run = runs_of(pair_).at(0);
   const auto status = std::find_if(run.summary.begin(), run.summary.end(),
                                    [](const auto& entry) { return entry.first == "status"; });
   ASSERT_NE(status, run.summary.end());

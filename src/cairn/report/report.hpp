@@ -85,7 +85,7 @@ struct Frames {
   std::vector<FrameImage> images = {};  ///< at most one per frame
 };
 
-/// Landmarks to show; make_map() builds it from a LandmarkMap.
+/// Landmarks to show.
 struct Map {
   std::string id = {};  ///< unique among the report's maps; lower-case letters, digits and '-'
   std::string name = {};
@@ -109,7 +109,7 @@ struct Matches {
   std::vector<std::int32_t> targets = {};         ///< their new matches, or -1
 };
 
-/// One alignment; make_run() builds it from a RegistrationResult. Lists of numbers are empty if unknown,
+/// One alignment; runs_of() builds it from a result. Lists of numbers are empty if unknown,
 /// else have one entry per pose, NaN if unknown.
 struct AlignmentRun {
   std::string name = {};
@@ -146,11 +146,8 @@ struct Distribution {
   std::vector<std::string> labels = {};  ///< one per value, or empty
 };
 
-enum class DistributionStyle { kViolin, kBox };
-
 /// Distributions side by side, as in the paper's Figures 3 to 5.
 struct DistributionChart {
-  DistributionStyle style = DistributionStyle::kViolin;
   std::string x_label = {};
   std::string y_label = {};
   AxisScale y_scale = AxisScale::kLinear;
@@ -162,16 +159,12 @@ struct Line {
   std::string name = {};
   std::vector<double> x = {};
   std::vector<double> y = {};
-  std::vector<double> low = {};   ///< lower ends of the intervals; empty: none
-  std::vector<double> high = {};  ///< upper ends
 };
 
 struct LinesChart {
   std::string x_label = {};
   std::string y_label = {};
-  AxisScale x_scale = AxisScale::kLinear;
   AxisScale y_scale = AxisScale::kLinear;
-  std::optional<Threshold> threshold = {};
   std::vector<Line> series = {};
 };
 
@@ -330,18 +323,6 @@ struct Network {
   std::vector<NetworkThing> things = {};
 };
 
-struct Image {
-  std::string caption = {};
-  ImageType type = ImageType::kPng;
-  std::vector<std::uint8_t> bytes = {};  ///< of the file
-  std::uint32_t width = 0;               ///< pixels
-  std::uint32_t height = 0;
-};
-
-struct Images {
-  std::vector<Image> images = {};
-};
-
 /// A candidate pose and its evidence.
 struct AnswerCandidate {
   Similarity3 target_from_source = {};
@@ -388,7 +369,7 @@ struct Section {
   std::string id = {};  ///< unique among the report's sections; lower-case letters, digits and '-'
   std::string title = {};
   std::optional<std::string> text = {};  ///< a paragraph; in Text, blank lines separate paragraphs
-  std::variant<Scene, Chart, Table, Images, Text, Network, Answer> content = Text();
+  std::variant<Scene, Chart, Table, Text, Network, Answer> content = Text();
 };
 
 struct Report {

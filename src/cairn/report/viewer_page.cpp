@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/viewer_page.hpp"
-
 #include "cairn/core/error.hpp"
+#include "cairn/report/writer.hpp"
 
 #ifdef CAIRN_VIEWER_PAGE
 

@@ -22,8 +22,6 @@
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/report/detail/gzip_base64.hpp"
-#include "cairn/report/detail/markup.hpp"
-#include "cairn/report/viewer_page.hpp"
 
 namespace cairn::report {
 namespace {
@@ -84,7 +82,7 @@ class Buffers {
     return add(kept_.back());
   }
 
-  void write(GzipBase64& out) const {
+  void write(detail::GzipBase64& out) const {
     constexpr std::string_view kPadding("\0\0\0\0\0\0\0", 7);
     for (const std::string_view part : parts_) {
       out.write(part);
@@ -324,7 +322,6 @@ class Document {
   void add(Json& json, const Scene& scene, const std::string& where);
   static void add(Json& json, const Chart& chart, const std::string& where);
   static void add(Json& json, const Table& table, const std::string& where);
-  void add(Json& json, const Images& images, const std::string& where);
   static void add(Json& json, const Text& text, const std::string& where);
   void add(Json& json, const Network& network, const std::string& where);
   void add(Json& json, const Answer& answer, const std::string& where) const;
@@ -404,8 +401,7 @@ Json Document::frames_json(const Frames& frames, const std::string& where) {
 }
 
 Json Document::section_json(const Section& section) {
-  static constexpr const char* kKinds[] = {"scene", "chart",   "table", "images",
-                                           "text",  "network", "answer"};
+  static constexpr const char* kKinds[] = {"scene", "chart", "table", "text", "network", "answer"};
   static_assert(std::size(kKinds) == std::variant_size_v<decltype(section.content)>);
   Json json = {{"kind", kKinds[section.content.index()]},
                {"id", section.id},
@@ -496,7 +492,7 @@ void require_labels(const std::vector<std::string>& labels, std::size_t count,
 }
 
 void add_chart(Json& json, const DistributionChart& chart, const std::string& where) {
-  json["chart"] = chart.style == DistributionStyle::kViolin ? "violin" : "box";
+  json["chart"] = "violin";
   json["x_label"] = chart.x_label;
   json["y_label"] = chart.y_label;
   json["y_scale"] = to_json(chart.y_scale);
@@ -514,20 +510,11 @@ void add_chart(Json& json, const LinesChart& chart, const std::string& where) {
   json["chart"] = "lines";
   json["x_label"] = chart.x_label;
   json["y_label"] = chart.y_label;
-  json["x_scale"] = to_json(chart.x_scale);
   json["y_scale"] = to_json(chart.y_scale);
-  json["threshold"] = to_json(chart.threshold);
   json["series"] = Json::array();
   for (const Line& line : chart.series) {
     require_size(line.y.size(), line.x.size(), where, "Line.y");
-    for (const auto* const ends : {&line.low, &line.high}) {
-      if (!ends->empty()) require_size(ends->size(), line.x.size(), where, "Line.low or .high");
-    }
-    json["series"].push_back({{"name", line.name},
-                              {"x", to_json(line.x)},
-                              {"y", to_json(line.y)},
-                              {"low", list_or_null(line.low)},
-                              {"high", list_or_null(line.high)}});
+    json["series"].push_back({{"name", line.name}, {"x", to_json(line.x)}, {"y", to_json(line.y)}});
   }
 }
 
@@ -632,17 +619,6 @@ void Document::add(Json& json, const Table& table, const std::string& where) {
   for (const Best best : table.best) {
     json["best"].push_back(best == Best::kNone ? Json(nullptr)
                                                : Json(best == Best::kLow ? "low" : "high"));
-  }
-}
-
-void Document::add(Json& json, const Images& images, const std::string& /*where*/) {
-  json["images"] = Json::array();
-  for (const Image& image : images.images) {
-    json["images"].push_back({{"caption", image.caption},
-                              {"media_type", to_json(image.type)},
-                              {"data", buffers_.add(image.bytes)},
-                              {"width", image.width},
-                              {"height", image.height}});
   }
 }
 
@@ -787,12 +763,33 @@ std::size_t position_of(std::string_view page, std::string_view mark) {
   return position;
 }
 
+// Without characters that mark up HTML. plain_text() has replaced what is no text.
+std::string escaped(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    if (c == '&') {
+      result += "&amp;";
+    } else if (c == '<') {
+      result += "&lt;";
+    } else if (c == '>') {
+      result += "&gt;";
+    } else if (c == '"') {
+      result += "&quot;";
+    } else if (c == '\'') {
+      result += "&#39;";
+    } else {
+      result += c;
+    }
+  }
+  return result;
+}
+
 template <class Produce>
 void write_element(std::string_view name, const ByteSink& sink, const Produce& produce) {
   sink(fmt::format(
       R"(<script type="application/x-cairn-{0}" id="cairn-{0}" data-encoding="gzip-base64">)",
       name));
-  GzipBase64 encoder(sink);
+  detail::GzipBase64 encoder(sink);
   produce(encoder);
   encoder.finish();
   sink("</script>\n");
@@ -808,11 +805,11 @@ void write_report(const Report& report, std::string_view page, const ByteSink& s
   }
   const Document document(report);
   sink(page.substr(0, title));
-  sink(markup_text(plain_text(report.title)));
+  sink(escaped(plain_text(report.title)));
   const std::size_t title_end = title + kTitleMark.size();
   sink(page.substr(title_end, data - title_end));
-  write_element("report", sink, [&](GzipBase64& out) { out.write(document.text()); });
-  write_element("buffers", sink, [&](GzipBase64& out) { document.buffers().write(out); });
+  write_element("report", sink, [&](detail::GzipBase64& out) { out.write(document.text()); });
+  write_element("buffers", sink, [&](detail::GzipBase64& out) { document.buffers().write(out); });
   sink(page.substr(data + kDataMark.size()));
 }
 

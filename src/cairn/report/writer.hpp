@@ -20,4 +20,15 @@ void write_report(const Report& report, std::string_view page, const ByteSink& s
 /// @throws Error (misuse) if this build has no viewer; also as write_report and write_file
 void save_report(const Report& report, const std::filesystem::path& path);
 
+/// Whether this build contains the viewer (CMake option CAIRN_WITH_VIEWER), which reports need.
+bool has_viewer();
+
+/// The viewer's page, for write_report().
+/// @throws Error (misuse) if this build has none
+std::string_view viewer_page();
+
+/// The machine that runs this program; texts are empty if the system does not provide them.
+/// @param threads available to the work
+Machine this_machine(unsigned threads);
+
 }  // namespace cairn::report

@@ -5,7 +5,6 @@ import type { Cell, Chart } from "../document/report";
 export function chartRows(chart: Chart): Cell[][] {
   switch (chart.chart) {
     case "violin":
-    case "box":
       return [
         ["group", "label", chart.yLabel ?? "value"],
         ...chart.groups.flatMap((group) =>
@@ -14,16 +13,8 @@ export function chartRows(chart: Chart): Cell[][] {
       ];
     case "lines":
       return [
-        ["series", chart.xLabel ?? "x", chart.yLabel ?? "y", "low", "high"],
-        ...chart.series.flatMap((series) =>
-          series.x.map((x, i): Cell[] => [
-            series.name,
-            x,
-            series.y[i],
-            series.low?.[i] ?? null,
-            series.high?.[i] ?? null,
-          ]),
-        ),
+        ["series", chart.xLabel ?? "x", chart.yLabel ?? "y"],
+        ...chart.series.flatMap((series) => series.x.map((x, i): Cell[] => [series.name, x, series.y[i]])),
       ];
     case "heatmap":
       return [

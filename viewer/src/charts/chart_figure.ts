@@ -19,7 +19,6 @@ const kMinWidth = 280;
 export function drawChart(chart: Chart, options: DrawOptions): SVGSVGElement {
   switch (chart.chart) {
     case "violin":
-    case "box":
       return drawViolin(chart, options);
     case "lines":
       return drawLines(chart, options);
@@ -36,7 +35,6 @@ export function drawChart(chart: Chart, options: DrawOptions): SVGSVGElement {
 
 const kKinds: Record<Chart["chart"], string> = {
   violin: "Violin chart",
-  box: "Box chart",
   lines: "Line chart",
   heatmap: "Heat map",
   intervals: "Chart of values with intervals",
@@ -56,13 +54,14 @@ function describe(section: ChartSection): string {
 
 /** How many values a logarithmic axis cannot show; said rather than dropped silently. */
 function hiddenOnLogAxis(chart: Chart): number {
-  if ((chart.chart === "violin" || chart.chart === "box") && chart.yScale === "log") {
+  if (chart.chart === "violin" && chart.yScale === "log") {
     return chart.groups.flatMap((group) => group.values).filter((value) => value <= 0).length;
   }
   if (chart.chart === "lines" || chart.chart === "scatter") {
+    const xScale = chart.chart === "scatter" ? chart.xScale : "linear";
     return chart.series
       .flatMap((series) => series.x.map((x, i) => [x, series.y[i]]))
-      .filter(([x, y]) => (chart.xScale === "log" && x <= 0) || (chart.yScale === "log" && y <= 0)).length;
+      .filter(([x, y]) => (xScale === "log" && x <= 0) || (chart.yScale === "log" && y <= 0)).length;
   }
   if (chart.chart === "intervals" && chart.xScale === "log") {
     return chart.series.flatMap((series) => series.items).filter((item) => item.value <= 0).length;

@@ -23,8 +23,10 @@ interface LinePoint {
   name: string;
   x: number;
   y: number;
-  low: number;
-  high: number;
+}
+
+function xScaleOf(chart: LinesChart | ScatterChart): "linear" | "log" {
+  return chart.chart === "scatter" ? chart.xScale : "linear";
 }
 
 /** Margins, scales and symbols of both kinds of chart. */
@@ -41,7 +43,7 @@ function frame(
     marginBottom: 48,
     marginTop: 16,
     style: plotStyle(colors),
-    x: { type: chart.xScale, domain: xDomain, label: null },
+    x: { type: xScaleOf(chart), domain: xDomain, label: null },
     y: { type: chart.yScale, domain: yDomain, label: null },
     symbol: { domain: names, range: names.map(seriesSymbol) },
   };
@@ -62,7 +64,7 @@ function axes(
       label: chart.xLabel,
       ticks: xTicks,
       tickSize: xTickSize,
-      tickFormat: tickFormat(chart.xScale, xDomain),
+      tickFormat: tickFormat(xScaleOf(chart), xDomain),
     }),
   ];
 }
@@ -79,23 +81,16 @@ function tickCount(points: LinePoint[], width: number): number {
 export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElement {
   const { colors } = options;
   const points: LinePoint[] = chart.series.flatMap((series) =>
-    series.x.map((x, i) => ({
-      name: series.name,
-      x,
-      y: drawable(series.y[i], chart.yScale) ? series.y[i] : NaN,
-      low: series.low?.[i] ?? NaN,
-      high: series.high?.[i] ?? NaN,
-    })),
+    series.x.map((x, i) => ({ name: series.name, x, y: drawable(series.y[i], chart.yScale) ? series.y[i] : NaN })),
   );
-  const inX = points.filter((point) => drawable(point.x, chart.xScale));
+  const inX = points.filter((point) => Number.isFinite(point.x));
   const xs = inX.map((point) => point.x);
   const [first, last] = [Math.min(...xs), Math.max(...xs)];
   // Curves end where their axis does.
-  const xDomain: [number, number] = first < last ? [first, last] : extent(xs, chart.xScale, false);
-  const shown = [...inX.flatMap((point) => [point.y, point.low, point.high]), chart.threshold?.value ?? NaN];
+  const xDomain: [number, number] = first < last ? [first, last] : extent(xs, "linear", false);
+  const shown = inX.map((point) => point.y);
   const fromZero = options.yFrom === "zero" && chart.yScale === "linear";
   const yDomain = fromZero ? extentFromZero(shown) : extent(shown, chart.yScale, false);
-  const bands = inX.filter((point) => drawable(point.low, chart.yScale) && drawable(point.high, chart.yScale));
   const marked = inX.filter(
     (point) =>
       Number.isFinite(point.y) &&
@@ -109,7 +104,6 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
     marks: [
       Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
       ...axes(chart, xDomain, yDomain, colors, { xTicks: tickCount(inX, options.width) }),
-      Plot.areaY(bands, { x: "x", y1: "low", y2: "high", z: "name", fill: color, fillOpacity: 0.16 }),
       ...chart.series.map((series) =>
         Plot.line(
           inX.filter((point) => point.name === series.name),
@@ -132,14 +126,11 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
                 y: "y",
                 stroke: color,
                 fill: colors.background,
-                title: (point: LinePoint) =>
-                  `${point.name}\n${formatNumber(point.x)}: ${formatNumber(point.y, 5)}` +
-                  (Number.isFinite(point.low) ? `\n${formatNumber(point.low)} to ${formatNumber(point.high)}` : ""),
+                title: (point: LinePoint) => `${point.name}\n${formatNumber(point.x)}: ${formatNumber(point.y, 5)}`,
               }),
             ),
           ]
         : []),
-      ...thresholdMarks(chart.threshold, "y", colors),
     ],
   });
   return compose(

@@ -57,7 +57,6 @@ function jitter(index: number): number {
 export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElement {
   const { colors } = options;
   const scale = chart.yScale;
-  const withDensity = chart.chart === "violin";
   const groups = chart.groups.map((group, index) => ({
     ...group,
     index,
@@ -65,9 +64,9 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
     shown: group.values.filter((value) => drawable(value, scale)),
   }));
   const summaries = groups.map((group) => summarise(group.shown));
-  const outline: OutlinePoint[] = withDensity
-    ? groups.flatMap((group) => violinOutline(group.shown, scale).map((point) => ({ group: group.index, ...point })))
-    : [];
+  const outline: OutlinePoint[] = groups.flatMap((group) =>
+    violinOutline(group.shown, scale).map((point) => ({ group: group.index, ...point })),
+  );
   const points = groups.flatMap((group) =>
     group.values.flatMap((value, i) =>
       drawable(value, scale)
@@ -91,7 +90,6 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
   const width = Math.max(options.width, marginLeft + 20 + kMinBand * groups.length);
   const band = (width - marginLeft - 20) / Math.max(1, groups.length);
   const slanted = groups.some((group) => textWidth(group.name) > band - 8);
-  const boxHalf = withDensity ? kBoxHalfWidth : 0.24;
   const colorOf = (index: number) => groups[index].color;
   const plot = Plot.plot({
     width,
@@ -139,8 +137,8 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
       }),
       Plot.ruleX(boxes, { x: "centre", y1: "whiskerLow", y2: "whiskerHigh", stroke: "color" }),
       Plot.rect(boxes, {
-        x1: (d) => d.centre - boxHalf,
-        x2: (d) => d.centre + boxHalf,
+        x1: (d) => d.centre - kBoxHalfWidth,
+        x2: (d) => d.centre + kBoxHalfWidth,
         y1: "q1",
         y2: "q3",
         fill: colors.background,
@@ -150,16 +148,16 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
       }),
       Plot.ruleY(boxes, {
         y: "mean",
-        x1: (d) => d.centre - (withDensity ? 0.2 : boxHalf),
-        x2: (d) => d.centre + (withDensity ? 0.2 : boxHalf),
+        x1: (d) => d.centre - 0.2,
+        x2: (d) => d.centre + 0.2,
         stroke: colors.ink,
         strokeWidth: 1.5,
         strokeDasharray: "3 3",
       }),
       Plot.ruleY(boxes, {
         y: "median",
-        x1: (d) => d.centre - boxHalf,
-        x2: (d) => d.centre + boxHalf,
+        x1: (d) => d.centre - kBoxHalfWidth,
+        x2: (d) => d.centre + kBoxHalfWidth,
         stroke: colors.ink,
         strokeWidth: 2.5,
       }),
@@ -186,7 +184,7 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
   return compose(
     plot,
     [
-      ...(withDensity ? [{ label: "Density", color: colors.muted, mark: "area" as const }] : []),
+      { label: "Density", color: colors.muted, mark: "area" },
       { label: "Median", color: colors.ink, mark: "line" },
       { label: "Mean", color: colors.ink, mark: "line", dash: "3 3" },
       { label: "One value", color: colors.muted, mark: "dot", symbol: "circle" },

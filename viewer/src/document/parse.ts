@@ -10,7 +10,6 @@ import type {
   Column,
   FrameImage,
   Frames,
-  ImagesSection,
   LandmarkCloud,
   NetworkLink,
   NetworkNode,
@@ -198,8 +197,6 @@ function parseSection(field: Field, buffers: Buffers, lookUp: MapLookup, taken: 
         return { ...head, kind, chart: parseChart(field) };
       case "table":
         return { ...head, kind, table: parseTable(field) };
-      case "images":
-        return { ...head, kind, images: parseImages(field.get("images"), buffers) };
       case "network":
         return { ...head, ...parseNetwork(field, buffers, lookUp) };
       case "answer":
@@ -450,12 +447,11 @@ function parseScale(field: Field): "linear" | "log" {
 }
 
 function parseChart(field: Field): Chart {
-  const chart = field.get("chart").oneOf("violin", "box", "lines", "heatmap", "intervals", "scatter", "spans");
+  const chart = field.get("chart").oneOf("violin", "lines", "heatmap", "intervals", "scatter", "spans");
   const xLabel = field.get("x_label").textOrNull();
   const yLabel = field.get("y_label").textOrNull();
   switch (chart) {
     case "violin":
-    case "box":
       return {
         chart,
         xLabel,
@@ -475,22 +471,13 @@ function parseChart(field: Field): Chart {
         chart,
         xLabel,
         yLabel,
-        xScale: parseScale(field.get("x_scale")),
         yScale: parseScale(field.get("y_scale")),
-        threshold: parseThreshold(field.get("threshold")),
         series: field
           .get("series")
           .list()
           .map((series) => {
             const x = series.get("x").numbers();
-            const numbersOrNull = (key: string) => (series.get(key).isNull ? null : series.get(key).numbers(x.length));
-            return {
-              name: series.get("name").text(),
-              x,
-              y: series.get("y").numbers(x.length),
-              low: numbersOrNull("low"),
-              high: numbersOrNull("high"),
-            };
+            return { name: series.get("name").text(), x, y: series.get("y").numbers(x.length) };
           }),
       };
     case "heatmap": {
@@ -618,16 +605,4 @@ function parseTable(field: Field): Table {
       ? null
       : best.list(columns.length).map((item) => (item.isNull ? null : item.oneOf("low", "high"))),
   };
-}
-
-function parseImages(field: Field, buffers: Buffers): ImagesSection["images"] {
-  return field
-    .list()
-    .map((image) => ({
-      caption: image.get("caption").textOrNull() ?? "",
-      mediaType: image.get("media_type").oneOf("image/png", "image/jpeg"),
-      data: buffers.read(image.get("data"), ["u8"]),
-      width: image.get("width").count(),
-      height: image.get("height").count(),
-    }));
 }

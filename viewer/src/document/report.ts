@@ -102,7 +102,7 @@ export interface Threshold {
 }
 
 export interface ViolinChart {
-  chart: "violin" | "box";
+  chart: "violin";
   xLabel: string | null;
   yLabel: string | null;
   yScale: Scale;
@@ -114,10 +114,8 @@ export interface LinesChart {
   chart: "lines";
   xLabel: string | null;
   yLabel: string | null;
-  xScale: Scale;
   yScale: Scale;
-  threshold: Threshold | null;
-  series: { name: string; x: number[]; y: number[]; low: number[] | null; high: number[] | null }[];
+  series: { name: string; x: number[]; y: number[] }[];
 }
 
 export interface HeatmapChart {
@@ -183,19 +181,6 @@ export interface Table {
 export interface TableSection extends SectionHead {
   kind: "table";
   table: Table;
-}
-
-export interface ReportImage {
-  caption: string;
-  mediaType: "image/png" | "image/jpeg";
-  data: Uint8Array;
-  width: number;
-  height: number;
-}
-
-export interface ImagesSection extends SectionHead {
-  kind: "images";
-  images: ReportImage[];
 }
 
 export interface TextSection extends SectionHead {
@@ -311,7 +296,6 @@ export type Section =
   | SceneSection
   | ChartSection
   | TableSection
-  | ImagesSection
   | TextSection
   | NetworkSection
   | AnswerSection

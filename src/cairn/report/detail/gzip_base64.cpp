@@ -11,7 +11,7 @@
 
 #include <zlib.h>
 
-namespace cairn::report {
+namespace cairn::report::detail {
 namespace {
 
 constexpr std::string_view kDigits =
@@ -91,4 +91,4 @@ void GzipBase64::finish() {
   state_->sink(state_->text);
 }
 
-}  // namespace cairn::report
+}  // namespace cairn::report::detail

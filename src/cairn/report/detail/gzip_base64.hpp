@@ -6,7 +6,7 @@
 
 #include "cairn/core/file.hpp"
 
-namespace cairn::report {
+namespace cairn::report::detail {
 
 /// Compresses its input (gzip without a time, so that equal input gives equal bytes) and passes it on as
 /// base64, in one line, in pieces.
@@ -27,4 +27,4 @@ class GzipBase64 {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace cairn::report
+}  // namespace cairn::report::detail

@@ -16,7 +16,7 @@ struct Weights {
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
 };
 
-// Fitted by benchmarks/fit_placement_model.py; docs/evidence.md reports how well they predict other pairs.
+// Fitted by studies/fit_placement_model.py; docs/evidence.md reports how well they predict other pairs.
 constexpr Weights kWithAll = {-12.293, 12.076, 0.740, 0.0, -0.786};
 constexpr Weights kWithDescriptors = {-9.095, 11.304, 0.775, 0.0, 0.0};
 constexpr Weights kWithSight = {-10.875, 6.056, 1.379, 1.465, -0.816};

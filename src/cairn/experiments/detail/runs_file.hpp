@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace cairn::detail {
+
+/// The cell that ends a row: the first 8 hexadecimal digits of the 128-bit XXH3 hash of the row's text before
+/// it, which ends with a comma.
+std::string row_checksum(std::string_view before);
+
+/// Bytes of a table up to its first incomplete or damaged row; 0 if the header is incomplete, or zeros stand in it, as
+/// they do where the power failed while it was written.
+/// @throws Error (input) if it begins otherwise than with the header
+std::size_t sound_size(std::string_view table, std::string_view header, std::string_view name);
+
+}  // namespace cairn::detail

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cairn/alignment/align.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/registration/point_set.hpp"
+#include "cairn/report/report.hpp"
+
+/// Results as sections of a report: one map, a pair of maps and its alignments, several maps and their links.
+namespace cairn::report {
+
+/// One alignment of a pair of maps.
+struct ShownAlignment {
+  const Alignment* alignment = nullptr;
+  std::string name = {};  ///< of the method, e.g. "robust"
+  std::size_t k = 1;      ///< candidates per match of its ICP
+};
+
+/// Two maps and their alignments.
+struct ShownPair {
+  std::string source_name = "source";  ///< name for people
+  std::string target_name = "target";
+  const LandmarkMap* source = nullptr;  ///< with the target, or neither: then there is no scene
+  const LandmarkMap* target = nullptr;
+  std::vector<FrameImage> source_images = {};  ///< what its frames saw
+  std::vector<FrameImage> target_images = {};
+  LengthUnit unit = LengthUnit::kMetres;
+  PointSetOptions points = {};  ///< landmarks that take part
+  Rigid3 initial = {};
+  std::optional<Similarity3> truth = {};  ///< target_from_source; adds errors
+  std::optional<std::string> story = {};  ///< a paragraph above the scene
+  bool answer = true;                     ///< whether to show the results before the scene
+  std::vector<ShownAlignment> alignments = {};
+};
+
+/// The runs of a pair, one per alignment, in order. Without maps there are no matches and no errors.
+/// @throws Error (misuse) if a match names a missing landmark
+std::vector<AlignmentRun> runs_of(const ShownPair& pair);
+
+/// Adds the maps, the results, the scene, the table of results and the convergence curves.
+/// @param runs from runs_of()
+/// @param prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
+void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> runs,
+              const std::string& prefix = {});
+
+/// Adds a scene with this map only.
+/// @param images what its frames saw
+void add_map(Report& report, const LandmarkMap& map, const std::string& name,
+             const std::string& prefix = {}, std::vector<FrameImage> images = {});
+
+/// "Aligned: REASON."
+std::string verdict_sentence(const Alignment& alignment);
+
+/// A map and its pose.
+struct NetworkMap {
+  std::string name = {};
+  const LandmarkMap* map = nullptr;  ///< null: its landmarks are not shown
+  std::string session = {};          ///< empty: unknown
+  std::string reason = {};           ///< why it has no pose
+  /// Index of the map whose frame the pose is in, whose own pose is the identity; std::nullopt: no pose.
+  std::optional<std::size_t> frame = {};
+  Similarity3 frame_from_map = {};
+  std::size_t landmarks = 0;
+  std::size_t keyframes = 0;
+  std::optional<std::size_t> fused = {};     ///< landmarks fused with those of other maps
+  Eigen::Vector3d centre = {0.0, 0.0, 0.0};  ///< of the landmarks
+  LengthUnit length_unit = LengthUnit::kMetres;
+};
+
+/// A link between two of the maps.
+struct NetworkEdge {
+  std::size_t target = 0;
+  std::size_t source = 0;
+  LinkUse use = LinkUse::kRejected;
+  std::string kind = {};
+  std::optional<double> probability = {};
+  std::string reason = {};
+  std::optional<Similarity3> target_from_source = {};
+};
+
+/// Largest number of landmarks on a page; of more, a regular sample is shown.
+inline constexpr std::size_t kShownLandmarks = 400000;
+
+/// Adds the maps' landmarks and the sections `network`, `residuals`, `sessions`, `maps` and `links`, except
+/// empty ones. The network has three stages of the poses: every map in its own frame; placed by the most certain chain
+/// of used links from its group's frame; optimised.
+/// @throws Error (misuse) for an index out of range
+void add_network(Report& report, std::span<const NetworkMap> maps,
+                 std::span<const NetworkEdge> edges, std::vector<NetworkThing> things = {},
+                 std::size_t shown_landmarks = kShownLandmarks);
+
+}  // namespace cairn::report
