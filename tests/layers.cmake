@@ -104,7 +104,7 @@ function(check_own_header file line included)
     breach("${file}" ${line} "includes ${included}: module ${to} is not in the layer table")
     return()
   endif()
-  if(to_path MATCHES "(^|/)detail/" AND NOT to IN_LIST SHARED_DETAIL AND NOT file MATCHES "^src/cairn/${to}/")
+  if(to_path MATCHES "(^|/)detail/" AND NOT to IN_LIST SHARED_DETAIL AND NOT file MATCHES "^(src/cairn/${to}|benchmarks)/")
     breach("${file}" ${line} "includes ${included}: what is in detail/ belongs to its module")
   endif()
 
