@@ -208,8 +208,8 @@ void Solver::linearise(const State& state) {
   }
   constexpr double kMedianOfThree = 1.5382;  // of the length of three normal numbers
   constexpr double kExact = 1e-9;
-  const double sigma_length = std::max(kExact, upper_median(lengths) / kMedianOfThree);
-  const double sigma_angle = std::max(kExact, upper_median(angles) / kMedianOfThree);
+  const double sigma_length = std::max(kExact, upper_median(std::vector(lengths)) / kMedianOfThree);
+  const double sigma_angle = std::max(kExact, upper_median(std::vector(angles)) / kMedianOfThree);
   const auto weight = [](double deviations) {
     constexpr double kUsual = 2.8;  // 95 % of the lengths of three normal numbers
     return deviations <= kUsual ? 1.0 : std::sqrt(kUsual / deviations);
