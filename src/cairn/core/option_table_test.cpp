@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-using testing::ThrowsMessage;
+using ::testing::ThrowsMessage;
 
 struct InnerOptions {
   std::size_t count = 3;
