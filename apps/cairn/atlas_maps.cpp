@@ -113,8 +113,9 @@ void parse_shard(const std::string& text, AtlasLinkOptions& options) {
   const auto count = slash == std::string::npos
                          ? std::nullopt
                          : parse_unsigned(std::string_view(text).substr(slash + 1));
-  refuse_if(!number || !count || *number < 1 || *number > *count, "--shard", printable(text),
-            "I/N with I from 1 to N, as 2/8");
+  if (!number || !count || *number < 1 || *number > *count) {
+    throw Error(ErrorKind::kMisuse, "--shard", printable(text), "I/N with I from 1 to N, as 2/8");
+  }
   options.shard = *number - 1;
   options.shards = *count;
 }

@@ -76,8 +76,10 @@ FrameRange parse_frames(const std::string& text) {
   const auto begin = parse_unsigned(text.substr(0, colon));
   const auto end =
       colon == std::string::npos ? std::nullopt : parse_unsigned(text.substr(colon + 1));
-  refuse_if(!begin || !end || *begin >= *end, "--frames", printable(text),
-            "A:B, two frame ids with A below B");
+  if (!begin || !end || *begin >= *end) {
+    throw Error(ErrorKind::kMisuse, "--frames", printable(text),
+                "A:B, two frame ids with A below B");
+  }
   return {FrameId{*begin}, FrameId{*end}};
 }
 

@@ -199,8 +199,10 @@ void require_one_stdout(std::initializer_list<std::pair<const char*, const std::
   const char* taken = nullptr;
   for (const auto& [option, path] : outputs) {
     if (*path != "-") continue;
-    refuse_if(taken != nullptr, option, fmt::format("stdout is taken by {}", taken),
-              "a file for one of them");
+    if (taken != nullptr) {
+      throw Error(ErrorKind::kMisuse, option, fmt::format("stdout is taken by {}", taken),
+                  "a file for one of them");
+    }
     taken = option;
   }
 }

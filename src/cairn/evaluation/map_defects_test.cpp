@@ -11,9 +11,9 @@
 namespace cairn {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 MapTables tables() {
   return std::move(synthetic_map({.landmarks = 50, .frames = 5})).tables();
