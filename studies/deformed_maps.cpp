@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 
 #include "cairn/alignment/bends.hpp"
+#include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/formats/map_file.hpp"
