@@ -325,12 +325,15 @@ def answers(runs, tables):
         sentences.append("Do strategies differ at all? Friedman's test over the pairs' success rates: chi-squared "
                          f"{statistic:.1f}, {p_text(p)}.")
     for row in tables["comparisons"].itertuples():
-        equivalent = row.tost_p < 0.05
+        sentence = (f"{row.second} against {row.first}: {100 * row.second_success:.1f} % of the starts succeed instead of "
+                    f"{100 * row.first_success:.1f} %, {points(row.difference)} points")
+        if np.isnan(row.tost_p):  # one pair
+            sentences.append(f"{sentence}. One pair of maps allows no interval and no test.")
+            continue
         sentences.append(
-            f"{row.second} against {row.first}: {100 * row.second_success:.1f} % of the starts succeed instead of "
-            f"{100 * row.first_success:.1f} %, {points(row.difference)} points ({100 * options.confidence_level:g} % "
-            f"interval over pairs {points(row.low)} to {points(row.high)}; Wilcoxon by pairs, Holm: "
-            f"{p_text(row.p_adjusted)}); {'equivalent' if equivalent else 'not shown equivalent'} within "
+            f"{sentence} ({100 * options.confidence_level:g} % interval over pairs {points(row.low)} to "
+            f"{points(row.high)}; Wilcoxon by pairs, Holm: {p_text(row.p_adjusted)}); "
+            f"{'equivalent' if row.tost_p < 0.05 else 'not shown equivalent'} within "
             f"{100 * options.equivalence_margin:g} points (TOST {p_text(row.tost_p)}).")
     score = tables["score"].set_index("what").value
     if "median AUC within a pair" in score:
@@ -435,7 +438,8 @@ def roc_figure(runs):
             axes.plot(np.append(0, alarms), np.append(0, hits), color=color_of(runs, approach), label=approach)
     axes.plot([0, 1], [0, 1], ":", color="#7a7a7a")
     axes.set(xlabel="wrong poses that pass", ylabel="right poses that pass")
-    axes.legend(fontsize=8)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=8)
     return figure
 
 

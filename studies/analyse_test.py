@@ -163,6 +163,12 @@ class Special(unittest.TestCase):
         success = tables["strategies"].set_index("strategy").success
         self.assertAlmostEqual(success["robust"], 50 / 60)
 
+    def test_one_pair_allows_no_test(self):
+        runs = table()
+        _, _, answers = analyse.analyse(runs[runs.pair == "desk_1"], options())
+        self.assertIn("observations against base: 50.0 % of the starts succeed instead of 50.0 %, 0.0 points. One pair of "
+                      "maps allows no interval and no test.", answers)
+
     def test_several_k_are_told_apart_where_k_matters(self):
         runs = table()
         runs.loc[runs.number > 5, "k"] = 9

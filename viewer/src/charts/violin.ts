@@ -32,7 +32,11 @@ interface OutlinePoint {
 }
 
 /** The outline of a group's density, scaled to the widest half of 1; empty if the values do not vary. */
-export function violinOutline(values: number[], scale: "linear" | "log"): { y: number; half: number }[] {
+export function violinOutline(
+  values: number[],
+  scale: "linear" | "log",
+  most = Infinity,
+): { y: number; half: number }[] {
   const transformed = sortedFinite(scale === "log" ? values.map(Math.log10) : values);
   const width = bandwidth(transformed);
   if (transformed.length < 3 || width === 0) {
@@ -40,9 +44,9 @@ export function violinOutline(values: number[], scale: "linear" | "log"): { y: n
   }
   const first = transformed[0];
   const last = transformed[transformed.length - 1];
-  // Quantities that are never negative keep a density that is not either.
+  // Quantities that are never negative, or never above the most, keep a density that is not either.
   const low = scale === "linear" && first >= 0 ? Math.max(0, first - 2 * width) : first - 2 * width;
-  const high = last + 2 * width;
+  const high = Math.max(last, Math.min(most, last + 2 * width));
   const points = Float64Array.from({ length: kSteps + 1 }, (_, i) => low + ((high - low) * i) / kSteps);
   const density = kernelDensity(transformed, width, points);
   const peak = Math.max(...density);
@@ -57,6 +61,7 @@ function jitter(index: number): number {
 export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElement {
   const { colors } = options;
   const scale = chart.yScale;
+  const most = chart.yLabel?.endsWith("(%)") ? 100 : Infinity;
   const groups = chart.groups.map((group, index) => ({
     ...group,
     index,
@@ -65,7 +70,7 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
   }));
   const summaries = groups.map((group) => summarise(group.shown));
   const outline: OutlinePoint[] = groups.flatMap((group) =>
-    violinOutline(group.shown, scale).map((point) => ({ group: group.index, ...point })),
+    violinOutline(group.shown, scale, most).map((point) => ({ group: group.index, ...point })),
   );
   const points = groups.flatMap((group) =>
     group.values.flatMap((value, i) =>
