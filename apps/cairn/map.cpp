@@ -318,7 +318,7 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
     index["links"].push_back({{"source", mini_map_name(i + 1)},
                               {"target", mini_map_name(i)},
                               {"target_from_source", to_json(mapped.links[i].target_from_source->rigid())},
-                              {"covariance", to_json(mapped.links[i].covariance)}});
+                              {"covariance", to_json(*mapped.links[i].covariance)}});
   }
   write_file(folder.unfinished() / kPoseGraphFile,
              [text = pose_graph_text(graph)](const ByteSink& sink) { sink(text); });

@@ -72,7 +72,7 @@ class AtlasMaps : public MapStore {
   std::size_t capacity() const override { return 64; }
 
   NodeId id(std::size_t map) const { return nodes_[map]->id; }
-  NodePair ids(const MapPair& pair) const { return {id(pair.first), id(pair.second)}; }
+  NodePair ids(const IndexPair& pair) const { return {id(pair.first), id(pair.second)}; }
   std::size_t index(NodeId id) const {
     const auto found = std::partition_point(nodes_.begin(), nodes_.end(),
                                             [&](const AtlasNode* node) { return node->id < id; });
@@ -181,7 +181,7 @@ class Linker {
   void align(std::span<const NodePair> pairs, const AtlasState& state, const KnownPairs& known,
              std::size_t expected) {
     AtlasMaps maps(atlas_, state);
-    std::vector<MapPair> indices;
+    std::vector<IndexPair> indices;
     for (const NodePair& pair : pairs) {
       indices.emplace_back(maps.index(pair.first), maps.index(pair.second));
     }
@@ -277,13 +277,13 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   AtlasMaps maps(*this, state);
   LinkOptions choice = options.links;
   choice.execution = options.links.execution.without_progress();
-  const std::vector<MapPair> likely = pairs_to_link(maps, choice);
+  const std::vector<IndexPair> likely = pairs_to_link(maps, choice);
   auto next = likely.begin();  // in the order of all pairs
   std::vector<NodePair> pairs;
   std::size_t number = 0;
   for (std::size_t source = 0; source < maps.size(); ++source) {
     for (std::size_t target = 0; target < source; ++target) {
-      const bool is_likely = next != likely.end() && *next == MapPair(target, source);
+      const bool is_likely = next != likely.end() && *next == IndexPair(target, source);
       if (is_likely) ++next;
       const NodePair pair = maps.ids({target, source});
       if (!only.empty() && !only.contains(pair.first) && !only.contains(pair.second)) continue;

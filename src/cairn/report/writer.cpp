@@ -206,7 +206,7 @@ Json list_or_null(const std::vector<Value>& values) {
 
 Json parsed(const std::string& text, std::string_view where) {
   if (text.empty()) return nullptr;
-  std::optional<Json> json = detail::parse_json<Json>(text, where);
+  std::optional<Json> json = cairn::detail::parse_json<Json>(text, where);
   require(json.has_value(), where, "no JSON", "JSON in UTF-8");
   return std::move(*json);
 }

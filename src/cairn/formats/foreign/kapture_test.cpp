@@ -304,7 +304,7 @@ TEST_F(KaptureTest, ErrorsSayWhere) {
   EXPECT_THAT(refused("sensors/trajectories.txt", "10, cam0, 1, 0, 0, 0, 2e9, 0, 0\n"),
               HasSubstr("trajectories.txt: frame 10: translation"));
   EXPECT_THAT(refused("sensors/records_camera.txt", "1.5, cam0, a\n"),
-              HasSubstr("records_camera.txt:1: timestamp: '1.5' is no whole number"));
+              HasSubstr("records_camera.txt:1: timestamp: '1.5' is not a whole number"));
   EXPECT_THAT(refused("sensors/records_camera.txt", "10, cam7, a\n"),
               HasSubstr("records_camera.txt:1: device_id: 'cam7' is no camera of sensors.txt"));
   EXPECT_THAT(refused("sensors/records_camera.txt", "10, cam0, ../../secret\n"),
@@ -335,7 +335,7 @@ TEST_F(KaptureTest, ErrorsSayWhere) {
 TEST_F(KaptureTest, HostileSizesAreRefused) {
   const std::string keypoints = "reconstruction/keypoints/SIFT/keypoints.txt";
   EXPECT_THAT(refused(keypoints, "SIFT, float32, 65537\n"),
-              HasSubstr("keypoints.txt:1: dsize: '65537' is no whole number in range"));
+              HasSubstr("keypoints.txt:1: dsize: '65537' is not a whole number"));
   EXPECT_THAT(refused(keypoints, "SIFT, float32, 0\n"), HasSubstr("dsize: is 0"));
   EXPECT_THAT(refused(keypoints, "SIFT, float32, 1\n"), HasSubstr("keypoints of one number"));
   EXPECT_THAT(refused(keypoints, "SIFT, complex64, 4\n"),

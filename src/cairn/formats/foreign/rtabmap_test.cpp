@@ -9,6 +9,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 #include "support/imported_maps.hpp"

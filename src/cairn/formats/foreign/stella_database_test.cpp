@@ -67,7 +67,7 @@ class StellaDatabaseTest : public testing::ImportTest {
     database.run(
         "INSERT INTO keyframes VALUES(7,NULL,2.5,CAST('cam' AS BLOB),NULL,?1,2,?2,NULL,?3,?4)",
         std::span<const std::byte>(stella_blob(pose)),
-        std::span<const std::byte>(blob_of(keypoints)),
+        std::span<const std::byte>(stella_blob(keypoints)),
         std::span<const std::byte>(stella_blob(std::vector<float>{-1.0F, 13.0F})),
         std::span<const std::byte>(stella_blob(descriptors)));
     database.run("INSERT INTO landmarks VALUES(11,7,?1,7,4,3)",

@@ -64,14 +64,14 @@ class PreparedMaps {
   }
 
   // Target and source: whichever is given first, the result is the same.
-  MapPair larger_first(const MapPair& pair) {
+  IndexPair larger_first(const IndexPair& pair) {
     const auto [first, second] = pair;
     bool swap = maps_.landmark_count(first) < maps_.landmark_count(second);
     if (maps_.landmark_count(first) == maps_.landmark_count(second)) {
       const std::lock_guard lock(mutex_);
       swap = precedes(*maps_.load(second), *maps_.load(first));
     }
-    return swap ? MapPair(second, first) : pair;
+    return swap ? IndexPair(second, first) : pair;
   }
 
   // While held, no other thread uses the store.
@@ -145,11 +145,11 @@ void LinkOptions::validate() const {
   align_options(*this).validate();
 }
 
-std::vector<MapPair> pairs_to_link(MapStore& maps, const LinkOptions& options) {
+std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options) {
   const std::size_t count = maps.size();
   const std::size_t candidates =
       options.candidates.value_or(count > kMapsTriedInFull ? kDefaultCandidates : 0);
-  std::set<MapPair> by_higher;  // the higher index first
+  std::set<IndexPair> by_higher;  // the higher index first
   const auto add = [&](std::size_t a, std::size_t b) {
     by_higher.emplace(std::max(a, b), std::min(a, b));
   };
@@ -184,12 +184,12 @@ std::vector<MapPair> pairs_to_link(MapStore& maps, const LinkOptions& options) {
       if (!index.holds(map)) add_all_with(map, count);
     }
   }
-  std::vector<MapPair> pairs;
+  std::vector<IndexPair> pairs;
   for (const auto& [higher, lower] : by_higher) pairs.emplace_back(lower, higher);
   return pairs;
 }
 
-void link_pairs(MapStore& maps, std::span<const MapPair> pairs, const LinkOptions& options,
+void link_pairs(MapStore& maps, std::span<const IndexPair> pairs, const LinkOptions& options,
                 const std::function<void(Link link)>& take) {
   options.validate();
   for (const auto& [a, b] : pairs) {

@@ -59,7 +59,7 @@ class MapsInMemory : public MapStore {
 };
 
 /// Indices of two maps, the lower first.
-using MapPair = std::pair<std::size_t, std::size_t>;
+using IndexPair = std::pair<std::size_t, std::size_t>;
 
 struct LinkOptions {
   double min_probability = 0.99;  ///< least probability of an aligned pair; see AlignOptions
@@ -91,14 +91,14 @@ std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const Pre
 /// maps whose descriptors cannot be compared.
 /// @return by the higher index, then the lower
 /// @throws Error (cancelled) if the caller asked to stop
-std::vector<MapPair> pairs_to_link(MapStore& maps, const LinkOptions& options = {});
+std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options = {});
 
 /// Aligns pairs of maps. The larger of the two is the target (precedes()), so that the order of the maps does not matter.
 /// Estimates the scale if one of the two has a free scale. The same input and seed give the same links for any number of
 /// threads.
 /// @param take is given each result in the order of the pairs, one at a time; its nodes are the maps' indices
 /// @throws Error (cancelled) if the caller asked to stop
-void link_pairs(MapStore& maps, std::span<const MapPair> pairs, const LinkOptions& options,
+void link_pairs(MapStore& maps, std::span<const IndexPair> pairs, const LinkOptions& options,
                 const std::function<void(Link link)>& take);
 
 /// pairs_to_link() and link_pairs().

@@ -89,7 +89,7 @@ class SfmBuilder {
   void add_landmark(std::uint64_t id, const Eigen::Vector3d& position,
                     const std::optional<Color>& color = {});
   std::size_t landmark_count() const { return tables_.landmarks.ids.size(); }
-  /// For so many landmarks and observations more.
+  /// Makes room for so many landmarks.
   void reserve(std::size_t landmarks);
 
   /// States that observations have descriptors, before the first is added. Each landmark gets the medoid of those of its
