@@ -315,10 +315,11 @@ void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
   }
   index["links"] = Json::array();
   for (std::size_t i = 0; i < mapped.links.size(); ++i) {
-    index["links"].push_back({{"source", mini_map_name(i + 1)},
-                              {"target", mini_map_name(i)},
-                              {"target_from_source", to_json(mapped.links[i].target_from_source->rigid())},
-                              {"covariance", to_json(*mapped.links[i].covariance)}});
+    index["links"].push_back(
+        {{"source", mini_map_name(i + 1)},
+         {"target", mini_map_name(i)},
+         {"target_from_source", to_json(mapped.links[i].target_from_source->rigid())},
+         {"covariance", to_json(*mapped.links[i].covariance)}});
   }
   write_file(folder.unfinished() / kPoseGraphFile,
              [text = pose_graph_text(graph)](const ByteSink& sink) { sink(text); });

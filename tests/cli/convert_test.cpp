@@ -181,8 +181,8 @@ TEST_F(ConvertTest, TrajectoriesGoFromFormatToFormat) {
   EXPECT_THAT(content("back.txt"), HasSubstr("\n1 11 2 4 "));
   expect_refusal({"convert", "poses.txt", "poses.ply", "--format", "ply"}, kWrongUsage,
                  {"--format", "ply", "tum, euroc or kitti"});
-  for (const char* name : {"poses.map", "poses.ply", "poses.cairn", "poses.json",
-                           "poses.g2o", "model/"}) {
+  for (const char* name :
+       {"poses.map", "poses.ply", "poses.cairn", "poses.json", "poses.g2o", "model/"}) {
     expect_refusal({"convert", "poses.txt", name}, kWrongUsage,
                    {name, "does not name a trajectory", "poses.txt is one"});
     EXPECT_FALSE(std::filesystem::exists(path(name)));

@@ -250,7 +250,7 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
     if (i == 2) break;
     EXPECT_EQ(graph.links[i].kind, LinkKind::kOdometry);
     EXPECT_GT((*graph.links[i].covariance)(0, 0), 1.6e-5);  // 4 mm, whatever was stated
-    world_from_map = world_from_map * graph.links[i].target_from_source;
+    world_from_map = world_from_map * *graph.links[i].target_from_source;
   }
   FileReader g2o_file(path("minis/pose_graph.g2o"));
   EXPECT_EQ(pose_graph(read_g2o(g2o_file)).links.size(), 2U);

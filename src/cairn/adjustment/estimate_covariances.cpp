@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "cairn/adjustment/detail/frame_groups.hpp"
-#include "cairn/adjustment/detail/seen_point.hpp"
 #include "cairn/adjustment/detail/pose_derivative.hpp"
+#include "cairn/adjustment/detail/seen_point.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
 

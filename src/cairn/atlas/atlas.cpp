@@ -187,9 +187,9 @@ class Linker {
     }
     LinkOptions how = options_.links;
     how.execution = options_.links.execution.without_progress();
-    std::size_t next = 0;
     const auto take = [&](Link link) {
-      std::tie(link.target, link.source) = pairs[next++];
+      link.target = maps.id(link.target.value);
+      link.source = maps.id(link.source.value);
       pending_.push_back(std::move(link));
       // Commits every few seconds: the log stays short, and little is lost if the process is killed.
       if (std::chrono::steady_clock::now() - last_flush_ > std::chrono::seconds(2)) {

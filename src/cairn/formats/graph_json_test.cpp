@@ -92,8 +92,7 @@ TEST(PoseGraphJson, RefusesNamingThePlace) {
     text.replace(found, from.size(), to);
     return testing::refusal(ErrorKind::kInput, [&] { read_graph(text); });
   };
-  EXPECT_THAT(complaint("\"nodes\": [", "\"nodes\": [ oops"),
-              HasSubstr(": is not JSON"));
+  EXPECT_THAT(complaint("\"nodes\": [", "\"nodes\": [ oops"), HasSubstr(": is not JSON"));
   EXPECT_THAT(complaint("cairn.pose_graph", "cairn.align"),
               HasSubstr("a.json: /schema/name: 'cairn.align'; expected cairn.pose_graph"));
   EXPECT_THAT(complaint("\"version\": 1", "\"version\": 2"),

@@ -10,9 +10,9 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/core/execution.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
-#include "cairn/core/execution.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn {

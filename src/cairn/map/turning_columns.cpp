@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/map/operations.hpp"
-
 #include <algorithm>
 #include <string>
 
 #include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {

@@ -74,11 +74,11 @@ void place_all(const MappedSequence& session, std::vector<MergedMap>& maps) {
     if (maps[i - 1].placed || !after.placed) continue;
     const Link& link = session.links[i - 1];
     maps[i - 1].placed = true;
-    maps[i - 1].world_from_map =
-        *after.world_from_map * link.target_from_source->inverse();
-    maps[i - 1].covariance = chained_covariance(
-        after.covariance, *after.world_from_map,
-        inverse_covariance(link.target_from_source->rigid(), *link.covariance), *maps[i - 1].world_from_map);
+    maps[i - 1].world_from_map = *after.world_from_map * link.target_from_source->inverse();
+    maps[i - 1].covariance =
+        chained_covariance(after.covariance, *after.world_from_map,
+                           inverse_covariance(link.target_from_source->rigid(), *link.covariance),
+                           *maps[i - 1].world_from_map);
   }
   if (maps.front().world_from_map->matrix() != Matrix4d::Identity()) move_first_to_identity(maps);
 }

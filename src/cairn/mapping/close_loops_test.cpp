@@ -84,8 +84,9 @@ MappedSequence session_in_pieces(const LandmarkMap& truth, std::size_t pieces, d
                        first_from_piece * map.world_from_camera(FrameIndex{i})});
     }
     if (p + 1 == pieces) break;
-    const Rigid3 previous_from_next = map.world_from_camera(FrameIndex{length}) *
-                              Rigid3::from_roll_pitch_yaw({0.005, 0.0, 0.0}, 0.0, drift_rad, 0.0);
+    const Rigid3 previous_from_next =
+        map.world_from_camera(FrameIndex{length}) *
+        Rigid3::from_roll_pitch_yaw({0.005, 0.0, 0.0}, 0.0, drift_rad, 0.0);
     Vector6d variances;
     variances << 1e-4, 1e-4, 1e-4, 4e-4, 4e-4, 4e-4;
     session.links.push_back({.target = NodeId{p},

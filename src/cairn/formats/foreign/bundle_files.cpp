@@ -160,9 +160,8 @@ class BundleReader {
     View view;
     std::optional<FrameIndex> frame = {};
   };
-  // Of a frame: what is added to the measurements to get pixels, and its principal point and size.
+  // Of a frame: its principal point and size.
   struct Place {
-    double shift = 0.0;
     double cx = 0.0;
     double cy = 0.0;
     double width = 0.0;

@@ -141,8 +141,8 @@ void RtabmapGraph::read_nodes() {
   const auto columns = database_.columns("Node");
   const bool has_gps = std::find(columns.begin(), columns.end(), "gps") != columns.end();
   auto rows = database_.prepare(
-      has_gps ? "SELECT id, map_id, stamp, pose, label, gps FROM RtabmapNode ORDER BY id"
-              : "SELECT id, map_id, stamp, pose, label, NULL FROM RtabmapNode ORDER BY id");
+      has_gps ? "SELECT id, map_id, stamp, pose, label, gps FROM Node ORDER BY id"
+              : "SELECT id, map_id, stamp, pose, label, NULL FROM Node ORDER BY id");
   std::size_t no_place = 0;
   while (rows.step()) {
     const std::int64_t id = rows.integer(0);
@@ -179,9 +179,9 @@ void RtabmapGraph::read_links() {
       std::find(columns.begin(), columns.end(), "information_matrix") == columns.end();
   std::size_t others = 0;
   auto rows = database_.prepare(
-      is_old ? "SELECT from_id, to_id, type, transform, NULL FROM RtabmapLink ORDER BY from_id, "
+      is_old ? "SELECT from_id, to_id, type, transform, NULL FROM Link ORDER BY from_id, "
                "to_id, type"
-             : "SELECT from_id, to_id, type, transform, information_matrix FROM RtabmapLink "
+             : "SELECT from_id, to_id, type, transform, information_matrix FROM Link "
                "ORDER BY from_id, to_id, type");
   std::set<std::pair<std::uint32_t, std::uint32_t>> seen;
   while (rows.step()) {

@@ -175,7 +175,7 @@ TEST_F(RtabmapTest, GnssPositionsBelongToTheirNodes) {
   EXPECT_FALSE(map.frames().gnss[1].has_value());
   EXPECT_EQ(map.frames().gnss[2], (GnssFix{{47.37, 8.55, 408.0}, std::nullopt}));
   EXPECT_EQ(map.info().georeference, std::nullopt) << "nobody fitted the map to them";
-  EXPECT_THAT(remarks_, Contains(HasSubstr("GNSS positions of 1 nodes are none on the Earth")));
+  EXPECT_THAT(remarks_, Contains(HasSubstr("1 GNSS positions are none on the Earth")));
 }
 
 TEST_F(RtabmapTest, FeaturesOfAWordAlongLinksBecomeLandmarks) {
