@@ -632,7 +632,7 @@ TEST_F(AtlasTest, KeepsComponentsApartEachInTheFrameOfItsFirst) {
   EXPECT_EQ(components[0].frame, c);
   EXPECT_EQ(components[1].nodes, (std::vector{a, b}));
   const MergeResult merged = atlas().merge({}, b);
-  ASSERT_EQ(merged.maps.size(), 5U);
+  ASSERT_EQ(merged.maps.size(), 6U);
   EXPECT_EQ(merged.placed(), 2U);
   EXPECT_TRUE(merged.maps[0].placed && merged.maps[1].placed);
   EXPECT_THAT(merged.maps[2].reason, HasSubstr("it is placed in another frame"));
