@@ -92,7 +92,7 @@ TEST_F(ReportTest, APageDoesNotGoToStdout) {
 TEST_F(ReportTest, ResultsAndOutputMustBeGiven) {
   expect_refusal({"report", "-o", "r.html"}, kWrongUsage, {"result"});
   expect_refusal({"report", "result.json"}, kWrongUsage, {"--output"});
-  expect_refusal({"report", "", "-o", "r.html"}, kWrongUsage, {"result", "a file"});
+  expect_refusal({"report", "", "-o", "r.html"}, kWrongUsage, {"result", "expected a value"});
 }
 
 TEST_F(WrittenReportTest, AlignShowsEachIterationOfEachStrategy) {
