@@ -56,32 +56,37 @@ NodePair pair_of(NodeId a, NodeId b) {
   return a < b ? NodePair(a, b) : NodePair(b, a);
 }
 
-// The maps of an atlas, by the position of their ids.
+// The maps of an atlas by index, ascending by their ids. Those that are removed meanwhile keep their index.
 class AtlasMaps : public MapStore {
  public:
-  AtlasMaps(Atlas& atlas, const AtlasState& state) : atlas_(atlas) {
-    for (const auto& [id, node] : state.nodes) nodes_.push_back(&node);
+  AtlasMaps(Atlas& atlas, const AtlasState& state) : atlas_(atlas) { add_new(state); }
+
+  // Ids are never reused, so new maps come last.
+  void add_new(const AtlasState& state) {
+    const auto first =
+        nodes_.empty() ? state.nodes.begin() : state.nodes.upper_bound(nodes_.back().id);
+    for (auto one = first; one != state.nodes.end(); ++one) nodes_.push_back(one->second);
   }
 
   std::size_t size() const override { return nodes_.size(); }
-  std::string session(std::size_t map) const override { return nodes_[map]->session; }
-  std::size_t landmark_count(std::size_t map) const override { return nodes_[map]->landmarks; }
+  std::string session(std::size_t map) const override { return nodes_[map].session; }
+  std::size_t landmark_count(std::size_t map) const override { return nodes_[map].landmarks; }
   std::shared_ptr<const LandmarkMap> load(std::size_t map) override {
-    return std::make_shared<const LandmarkMap>(atlas_.map(*nodes_[map]));
+    return std::make_shared<const LandmarkMap>(atlas_.map(nodes_[map]));
   }
   std::size_t capacity() const override { return 64; }
 
-  NodeId id(std::size_t map) const { return nodes_[map]->id; }
+  NodeId id(std::size_t map) const { return nodes_[map].id; }
   NodePair ids(const IndexPair& pair) const { return {id(pair.first), id(pair.second)}; }
   std::size_t index(NodeId id) const {
     const auto found = std::partition_point(nodes_.begin(), nodes_.end(),
-                                            [&](const AtlasNode* node) { return node->id < id; });
+                                            [&](const AtlasNode& node) { return node.id < id; });
     return static_cast<std::size_t>(found - nodes_.begin());
   }
 
  private:
   Atlas& atlas_;
-  std::vector<const AtlasNode*> nodes_;
+  std::vector<AtlasNode> nodes_;
 };
 
 }  // namespace
@@ -169,27 +174,34 @@ struct KnownPairs {
   std::map<NodePair, std::vector<LinkId>> replaced;  // links that a new result replaces
 };
 
+LinkOptions without_progress(LinkOptions options) {
+  options.execution = options.execution.without_progress();
+  return options;
+}
+
 // Aligns pairs and stores the results.
 class Linker {
  public:
   using Commit = std::function<AtlasCommitted(const AtlasStore::Make& make)>;
 
-  Linker(Atlas& atlas, const AtlasLinkOptions& options, Commit commit, AtlasLinkResult& result)
-      : atlas_(atlas), options_(options), commit_(std::move(commit)), result_(result) {}
+  Linker(AtlasMaps& maps, const AtlasLinkOptions& options, Commit commit, AtlasLinkResult& result)
+      : maps_(maps),
+        options_(options),
+        commit_(std::move(commit)),
+        result_(result),
+        linker_(maps, without_progress(options.links)) {}
 
   /// @param expected total number of pairs, for the progress
   void align(std::span<const NodePair> pairs, const AtlasState& state, const KnownPairs& known,
              std::size_t expected) {
-    AtlasMaps maps(atlas_, state);
+    maps_.add_new(state);
     std::vector<IndexPair> indices;
     for (const NodePair& pair : pairs) {
-      indices.emplace_back(maps.index(pair.first), maps.index(pair.second));
+      indices.emplace_back(maps_.index(pair.first), maps_.index(pair.second));
     }
-    LinkOptions how = options_.links;
-    how.execution = options_.links.execution.without_progress();
     const auto take = [&](Link link) {
-      link.target = maps.id(link.target.value);
-      link.source = maps.id(link.source.value);
+      link.target = maps_.id(link.target.value);
+      link.source = maps_.id(link.source.value);
       pending_.push_back(std::move(link));
       // Commits every few seconds: the log stays short, and little is lost if the process is killed.
       if (std::chrono::steady_clock::now() - last_flush_ > std::chrono::seconds(2)) {
@@ -202,7 +214,7 @@ class Linker {
       }
     };
     try {
-      link_pairs(maps, indices, how, take);
+      linker_.link(indices, take);
     } catch (...) {
       flush(state, known);  // keeps the results so far
       throw;
@@ -256,10 +268,11 @@ class Linker {
     last_flush_ = std::chrono::steady_clock::now();
   }
 
-  Atlas& atlas_;
+  AtlasMaps& maps_;
   const AtlasLinkOptions& options_;
   Commit commit_;
   AtlasLinkResult& result_;
+  PairLinker linker_;  // keeps prepared maps from batch to batch
   std::vector<Link> pending_;
   std::chrono::steady_clock::time_point last_flush_ = std::chrono::steady_clock::now();
   std::size_t done_ = 0;
@@ -275,9 +288,7 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   const std::set<NodeId> only(options.only.begin(), options.only.end());
   for (const NodeId id : only) require_node(state, id);
   AtlasMaps maps(*this, state);
-  LinkOptions choice = options.links;
-  choice.execution = options.links.execution.without_progress();
-  const std::vector<IndexPair> likely = pairs_to_link(maps, choice);
+  const std::vector<IndexPair> likely = pairs_to_link(maps, options.links);
   auto next = likely.begin();  // in the order of all pairs
   std::vector<NodePair> pairs;
   std::size_t number = 0;
@@ -300,8 +311,7 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   }
 
   Linker linker(
-      *this, options, [this](const AtlasStore::Make& make) { return commit("link", make); },
-      result);
+      maps, options, [this](const AtlasStore::Make& make) { return commit("link", make); }, result);
   const std::unique_ptr<AtlasPairQueue> queue = store_->share(pairs);
   if (queue == nullptr) {
     linker.align(pairs, state, known, pairs.size());
@@ -604,17 +614,13 @@ MergeResult Atlas::merge(const MergePlacedOptions& options, std::optional<NodeId
       input.map = &maps.emplace_back(map(node));
     }
   }
-  std::vector<bool> fused;  // whether the link is of the chosen maps
   for (const auto& [id, link] : state.links) {
     Link& held = result.links.emplace_back(link);
     held.target = NodeId{all.index(link.target)};
     held.source = NodeId{all.index(link.source)};
     result.used.push_back(is_used(state, link));
-    fused.push_back(result.used.back() && result.maps[held.target.value].placed);
   }
-  std::swap(result.used, fused);
   fuse_placed(inputs, options, result);
-  std::swap(result.used, fused);
   return result;
 }
 

@@ -17,17 +17,9 @@ namespace {
 // Variance of a link without covariance: larger than any stated one.
 constexpr double kUnknown = 100.0;
 
-std::optional<Matrix7d> covariance_of(const Link& link) {
-  if (link.covariance_with_scale) return link.covariance_with_scale;
-  if (!link.covariance) return std::nullopt;
-  Matrix7d covariance = Matrix7d::Zero();
-  covariance.topLeftCorner<6, 6>() = *link.covariance;
-  return covariance;
-}
-
 // Squared, as a share of the source's radius; not negative, which a covariance may be by rounding.
 double variance_of(const Link& link, const AtlasState& state) {
-  const auto covariance = covariance_of(link);
+  const auto covariance = link.full_covariance();
   if (!covariance) return kUnknown;
   const double radius =
       state.nodes.at(link.source).extent.radius * link.target_from_source->scale();
@@ -91,7 +83,7 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
     const bool forward = link.target == route.nodes[i];
     const Similarity3 step =
         forward ? *link.target_from_source : link.target_from_source->inverse();
-    std::optional<Matrix7d> covariance = covariance_of(link);
+    std::optional<Matrix7d> covariance = link.full_covariance();
     if (covariance && !forward) {
       covariance = inverse_covariance(*link.target_from_source, *covariance);
     }

@@ -186,13 +186,9 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   if (result.closed == 0) return result;
 
   place_all(session, merged.maps);
-  MergePlacedOptions fusing = options.merging.placed;
+  MergePlacedOptions fusing = options.merging.fusing_from(0.5);
   fusing.straighten = false;
   fusing.adjust = true;
-  fusing.fusion.seed = options.merging.seed;
-  fusing.fusion.execution = options.merging.execution;
-  fusing.fusion.execution.progress = stage_of(options.merging.execution.progress, 0.5, 1.0);
-  fusing.fusion.log = options.merging.log;
   const std::vector<std::vector<FrameIndex>> frames = fuse_placed(inputs, fusing, merged);
   if (!merged.adjustment) {
     throw Error(ErrorKind::kInput, "session", "its maps cannot be adjusted",

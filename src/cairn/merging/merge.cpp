@@ -60,6 +60,15 @@ void MergeOptions::validate() const {
   placed.validate();
 }
 
+MergePlacedOptions MergeOptions::fusing_from(double begin) const {
+  MergePlacedOptions fusing = placed;
+  fusing.fusion.seed = seed;
+  fusing.fusion.execution = execution;
+  fusing.fusion.execution.progress = stage_of(execution.progress, begin, 1.0);
+  fusing.fusion.log = log;
+  return fusing;
+}
+
 std::size_t MergeResult::placed() const {
   return static_cast<std::size_t>(
       std::count_if(maps.begin(), maps.end(), [](const MergedMap& one) { return one.placed; }));
@@ -148,8 +157,9 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
   if (placed.empty()) return frames;
   std::vector<Link> used;
   for (std::size_t i = 0; i < result.links.size(); ++i) {
-    if (!result.used[i]) continue;
-    Link& link = used.emplace_back(result.links[i]);
+    const Link& found = result.links[i];
+    if (!result.used[i] || !result.maps[found.target.value].placed) continue;
+    Link& link = used.emplace_back(found);
     link.target = NodeId{place_of[link.target.value]};
     link.source = NodeId{place_of[link.source.value]};
   }
@@ -169,12 +179,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options)
   MergeOptions placing = options;
   placing.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
   MergeResult result = place_maps(maps, placing);
-  MergePlacedOptions fusing = options.placed;
-  fusing.fusion.seed = options.seed;
-  fusing.fusion.execution = options.execution;
-  fusing.fusion.execution.progress = stage_of(options.execution.progress, 0.9, 1.0);
-  fusing.fusion.log = options.log;
-  fuse_placed(maps, fusing, result);
+  fuse_placed(maps, options.fusing_from(0.9), result);
   return result;
 }
 

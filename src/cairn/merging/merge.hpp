@@ -30,6 +30,9 @@ struct MergeOptions {
   Execution execution = {};
   LogSink log = {};
 
+  /// Those of fuse_placed(), with this seed, execution and log.
+  /// @param begin share of the progress at which the fusion begins
+  MergePlacedOptions fusing_from(double begin) const;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
@@ -75,7 +78,8 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options 
 /// @throws Error as merge()
 MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options = {});
 
-/// The second half of merge(): merge_placed() of the maps that are placed, if any, by the links that are used.
+/// The second half of merge(): merge_placed() of the maps that are placed, if any, by the links between them that are
+/// used.
 /// @param result of place_maps(), or made from what an atlas keeps; gets the map
 /// @return per map and frame: its index in the map; nothing for a map that is not placed
 /// @throws Error as merge_placed()

@@ -12,7 +12,9 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/disjoint_sets.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/pose_graph/detail/grown_poses.hpp"
 #include "cairn/pose_graph/detail/pose_edges.hpp"
 #include "cairn/pose_graph/detail/pose_least_squares.hpp"
@@ -91,21 +93,14 @@ struct SortedNodes {
 // The parts of the group that the edges still connect.
 std::vector<PoseGroup> connected_parts(const PoseGroup& group, const std::vector<PoseEdge>& edges,
                                        const std::vector<std::size_t>& in_group) {
-  std::vector<std::size_t> root(group.nodes.size());
-  std::iota(root.begin(), root.end(), std::size_t{0});
-  const auto find = [&](std::size_t node) {
-    while (root[node] != node) node = root[node] = root[root[node]];
-    return node;
-  };
+  DisjointSets sets(group.nodes.size());
   for (const PoseEdge& edge : edges) {
     if (in_group[edge.target] == kNoIndex || in_group[edge.source] == kNoIndex) continue;
-    const std::size_t a = find(in_group[edge.target]);
-    const std::size_t b = find(in_group[edge.source]);
-    root[std::max(a, b)] = std::min(a, b);
+    sets.join(in_group[edge.target], in_group[edge.source]);
   }
-  std::vector<PoseGroup> parts(root.size());
-  for (std::size_t i = 0; i < root.size(); ++i) {
-    PoseGroup& part = parts[find(i)];
+  std::vector<PoseGroup> parts(group.nodes.size());
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    PoseGroup& part = parts[sets.first_of(i)];
     part.nodes.push_back(group.nodes[i]);
     part.group_from_node.push_back(group.group_from_node[i]);
   }
@@ -281,25 +276,23 @@ class GroupOptimisation {
   std::optional<Kept> kept_;
 };
 
+using LinkEnds = std::vector<std::pair<std::size_t, std::size_t>>;
+
 // A graph of some of the nodes, and what is known of them.
 struct Subgraph {
-  Subgraph(const PoseGraph& whole, std::span<const NodeExtent> all, const std::vector<bool>& chosen,
-           const OptimisedPoses* known) {
-    std::vector<NodeId> ids;
+  Subgraph(const PoseGraph& whole, std::span<const NodeExtent> all, const LinkEnds& ends,
+           const std::vector<bool>& chosen, const OptimisedPoses* known) {
     for (std::size_t i = 0; i < whole.nodes.size(); ++i) {
       if (!chosen[i]) continue;
       graph.nodes.push_back(whole.nodes[i]);
       extents.push_back(all[i]);
       node_of.push_back(i);
-      ids.push_back(whole.nodes[i].id);
       if (known == nullptr) continue;
       before.world_from_node.push_back(known->world_from_node[i]);
       before.covariances.push_back(known->covariances[i]);
     }
-    std::sort(ids.begin(), ids.end());
-    const auto is_there = [&](NodeId id) { return std::binary_search(ids.begin(), ids.end(), id); };
     for (std::size_t i = 0; i < whole.links.size(); ++i) {
-      if (!is_there(whole.links[i].target) || !is_there(whole.links[i].source)) continue;
+      if (!chosen[ends[i].first] || !chosen[ends[i].second]) continue;
       graph.links.push_back(whole.links[i]);
       link_of.push_back(i);
       if (known != nullptr) before.agrees.push_back(known->agrees[i]);
@@ -313,12 +306,6 @@ struct Subgraph {
   std::vector<std::size_t> link_of;
 };
 
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace
 
 NodeExtent node_extent(std::span<const Eigen::Vector3d> landmarks) {
@@ -327,12 +314,12 @@ NodeExtent node_extent(std::span<const Eigen::Vector3d> landmarks) {
   std::vector<double> values(landmarks.size());
   for (int axis = 0; axis < 3; ++axis) {
     for (std::size_t i = 0; i < landmarks.size(); ++i) values[i] = landmarks[i][axis];
-    extent.centre[axis] = median_of(values);
+    extent.centre[axis] = upper_median(values);
   }
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     values[i] = (landmarks[i] - extent.centre).norm();
   }
-  const double radius = median_of(values);
+  const double radius = upper_median(values);
   if (radius > 0.0 && std::isfinite(radius)) extent.radius = radius;
   return extent;
 }
@@ -352,7 +339,7 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
                               const PoseOptimisationOptions& options) {
   options.validate();
   if (graph.nodes.empty()) {
-    pose_edges(graph, extents);  // checks them
+    check_graph(graph, extents);
     return {};
   }
   GroupOptimisation group(graph, extents, options);
@@ -369,16 +356,17 @@ OptimisedComponents optimise_components(const PoseGraph& graph, std::span<const 
   result.frame_from_node.resize(count);
   result.covariances.assign(count, Matrix7d::Zero());
   result.agrees.assign(graph.links.size(), std::nullopt);
+  check_graph(graph, extents);
+  const LinkEnds ends = link_ends(graph);
   std::vector<bool> left(count, true);
   const auto are_left = [&] { return std::count(left.begin(), left.end(), true) >= 2; };
   for (bool first = true; are_left(); first = false) {
-    const Subgraph part(graph, extents, left, first ? before : nullptr);
+    const Subgraph part(graph, extents, ends, left, first ? before : nullptr);
     const OptimisedPoses found = first && before != nullptr
                                      ? update_poses(part.graph, part.extents, part.before, options)
                                      : optimise_poses(part.graph, part.extents, options);
     if (found.tree.empty()) break;
     std::optional<std::size_t> frame;
-    std::vector<NodeId> placed;
     for (std::size_t i = 0; i < part.node_of.size(); ++i) {
       if (!found.world_from_node[i]) continue;
       const std::size_t node = part.node_of[i];
@@ -387,29 +375,15 @@ OptimisedComponents optimise_components(const PoseGraph& graph, std::span<const 
       result.frame_from_node[node] = *found.world_from_node[i];
       result.covariances[node] = found.covariances[i];
       left[node] = false;
-      placed.push_back(graph.nodes[node].id);
     }
-    std::sort(placed.begin(), placed.end());
-    const auto is_placed = [&](NodeId id) {
-      return std::binary_search(placed.begin(), placed.end(), id);
-    };
     for (std::size_t i = 0; i < part.link_of.size(); ++i) {
-      const Link& link = part.graph.links[i];
-      if (!is_placed(link.target) || !is_placed(link.source)) continue;
-      result.agrees[part.link_of[i]] = found.agrees[i];
+      const auto [target, source] = ends[part.link_of[i]];
+      if (!left[target] && !left[source]) result.agrees[part.link_of[i]] = found.agrees[i];
     }
   }
   // A link between two components disagrees with what keeps its nodes apart.
-  std::vector<NodeId> with_pose;
-  for (std::size_t i = 0; i < count; ++i) {
-    if (result.frames[i]) with_pose.push_back(graph.nodes[i].id);
-  }
-  std::sort(with_pose.begin(), with_pose.end());
   for (std::size_t i = 0; i < graph.links.size(); ++i) {
-    if (result.agrees[i]) continue;
-    const Link& link = graph.links[i];
-    if (std::binary_search(with_pose.begin(), with_pose.end(), link.target) &&
-        std::binary_search(with_pose.begin(), with_pose.end(), link.source)) {
+    if (!result.agrees[i] && !left[ends[i].first] && !left[ends[i].second]) {
       result.agrees[i] = false;
     }
   }

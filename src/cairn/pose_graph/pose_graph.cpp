@@ -68,6 +68,13 @@ std::string_view Link::status() const {
   return verdict ? to_string(*verdict) : "stated";
 }
 
+std::optional<Matrix7d> Link::full_covariance() const {
+  if (covariance_with_scale || !covariance) return covariance_with_scale;
+  Matrix7d full = Matrix7d::Zero();
+  full.topLeftCorner<6, 6>() = *covariance;
+  return full;
+}
+
 void PoseGraph::validate(std::string_view where) const {
   const auto refuse = [&](const std::string& place, std::string_view what,
                           std::string_view expected) {

@@ -67,6 +67,8 @@ struct Link {
   bool connects() const;
   /// "stated", or the name of the verdict.
   std::string_view status() const;
+  /// The covariance of seven numbers; those of the scale are 0 if the link does not measure it.
+  std::optional<Matrix7d> full_covariance() const;
 };
 
 /// Nodes and links that connect them.

@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 
 #include "cairn/core/random.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
 #include "cairn/registration/neighbors/kd_tree.hpp"
@@ -46,9 +47,7 @@ class Likeness {
     std::vector<double> distances(kPairs);
     for (double& each : distances)
       each = distance(a[random.index(a.size())], b[random.index(b.size())]);
-    const auto place = distances.begin() + static_cast<std::ptrdiff_t>(kAlikeByChance * kPairs);
-    std::nth_element(distances.begin(), place, distances.end());
-    most_ = *place;
+    most_ = nth_lowest(distances, static_cast<std::size_t>(kAlikeByChance * kPairs));
   }
 
   bool knows_second(std::uint32_t second) const { return second_.known[second] != 0; }
@@ -189,10 +188,7 @@ double Associator::nearest_distance(double quantile) const {
     distances.push_back((second_.positions[i] - first_.positions[nearest]).norm());
   }
   if (distances.empty()) return 0.0;
-  const auto place = distances.begin() + static_cast<std::ptrdiff_t>(
-                                             quantile * static_cast<double>(distances.size() - 1));
-  std::nth_element(distances.begin(), place, distances.end());
-  return *place;
+  return lower_quantile(distances, quantile);
 }
 
 double Associator::spacing() const {
@@ -204,9 +200,7 @@ double Associator::spacing() const {
     if (tree.nearest(second_.positions[i], nearest) < 2) return 0.0;
     distances.push_back(std::sqrt(nearest[1].squared_distance));
   }
-  const auto place = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), place, distances.end());
-  return *place;
+  return upper_median(distances);
 }
 
 Model Associator::estimate() const {

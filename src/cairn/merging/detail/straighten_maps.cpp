@@ -25,11 +25,7 @@ constexpr double kLeastScaleRatio = 1.02;  // of a deformation that bends less
 double fused(const LandmarkMap& target, const LandmarkMap& source, const Link& link,
              FusionOptions options) {
   PlacedMap placed{&source, "source", *link.target_from_source};
-  if (link.covariance_with_scale) {
-    placed.covariance = *link.covariance_with_scale;
-  } else if (link.covariance) {
-    placed.covariance.topLeftCorner<6, 6>() = *link.covariance;
-  }
+  placed.covariance = link.full_covariance().value_or(Matrix7d::Zero());
   const std::vector<PlacedMap> both = {{&target, "target", Similarity3()}, placed};
   options.execution = options.execution.without_progress();
   options.log = {};

@@ -45,45 +45,6 @@ Link linked(const PreparedMap& target, const PreparedMap& source, const AlignOpt
   return link;
 }
 
-// The last maps used, prepared, for any number of threads.
-class PreparedMaps {
- public:
-  PreparedMaps(MapStore& maps, const LinkOptions& how) : maps_(maps), how_(how) {}
-
-  PreparedMap get(std::size_t map) {
-    const std::lock_guard lock(mutex_);
-    const auto found = std::find_if(prepared_.begin(), prepared_.end(),
-                                    [&](const auto& one) { return one.first == map; });
-    if (found != prepared_.end()) {
-      prepared_.splice(prepared_.begin(), prepared_, found);
-      return prepared_.front().second;
-    }
-    prepared_.emplace_front(map, prepared_to_link(*maps_.load(map), how_));
-    if (prepared_.size() > maps_.capacity()) prepared_.pop_back();
-    return prepared_.front().second;
-  }
-
-  // Target and source: whichever is given first, the result is the same.
-  IndexPair larger_first(const IndexPair& pair) {
-    const auto [first, second] = pair;
-    bool swap = maps_.landmark_count(first) < maps_.landmark_count(second);
-    if (maps_.landmark_count(first) == maps_.landmark_count(second)) {
-      const std::lock_guard lock(mutex_);
-      swap = precedes(*maps_.load(second), *maps_.load(first));
-    }
-    return swap ? IndexPair(second, first) : pair;
-  }
-
-  // While held, no other thread uses the store.
-  std::mutex& mutex() { return mutex_; }
-
- private:
-  MapStore& maps_;
-  LinkOptions how_;
-  std::mutex mutex_;
-  std::list<std::pair<std::size_t, PreparedMap>> prepared_;  // last used first
-};
-
 }  // namespace
 
 MapsInMemory::MapsInMemory(std::span<const LandmarkMap* const> maps,
@@ -189,37 +150,80 @@ std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options)
   return pairs;
 }
 
-void link_pairs(MapStore& maps, std::span<const IndexPair> pairs, const LinkOptions& options,
-                const std::function<void(Link link)>& take) {
-  options.validate();
-  for (const auto& [a, b] : pairs) {
-    if (a < maps.size() && b < maps.size() && a != b) continue;
-    throw Error(ErrorKind::kMisuse, "pairs", fmt::format("({}, {})", a, b),
-                fmt::format("two of {} maps", maps.size()));
+// The last maps used, prepared, for any number of threads.
+class PairLinker::PreparedMaps {
+ public:
+  explicit PreparedMaps(MapStore& maps) : maps_(maps) {}
+
+  PreparedMap get(std::size_t map, const LinkOptions& how) {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::find_if(prepared_.begin(), prepared_.end(),
+                                    [&](const auto& one) { return one.first == map; });
+    if (found != prepared_.end()) {
+      prepared_.splice(prepared_.begin(), prepared_, found);
+      return prepared_.front().second;
+    }
+    prepared_.emplace_front(map, prepared_to_link(*maps_.load(map), how));
+    if (prepared_.size() > maps_.capacity()) prepared_.pop_back();
+    return prepared_.front().second;
   }
-  const Executor& executor = options.execution.executor;
+
+  // Target and source: whichever is given first, the result is the same.
+  IndexPair larger_first(const IndexPair& pair) {
+    const auto [first, second] = pair;
+    bool swap = maps_.landmark_count(first) < maps_.landmark_count(second);
+    if (maps_.landmark_count(first) == maps_.landmark_count(second)) {
+      const std::lock_guard lock(mutex_);
+      swap = precedes(*maps_.load(second), *maps_.load(first));
+    }
+    return swap ? IndexPair(second, first) : pair;
+  }
+
+  // While held, no other thread uses the store.
+  std::mutex& mutex() { return mutex_; }
+
+ private:
+  MapStore& maps_;
+  std::mutex mutex_;
+  std::list<std::pair<std::size_t, PreparedMap>> prepared_;  // last used first
+};
+
+PairLinker::PairLinker(MapStore& maps, const LinkOptions& options)
+    : maps_(maps), options_(options), prepared_(std::make_unique<PreparedMaps>(maps)) {
+  options.validate();
+}
+
+PairLinker::~PairLinker() = default;
+
+void PairLinker::link(std::span<const IndexPair> pairs,
+                      const std::function<void(Link link)>& take) {
+  for (const auto& [a, b] : pairs) {
+    if (a < maps_.size() && b < maps_.size() && a != b) continue;
+    throw Error(ErrorKind::kMisuse, "pairs", fmt::format("({}, {})", a, b),
+                fmt::format("two of {} maps", maps_.size()));
+  }
+  const Executor& executor = options_.execution.executor;
   // With many pairs, the pairs run in parallel rather than the work within each.
   const bool by_pairs = pairs.size() >= executor.threads();
-  LinkOptions how = options;
-  how.execution = options.execution.without_progress();
+  LinkOptions how = options_;
+  how.execution = options_.execution.without_progress();
   // A thread that waits for others while holding the mutex could be given work that waits for the mutex.
   if (by_pairs) how.execution.executor = Executor(1);
-  PreparedMaps prepared(maps, how);
   const AlignOptions align = align_options(how);
   const auto make = [&](std::size_t i) {
-    const auto [target, source] = prepared.larger_first(pairs[i]);
-    Link link = linked(prepared.get(target), prepared.get(source), align);
+    const auto [target, source] = prepared_->larger_first(pairs[i]);
+    Link link = linked(prepared_->get(target, how), prepared_->get(source, how), align);
     link.target = NodeId{target};
     link.source = NodeId{source};
     return link;
   };
   std::size_t done = 0;
   const auto use = [&](std::size_t, Link link) {
-    const std::lock_guard lock(prepared.mutex());
+    const std::lock_guard lock(prepared_->mutex());
     take(std::move(link));
     ++done;
-    if (options.execution.progress) {
-      options.execution.progress(static_cast<double>(done) / static_cast<double>(pairs.size()));
+    if (options_.execution.progress) {
+      options_.execution.progress(static_cast<double>(done) / static_cast<double>(pairs.size()));
     }
   };
   if (by_pairs) {
@@ -230,10 +234,9 @@ void link_pairs(MapStore& maps, std::span<const IndexPair> pairs, const LinkOpti
 }
 
 std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options) {
-  options.validate();
+  PairLinker linker(maps, options);
   std::vector<Link> links;
-  link_pairs(maps, pairs_to_link(maps, options), options,
-             [&](Link link) { links.push_back(std::move(link)); });
+  linker.link(pairs_to_link(maps, options), [&](Link link) { links.push_back(std::move(link)); });
   return links;
 }
 

@@ -93,15 +93,31 @@ std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const Pre
 /// @throws Error (cancelled) if the caller asked to stop
 std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options = {});
 
-/// Aligns pairs of maps. The larger of the two is the target (precedes()), so that the order of the maps does not matter.
-/// Estimates the scale if one of the two has a free scale. The same input and seed give the same links for any number of
-/// threads.
-/// @param take is given each result in the order of the pairs, one at a time; its nodes are the maps' indices
-/// @throws Error (cancelled) if the caller asked to stop
-void link_pairs(MapStore& maps, std::span<const IndexPair> pairs, const LinkOptions& options,
-                const std::function<void(Link link)>& take);
+/// Aligns pairs of maps, and keeps the maps that it prepared for further pairs. The larger of two maps is the target
+/// (precedes()), so that the order of the maps does not matter. Estimates the scale if one of the two has a free scale.
+/// The same input and seed give the same links for any number of threads.
+class PairLinker {
+ public:
+  /// @param maps outlives the linker; an index always names the same map, but maps may be added
+  /// @throws Error (misuse) for invalid options
+  PairLinker(MapStore& maps, const LinkOptions& options);
+  ~PairLinker();
+  PairLinker(const PairLinker&) = delete;
+  PairLinker& operator=(const PairLinker&) = delete;
 
-/// pairs_to_link() and link_pairs().
+  /// @param take is given each result in the order of the pairs, one at a time; its nodes are the maps' indices
+  /// @throws Error (cancelled) if the caller asked to stop
+  void link(std::span<const IndexPair> pairs, const std::function<void(Link link)>& take);
+
+ private:
+  class PreparedMaps;
+
+  MapStore& maps_;
+  LinkOptions options_;
+  std::unique_ptr<PreparedMaps> prepared_;
+};
+
+/// Links all pairs_to_link().
 /// @return one link per pair, in their order
 std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options = {});
 

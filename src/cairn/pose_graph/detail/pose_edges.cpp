@@ -23,7 +23,9 @@ namespace {
 // No link is more exact than a millionth of what it moves, or the normal equations would be ill-conditioned.
 constexpr double kExact = 1e-6;
 
-void validate(const PoseGraph& graph, std::span<const NodeExtent> extents) {
+}  // namespace
+
+void check_graph(const PoseGraph& graph, std::span<const NodeExtent> extents) {
   graph.validate();
   if (extents.size() != graph.nodes.size()) {
     throw Error(ErrorKind::kMisuse, "extents", fmt::format("{} of them", extents.size()),
@@ -37,29 +39,30 @@ void validate(const PoseGraph& graph, std::span<const NodeExtent> extents) {
   }
 }
 
-}  // namespace
-
-std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExtent> extents) {
-  validate(graph, extents);
+std::vector<std::pair<std::size_t, std::size_t>> link_ends(const PoseGraph& graph) {
   std::vector<std::pair<NodeId, std::size_t>> by_id;
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) by_id.emplace_back(graph.nodes[i].id, i);
   std::sort(by_id.begin(), by_id.end());
   const auto index_of = [&](NodeId id) {
     return std::lower_bound(by_id.begin(), by_id.end(), std::pair(id, std::size_t{0}))->second;
   };
+  std::vector<std::pair<std::size_t, std::size_t>> ends;
+  for (const Link& link : graph.links)
+    ends.emplace_back(index_of(link.target), index_of(link.source));
+  return ends;
+}
+
+std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExtent> extents) {
+  check_graph(graph, extents);
+  const auto ends = link_ends(graph);
   std::vector<PoseEdge> edges;
   for (std::size_t i = 0; i < graph.links.size(); ++i) {
     const Link& link = graph.links[i];
-    PoseEdge edge{i, index_of(link.target), index_of(link.source), *link.target_from_source, {}};
-    if (link.covariance_with_scale) {
-      edge.covariance = *link.covariance_with_scale;
-    } else if (link.covariance) {
-      edge.covariance.setZero();
-      edge.covariance.topLeftCorner<6, 6>() = *link.covariance;
-      edge.covariance(6, 6) = kSameScale * kSameScale;
-    } else {
-      continue;
-    }
+    PoseEdge edge{i, ends[i].first, ends[i].second, *link.target_from_source, {}};
+    const std::optional<Matrix7d> covariance = link.full_covariance();
+    if (!covariance) continue;
+    edge.covariance = *covariance;
+    if (!link.covariance_with_scale) edge.covariance(6, 6) = kSameScale * kSameScale;
     const double length = kExact * extents[edge.source].radius * edge.target_from_source.scale();
     for (int k = 0; k < 7; ++k) edge.covariance(k, k) += k < 3 ? length * length : kExact * kExact;
     if (Eigen::LLT<Eigen::Matrix<double, 7, 7>>(edge.covariance).info() == Eigen::Success)

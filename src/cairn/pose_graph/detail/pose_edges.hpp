@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "cairn/pose_graph/optimise_poses.hpp"
@@ -21,8 +22,14 @@ struct PoseEdge {
   Matrix7d covariance;
 };
 
-/// The graph's links that have a covariance, which is bounded from below so that it can be inverted.
 /// @throws Error (misuse) unless there is one valid extent per node, (input) for an invalid graph
+void check_graph(const PoseGraph& graph, std::span<const NodeExtent> extents);
+
+/// Positions of each link's target and source among the nodes of a valid graph.
+std::vector<std::pair<std::size_t, std::size_t>> link_ends(const PoseGraph& graph);
+
+/// The graph's links that have a covariance, which is bounded from below so that it can be inverted.
+/// @throws Error as check_graph()
 std::vector<PoseEdge> pose_edges(const PoseGraph& graph, std::span<const NodeExtent> extents);
 
 /// Number of each node's session, equal for nodes of one; a node without a session has its own.
