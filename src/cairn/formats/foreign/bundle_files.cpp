@@ -17,6 +17,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/record_reader.hpp"
 #include "cairn/formats/detail/bytes/words.hpp"
@@ -58,16 +59,10 @@ struct View {
   }
 };
 
-double upper_median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // The middle of values to which an image's size, a whole number, gives half pixels: the nearest of these, unless the
 // values contradict it.
 double middle_of(const std::vector<double>& values) {
-  const double median = upper_median(values);
+  const double median = upper_median(std::vector<double>(values));
   std::vector<double> deviations;
   for (const double value : values) deviations.push_back(std::abs(value - median));
   const double error = 1.25 * 1.4826 * upper_median(std::move(deviations)) /

@@ -11,6 +11,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/core/statistics.hpp"
+
 namespace cairn {
 namespace {
 
@@ -121,12 +123,6 @@ struct Sample {
   Pixel pixel;
 };
 
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 class Checker {
  public:
   explicit Checker(const LandmarkMap& map) : map_(map) {
@@ -188,7 +184,7 @@ class Checker {
       dv_.push_back(seen.v - pixel->v);
       errors_.push_back(std::hypot(du_.back(), dv_.back()));
     }
-    return median_of(errors_);
+    return upper_median(errors_);
   }
 
   Pose pose_of(std::uint32_t frame) const {
@@ -363,11 +359,11 @@ class Checker {
   void find_pixel_centre(ConventionCheck& result) {
     median_error(result.best.reading);
     if (du_.size() < 50) return;
-    const double du = median_of(du_);
-    const double dv = median_of(dv_);
+    const double du = upper_median(du_);
+    const double dv = upper_median(dv_);
     const auto spread = [](std::vector<double> values, double middle) {
       for (double& value : values) value = std::abs(value - middle);
-      return 1.4826 * median_of(values);
+      return 1.4826 * upper_median(values);
     };
     const double error = 1.25 * std::max(spread(du_, du), spread(dv_, dv)) /
                          std::sqrt(static_cast<double>(du_.size()));

@@ -15,6 +15,7 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/foxglove_messages.hpp"
 #include "cairn/formats/detail/bytes/mcap_file.hpp"
@@ -90,9 +91,8 @@ double frustum_depth(const LandmarkMap& map) {
   std::vector<double> distances;
   distances.reserve(points.size());
   for (const Eigen::Vector3d& x : points) distances.push_back((x - centre).norm());
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle > 0.0 ? kShare * *middle : kShare;
+  const double median = upper_median(distances);
+  return median > 0.0 ? kShare * median : kShare;
 }
 
 // All keyframes as one list of lines: the edges of each camera's frustum, without distortion, or the optical
