@@ -23,6 +23,7 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/hints.hpp"
+#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

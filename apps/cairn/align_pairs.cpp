@@ -23,6 +23,7 @@
 #include "support/alignments.hpp"
 #include "support/console.hpp"
 #include "support/interrupt.hpp"
+#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -21,6 +21,7 @@
 #include "support/change_documents.hpp"
 #include "support/console.hpp"
 #include "support/map_lists.hpp"
+#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

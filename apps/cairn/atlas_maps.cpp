@@ -20,6 +20,7 @@
 #include "support/atlas_arguments.hpp"
 #include "support/interrupt.hpp"
 #include "support/map_lists.hpp"
+#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

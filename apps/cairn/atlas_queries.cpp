@@ -21,6 +21,7 @@
 #include "support/atlas_report.hpp"
 #include "support/console.hpp"
 #include "support/map_lists.hpp"
+#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

@@ -30,6 +30,7 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
+#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -19,6 +19,7 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
+#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

@@ -27,6 +27,7 @@
 #endif
 #include "support/console.hpp"
 #include "support/documents.hpp"
+#include "support/refusals.hpp"
 #include "support/statistics.hpp"
 
 namespace cairn::cli {

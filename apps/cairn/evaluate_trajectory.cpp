@@ -21,6 +21,7 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
+#include "support/refusals.hpp"
 #include "support/statistics.hpp"
 
 namespace cairn::cli {

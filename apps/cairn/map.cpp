@@ -29,6 +29,7 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
+#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -26,6 +26,7 @@
 #include "support/link_documents.hpp"
 #include "support/map_lists.hpp"
 #include "support/merge_report.hpp"
+#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

@@ -20,6 +20,8 @@
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
 
+#include "support/refusals.hpp"
+
 namespace cairn::cli {
 namespace {
 

@@ -17,6 +17,7 @@
 
 #include "support/interrupt.hpp"
 #include "support/link_documents.hpp"
+#include "support/refusals.hpp"
 
 namespace cairn::cli {
 void AtlasArguments::add_to(const Command& command) {

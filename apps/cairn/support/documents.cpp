@@ -21,6 +21,7 @@
 #include "cairn/report/writer.hpp"
 
 #include "support/interrupt.hpp"
+#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -17,6 +17,8 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"
 
+#include "support/refusals.hpp"
+
 namespace cairn::cli {
 namespace {
 

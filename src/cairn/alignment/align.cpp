@@ -550,12 +550,12 @@ constinit const OptionTable AlignOptions::table = {"AlignOptions", kAlignFields}
 
 void AlignOptions::validate() const {
   check_options(*this);
-  refuse_if(method == AlignMethod::kIcp && scale.has_value(), "AlignOptions.scale",
-            "given with ICP", "AlignMethod::kRobust");
+  detail::require(method != AlignMethod::kIcp || !scale, "AlignOptions.scale", "given with ICP",
+                  "AlignMethod::kRobust");
   if (prior) {
     const double unit = prior->target_from_source.scale();
-    refuse_if(!scale && !(std::abs(unit - 1.0) < 1e-9), "AlignOptions.prior.target_from_source",
-              fmt::format("scale {}", unit), "1, or AlignOptions.scale");
+    detail::require(scale || std::abs(unit - 1.0) < 1e-9, "AlignOptions.prior.target_from_source",
+                    fmt::format("scale {}", unit), "1, or AlignOptions.scale");
     if (prior->covariance) {
       const Matrix6d& covariance = *prior->covariance;
       const bool finite = covariance.allFinite();
@@ -563,8 +563,8 @@ void AlignOptions::validate() const {
           finite && (covariance - covariance.transpose()).norm() <= 1e-9 * covariance.norm();
       const bool valid =
           symmetric && symmetric_eigenvalues<6>(covariance)[0] >= -1e-9 * covariance.norm();
-      refuse_if(!valid, "AlignOptions.prior.covariance", "no covariance",
-                "a symmetric matrix without negative eigenvalues");
+      detail::require(valid, "AlignOptions.prior.covariance", "no covariance",
+                      "a symmetric matrix without negative eigenvalues");
     }
   }
   placement_of(*this).validate();
@@ -589,8 +589,8 @@ Alignment align(const LandmarkMap& source, const LandmarkMap& target, const Alig
 
 Alignment align(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options) {
   options.validate();
-  refuse_if(options.method == AlignMethod::kIcp, "AlignOptions.method", "icp",
-            "kRobust for prepared maps");
+  detail::require(options.method != AlignMethod::kIcp, "AlignOptions.method", "icp",
+                  "kRobust for prepared maps");
   return timed(options, [&] { return aligned(source, target, options); });
 }
 

@@ -43,14 +43,4 @@ void check_options(const OptionTable& table, const void* options) {
   }
 }
 
-void refuse_if(bool wrong, std::string_view option, std::string_view what,
-               std::string_view expected) {
-  if (wrong) throw Error(ErrorKind::kMisuse, option, what, expected);
-}
-
-void reject_if(bool wrong, std::string_view file, std::string_view what,
-               std::string_view expected) {
-  if (wrong) throw Error(ErrorKind::kInput, file, what, expected);
-}
-
 }  // namespace cairn

@@ -85,10 +85,4 @@ void check_options(const Options& options) {
   check_options(Options::table, &options);
 }
 
-/// @throws Error (misuse) naming an option or argument, what is wrong with it and what is expected, if it is `wrong`
-void refuse_if(bool wrong, std::string_view option, std::string_view what,
-               std::string_view expected);
-/// @throws Error (input) naming a file if what it holds is `wrong`
-void reject_if(bool wrong, std::string_view file, std::string_view what, std::string_view expected);
-
 }  // namespace cairn

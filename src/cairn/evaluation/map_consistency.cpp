@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/map/camera.hpp"
 
@@ -39,8 +40,7 @@ std::vector<Rigid3> inverse_poses(const LandmarkMap& map) {
 }  // namespace
 
 MapConsistency map_consistency(const LandmarkMap& map, double inlier_px) {
-  refuse_if(!kFinitePositive.contains(inlier_px), "inlier_px", fmt::format("{}", inlier_px),
-            "a positive number");
+  detail::require(kFinitePositive.contains(inlier_px), "inlier_px", inlier_px, "a positive number");
   MapConsistency result;
   const ObservationTable& observations = map.observations();
   const bool has_cameras = !map.frames().cameras.empty();

@@ -330,8 +330,8 @@ constinit const OptionTable IcpOptions::table = {"IcpOptions", kIcpFields};
 
 void IcpOptions::validate() const {
   const std::string defect(coordinate_defect(initial));
-  refuse_if(!defect.empty(), "IcpOptions.initial", defect,
-            "a rigid transform, coordinates from -1e9 to 1e9");
+  detail::require(defect.empty(), "IcpOptions.initial", defect,
+                  "a rigid transform, coordinates from -1e9 to 1e9");
   check_options(*this);
 }
 

@@ -63,8 +63,8 @@ constinit const OptionTable SensorOptions::table = {"SensorOptions", kSensorFiel
 
 void SensorOptions::validate() const {
   check_options(*this);
-  refuse_if(max_depth_m <= min_depth_m, "SensorOptions.max_depth_m", fmt::format("{}", max_depth_m),
-            fmt::format("more than min_depth_m, {}", min_depth_m));
+  detail::require(max_depth_m > min_depth_m, "SensorOptions.max_depth_m", max_depth_m,
+                  fmt::format("more than min_depth_m, {}", min_depth_m));
 }
 
 void RendererOptions::validate() const {

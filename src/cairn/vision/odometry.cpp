@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <opencv2/imgproc.hpp>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/vision/detail/tracker.hpp"
 
@@ -29,8 +30,8 @@ constinit const OptionTable FeatureOptions::table = {"FeatureOptions", kFeatureF
 
 void FeatureOptions::validate() const {
   check_options(*this);
-  refuse_if(least_threshold > threshold, "FeatureOptions.least_threshold",
-            fmt::format("{}", least_threshold), "1 to threshold");
+  detail::require(least_threshold <= threshold, "FeatureOptions.least_threshold", least_threshold,
+                  "1 to threshold");
 }
 
 constexpr OptionField kSensorNoiseFields[] = {
