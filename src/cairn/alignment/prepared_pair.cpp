@@ -21,25 +21,6 @@ using namespace detail;
 
 constexpr std::size_t kFewestLandmarks = 20;  // with fewer, a right pose looks like chance
 
-// From the nearest to 1 outwards.
-std::vector<double> scales_about_one(const ScaleRange& range) {
-  // Refinement bridges one step, and beyond this number of steps from the scale that extents and spacings suggest, maps
-  // overlap little.
-  constexpr double kScaleStep = 1.25;
-  constexpr int kScaleReach = 5;
-  std::vector<double> scales = {1.0};
-  for (int i = 1; i <= kScaleReach; ++i) {
-    scales.push_back(std::pow(kScaleStep, i));
-    scales.push_back(std::pow(kScaleStep, -i));
-  }
-  // Refinement goes half a step farther.
-  const double margin = std::sqrt(kScaleStep);
-  std::erase_if(scales, [&](double scale) {
-    return scale < range.least / margin || scale > range.most * margin;
-  });
-  return scales;
-}
-
 // Scale of the source at which both clouds have the most similar extents and spacings.
 double likely_scale(const CloudScales& from, const CloudScales& to) {
   const double square = to.extent * to.spacing / (from.extent * from.spacing);
@@ -88,7 +69,6 @@ class PreparedPair::Work {
       const double least = options_.scale->least / unit_;
       const double most = options_.scale->most / unit_;
       options_.scale = inverted_ ? ScaleRange{1.0 / most, 1.0 / least} : ScaleRange{least, most};
-      scales = scales_about_one(*options_.scale);
       // Free units are often equal, as of two maps that one program made.
       equal = inverted_ ? unit_ : 1.0 / unit_;
       if (*equal < options_.scale->least || *equal > options_.scale->most) equal.reset();

@@ -25,6 +25,26 @@ std::vector<double> sorted_copy(std::span<const double> values) {
   return sorted;
 }
 
+// Whether 19 in 20 ascending values are multiples of about this step from the first on; corrects the step.
+bool is_step(const std::vector<double>& sorted, double& step) {
+  constexpr double kMostOff = 0.05;  // of the step
+  constexpr double kLeastShare = 0.95;
+  std::vector<double> multiples = {0.0};
+  for (std::size_t i = 1; i < sorted.size(); ++i) {
+    multiples.push_back(multiples.back() + std::round((sorted[i] - sorted[i - 1]) / step));
+  }
+  if (!(multiples.back() > 0.0)) return false;
+  step = (sorted.back() - sorted.front()) / multiples.back();
+  const auto on_grid = [&](double offset) {
+    return std::count_if(sorted.begin(), sorted.end(), [&](double value) {
+      const double place = (value - offset) / step;
+      return std::abs(place - std::round(place)) < kMostOff;
+    });
+  };
+  const auto most = std::max(on_grid(sorted.front()), on_grid(sorted[sorted.size() / 2]));
+  return static_cast<double>(most) >= kLeastShare * static_cast<double>(sorted.size());
+}
+
 }  // namespace
 
 std::optional<ErrorStatistics> statistics_of(std::span<const double> errors) {
@@ -56,6 +76,25 @@ double quantile(std::span<const double> values, double share) {
     throw Error(ErrorKind::kMisuse, "quantile", fmt::format("a share of {}", share), "0 to 1");
   }
   return quantile_of_sorted(sorted_copy(values), share);
+}
+
+double common_step(std::span<const double> values) {
+  constexpr std::size_t kFewestSteps = 7;
+  constexpr double kEqual = 1e-6;  // of the range; single precision keeps no more
+  if (values.empty()) return 0.0;
+  const std::vector<double> sorted = sorted_copy(values);
+  const double range = sorted.back() - sorted.front();
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < sorted.size(); ++i) {
+    const double apart = sorted[i] - sorted[i - 1];
+    if (apart > kEqual * range) steps.push_back(apart);
+  }
+  if (steps.size() < kFewestSteps || 2 * steps.size() > sorted.size()) return 0.0;
+  for (const double share : {0.5, 0.25, 0.05}) {
+    double step = lower_quantile(steps, share);
+    if (is_step(sorted, step)) return step;
+  }
+  return 0.0;
 }
 
 }  // namespace cairn

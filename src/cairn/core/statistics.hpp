@@ -54,4 +54,9 @@ auto lower_quantile(Values&& values, double share) {
                     static_cast<std::size_t>(share * static_cast<double>(values.size() - 1)));
 }
 
+/// The step of values that are rounded, or lie on a grid: 19 in 20 are multiples of it, from some offset, to within a
+/// twentieth of it, with half of the values at least repeated. 0 if there is none, or for fewer than eight different
+/// values.
+double common_step(std::span<const double> values);
+
 }  // namespace cairn

@@ -11,6 +11,7 @@
 #include "cairn/alignment/detail/spatial_groups.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/map/operations.hpp"
 
@@ -110,6 +111,33 @@ LandmarkCloud moved(LandmarkCloud cloud, const Eigen::Vector3d& by) {
   return cloud;
 }
 
+// In spacings: a smaller step needs no dithering; a larger one is of shelves or storeys, not of the positions.
+constexpr double kLeastStep = 0.1;
+constexpr double kMostStep = 2.0;
+
+// Positions that are rounded, or the centres of voxels, are known to within a step only: spreads them evenly over it.
+// Else two grids would match to the last digit whatever the maps show.
+void dither(std::vector<Eigen::Vector3d>& positions, Random random, const Executor& executor) {
+  Eigen::Vector3d steps;
+  std::vector<double> values;
+  const std::size_t stride = 1 + positions.size() / PreparedCloud::kSample;
+  for (int axis = 0; axis < 3; ++axis) {
+    values.clear();
+    for (std::size_t i = 0; i < positions.size(); i += stride) values.push_back(positions[i][axis]);
+    steps[axis] = common_step(values);
+  }
+  if (steps.isZero()) return;
+  std::vector<double> spacings = landmark_spacings(positions, BatchTree(positions), executor);
+  const double spacing = upper_median(spacings);
+  for (double& step : steps) {
+    if (step < kLeastStep * spacing || step > kMostStep * spacing) step = 0.0;
+  }
+  if ((steps.array() > 0.0).count() < 2) return;
+  for (Eigen::Vector3d& position : positions) {
+    for (int axis = 0; axis < 3; ++axis) position[axis] += steps[axis] * random.uniform(-0.5, 0.5);
+  }
+}
+
 std::span<const Eigen::Vector3d> first_of(std::span<const Eigen::Vector3d> points) {
   return points.first(std::min(points.size(), PreparedCloud::kSample));
 }
@@ -144,7 +172,9 @@ PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Exec
   cloud.validate(name);
   const bool has_placeholders = has_placeholder_covariances(cloud);
   if (has_placeholders) cloud.covariances.clear();
-  auto order = random_order(cloud, random_of(cloud, seed));
+  const Random random = random_of(cloud, seed);
+  auto order = random_order(cloud, random);
+  dither(cloud.positions, random.fork(1), executor);
   *this = plain(ordered(std::move(cloud), order));
   ignores_covariances_ = has_placeholders;
   order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));

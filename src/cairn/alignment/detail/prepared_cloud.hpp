@@ -26,7 +26,8 @@ class PreparedCloud {
   static constexpr std::size_t kSample = 4096;
   static constexpr std::size_t kGroups = Proximity::kGroups;  ///< spatial groups of the sample
 
-  /// Leaves out covariances that are placeholders (has_placeholder_covariances()).
+  /// Leaves out covariances that are placeholders (has_placeholder_covariances()), and dithers positions on a grid that is
+  /// not much finer than their spacing.
   /// @param seed of the random order, which also depends on the landmarks
   /// @param name of the cloud, for messages
   /// @throws Error (misuse) as LandmarkCloud::validate()

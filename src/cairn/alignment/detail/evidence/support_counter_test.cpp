@@ -114,14 +114,19 @@ TEST(SupportCounter, OneThingInBothPlacesGivesNoSpreadEvidence) {
   EXPECT_LT(thing.spread_evidence, 0.2 * thing.evidence);
 }
 
-TEST(SupportCounter, CountsAsCloseWhatIsWithinHalfTheRadius) {
-  // Far apart from each other, so that each meets its own.
+// Landmarks of a wall at least 0.15 from each other, so that each meets its own; not on a grid.
+LandmarkCloud far_apart() {
+  Random random(5);
   LandmarkCloud cloud;
-  for (int row = 0; row < 10; ++row) {
-    for (int column = 0; column < 10; ++column) {
-      cloud.positions.emplace_back(0.2 * column, 0.2 * row, 0.0);
-    }
+  for (int i = 0; i < 100; ++i) {
+    cloud.positions.emplace_back(0.2 * (i % 10) + random.uniform(0.0, 0.05),
+                                 0.2 * (i / 10) + random.uniform(0.0, 0.05), 0.0);
   }
+  return cloud;
+}
+
+TEST(SupportCounter, CountsAsCloseWhatIsWithinHalfTheRadius) {
+  const LandmarkCloud cloud = far_apart();
   const auto beside = [&](double radii) {
     LandmarkCloud other = cloud;
     for (Eigen::Vector3d& position : other.positions) position.z() += radii * kRadius;
@@ -134,19 +139,18 @@ TEST(SupportCounter, CountsAsCloseWhatIsWithinHalfTheRadius) {
 }
 
 TEST(SupportCounter, TellsTheDistanceOfEachPairInSpacings) {
-  LandmarkCloud grid;
-  for (int i = 0; i < 100; ++i) grid.positions.emplace_back(0.2 * (i % 10), 0.2 * (i / 10), 0.0);
+  const LandmarkCloud cloud = far_apart();
   const auto counts = [&](double shift) {
-    LandmarkCloud other = grid;
+    LandmarkCloud other = cloud;
     for (Eigen::Vector3d& position : other.positions) position.z() += shift;
-    const PreparedCloud from(grid);
+    const PreparedCloud from(cloud);
     const PreparedCloud to(other);
     Proximity proximity;
     SupportCounter(from, to, 1000, Random(1))(centred_pose(from, to, Similarity3()), kRadius,
                                               &proximity);
     return proximity.counts();
   };
-  // The eighth neighbour is 0.28 away or more.
+  // The eighth neighbour is 0.25 away or more.
   const auto close = counts(0.002);
   EXPECT_EQ(close.front(), 100.0);
   // Beyond the radius, too.

@@ -27,9 +27,8 @@ void shuffle(std::vector<Eigen::Quaterniond>& rotations, Random& random) {
 }
 
 std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random random) {
-  constexpr double kRotations = 4608;     // at effort 1: about 15 degrees apart
-  constexpr double kFewRotations = 2304;  // the same if constellations also propose poses
-  constexpr double kTurns = 72;           // and about a known vertical: 5 degrees apart
+  constexpr double kRotations = 2304;  // at effort 1: about 19 degrees apart
+  constexpr double kTurns = 72;        // and about a known vertical: 5 degrees apart
   std::vector<Eigen::Quaterniond> all;
   if (options.gravity) {
     all = rotations_about(options.gravity->source, options.gravity->target,
@@ -38,8 +37,7 @@ std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random ra
     // A random rotation, so that each seed searches other rotations.
     Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
     turn.normalize();
-    const double count = options.scale ? kRotations : kFewRotations;
-    all = all_rotations(static_cast<std::size_t>(std::ceil(count * options.effort)));
+    all = all_rotations(static_cast<std::size_t>(std::ceil(kRotations * options.effort)));
     for (Eigen::Quaterniond& rotation : all) rotation = turn * rotation;
   }
   if (options.time_limit_s) shuffle(all, random);
@@ -177,6 +175,7 @@ Candidates Placement::candidates(const TimeLimit& time) const {
   // agreement, a search may find other poses that fit equally well.
   constexpr double kDecided = 0.99;
   // Shares of the time limit for the stages; the last refinement has the rest.
+  constexpr double kQuadTime = 0.1;
   constexpr double kSearchTime = 0.5;
   constexpr double kConstellationTime = 0.65;
   constexpr double kCandidatesTime = 0.85;
@@ -206,18 +205,30 @@ Candidates Placement::candidates(const TimeLimit& time) const {
     if (decided || options_.search == PoseSearch::kNever) return result;
   }
   std::vector<Finalist> poses;
+  std::vector<QuadPose> from_quads;
+  result.cut_short =
+      time.cuts(kQuadTime, [&](const std::stop_token& stop) { from_quads = quads(stop); }) ||
+      result.cut_short;
+  for (const QuadPose& quad : from_quads) {
+    if (!accept(quad.target_from_source.rigid())) continue;
+    poses.emplace_back();
+    set_similarity(poses.back(), quad.target_from_source);
+  }
+  const bool clear = is_clear(from_quads);
+  const std::vector<double> scales = scales_to_search(from_quads, clear);
   const auto turns = rotations(options_, Random(options_.seed).fork(3));
-  for (std::size_t i = 0; i < scales_.size(); ++i) {
+  for (std::size_t i = 0; i < scales.size(); ++i) {
     // Each scale has an equal share of the time.
-    const double done = static_cast<double>(i) / static_cast<double>(scales_.size());
-    const double share = kSearchTime * (done + 1.0 / static_cast<double>(scales_.size()));
+    const double done = static_cast<double>(i) / static_cast<double>(scales.size());
+    const double share =
+        std::lerp(kQuadTime, kSearchTime, done + 1.0 / static_cast<double>(scales.size()));
     const bool cut = time.cuts(share, [&](const std::stop_token& stop) {
-      search(scales_[i], done, turns, accept, stop, poses);
+      search(scales[i], done, scales.size(), turns, accept, stop, poses);
     });
     result.cut_short = result.cut_short || cut;
   }
   poses.insert(poses.end(), proposed.begin(), proposed.end());
-  if (equal_) {
+  if (equal_ && !clear) {
     const bool cut = time.cuts(kConstellationTime, [&](const std::stop_token& stop) {
       for (const ConstellationPose& found : constellations(stop)) {
         if (!accept(found.target_from_source)) continue;
@@ -272,6 +283,48 @@ std::vector<ConstellationPose> Placement::constellations(const std::stop_token& 
   return constellation_poses(source, target_.sample(), Random(options_.seed).fork(6), options);
 }
 
+std::vector<QuadPose> Placement::quads(const std::stop_token& stop) const {
+  // A quad's scale is less certain than a pose's.
+  constexpr double kQuadScale = 1.03;
+  const ScaleRange range = options_.scale.value_or(ScaleRange{1.0 / kQuadScale, kQuadScale});
+  QuadOptions options{.least_scale = range.least, .most_scale = range.most};
+  options.fine = kernel_scales(all_.target, all_.target).fine;
+  options.execution = {.executor = options_.execution.executor, .stop = stop};
+  std::vector<QuadPose> found = quad_poses(source_, target_, options);
+  if (!options_.scale) {
+    for (QuadPose& pose : found) pose.target_from_source = pose.target_from_source.rigid();
+  }
+  return found;
+}
+
+// Whether the first pose leaves no doubt, so that the search need only look for rivals.
+bool Placement::is_clear(const std::vector<QuadPose>& quads) {
+  constexpr double kClear = 40.0;         // evidence
+  constexpr double kRivalEvidence = 0.5;  // of the first pose's
+  return !quads.empty() && quads.front().evidence >= kClear &&
+         (quads.size() == 1 || quads[1].evidence < kRivalEvidence * quads.front().evidence);
+}
+
+std::vector<double> Placement::scales_to_search(const std::vector<QuadPose>& quads,
+                                                bool clear) const {
+  constexpr double kApart = 1.12;   // ratio of scales that one search reaches
+  constexpr std::size_t kMost = 3;  // from quads
+  if (!options_.scale) return scales_;
+  if (clear) return {quads.front().target_from_source.scale()};
+  std::vector<double> scales;
+  const auto add = [&](double scale) {
+    const bool known = std::any_of(scales.begin(), scales.end(), [&](double other) {
+      return std::abs(std::log(scale / other)) < std::log(kApart);
+    });
+    if (!known) scales.push_back(scale);
+  };
+  for (const QuadPose& quad : quads) {
+    if (scales.size() < kMost) add(quad.target_from_source.scale());
+  }
+  for (const double scale : scales_) add(scale);
+  return scales;
+}
+
 std::vector<Finalist> Placement::rivals_of(const std::vector<Finalist>& proposed) {
   // Matches that must agree with the first pose for a decision without a search.
   constexpr std::size_t kFewestAgreeing = 7;
@@ -294,7 +347,8 @@ std::vector<Finalist> Placement::judged(std::vector<Finalist> poses) const {
   return with_probabilities(distinct(std::move(poses), all_, 1));
 }
 
-void Placement::search(double scale, double progress, std::span<const Eigen::Quaterniond> turns,
+void Placement::search(double scale, double progress, std::size_t scales,
+                       std::span<const Eigen::Quaterniond> turns,
                        const std::function<bool(const Rigid3&)>& accept,
                        const std::stop_token& stop, std::vector<Finalist>& poses) const {
   constexpr std::size_t kCandidatesAScale = 24;  // if several scales are searched
@@ -303,11 +357,11 @@ void Placement::search(double scale, double progress, std::span<const Eigen::Qua
   SearchOptions options{.coarse = kernel.coarse,
                         .fine = kernel.fine,
                         .execution = {.executor = options_.execution.executor, .stop = stop}};
-  if (scales_.size() > 1) options.candidates = kCandidatesAScale;
+  if (scales > 1) options.candidates = kCandidatesAScale;
   if (!options_.scale) options.candidates = kCandidatesBeside;
   if (options_.execution.progress) {
     options.execution.progress = [&](double share) {
-      options_.execution.progress(progress + share / static_cast<double>(scales_.size()));
+      options_.execution.progress(progress + share / static_cast<double>(scales));
     };
   }
   std::vector<Eigen::Vector3d> source = source_.landmarks().positions;

@@ -92,7 +92,7 @@ struct Candidates {
 /// if they overlap.
 class Placement {
  public:
-  /// @param scales of the source at which poses are searched for
+  /// @param scales of the source that are likely
   /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
   Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
             std::optional<double> equal, const PlaceOptions& options);
@@ -154,6 +154,13 @@ class Placement {
   // Poses that align a constellation and its surroundings. They need distances, hence one unit.
   std::vector<ConstellationPose> constellations(const std::stop_token& stop) const;
 
+  // Poses from the proportions of neighbouring landmarks.
+  std::vector<QuadPose> quads(const std::stop_token& stop) const;
+  static bool is_clear(const std::vector<QuadPose>& quads);
+
+  // Scales of these poses, and those that are likely anyway unless the first pose is clear.
+  std::vector<double> scales_to_search(const std::vector<QuadPose>& quads, bool clear) const;
+
   // The first pose and those that may be right instead; empty if too few matches agree with the first.
   static std::vector<Finalist> rivals_of(const std::vector<Finalist>& proposed);
 
@@ -161,7 +168,8 @@ class Placement {
   std::vector<Finalist> judged(std::vector<Finalist> poses) const;
 
   // Adds the poses that a search at the scale finds.
-  void search(double scale, double progress, std::span<const Eigen::Quaterniond> turns,
+  void search(double scale, double progress, std::size_t scales,
+              std::span<const Eigen::Quaterniond> turns,
               const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
               std::vector<Finalist>& poses) const;
 

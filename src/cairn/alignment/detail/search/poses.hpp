@@ -16,6 +16,8 @@
 
 namespace cairn::detail {
 
+class PreparedCloud;
+
 /// Evenly spread, deterministic rotations over SO(3): super-Fibonacci spirals (Alexa, CVPR 2022). With n of
 /// them, every rotation is within about 4.5 rad / n^(1/3) of the nearest.
 std::vector<Eigen::Quaterniond> all_rotations(std::size_t count);
@@ -81,6 +83,29 @@ std::vector<ConstellationPose> constellation_poses(std::span<const Eigen::Vector
                                                    std::span<const Eigen::Vector3d> target,
                                                    Random random,
                                                    const ConstellationOptions& options);
+
+struct QuadOptions {
+  double least_scale = 1.0 / 400.0;
+  double most_scale = 400.0;
+  double fine = 0.0;         ///< fine kernel scale, in the target's unit; nearer poses are one
+  std::size_t poses = 24;    ///< largest number of proposals
+  Execution execution = {};  ///< when stopped, returns what was found so far
+};
+
+/// A pose that aligns a quad and its surroundings.
+struct QuadPose {
+  Similarity3 target_from_source;
+  double evidence = 0.0;  ///< log-likelihood ratio of the landmarks around the quad
+};
+
+/// Centred poses, with any scale, from quads: a landmark and three of its nearest. The proportions of its sides identify
+/// a quad whatever the scale, as they identify stars in a photograph (Lang et al. 2010). A pose is tested on the
+/// neighbours of the quad.
+///
+/// The same input gives the same poses for any number of threads.
+/// @return distinct poses, most evidence first
+std::vector<QuadPose> quad_poses(const PreparedCloud& source, const PreparedCloud& target,
+                                 const QuadOptions& options);
 
 struct DescriptorPoseOptions {
   std::size_t matches = 800;  ///< number of matches to use, the most similar ones
