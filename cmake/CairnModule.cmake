@@ -60,7 +60,6 @@ set(CAIRN_UNITY_APART
     # Highway's sources include themselves.
     "src/cairn/core/detail/descriptor_kernel.cpp"
     "src/cairn/registration/detail/batch_kernel.cpp"
-    "src/cairn/registration/neighbors/kd_tree.cpp"
     "src/cairn/alignment/detail/search/descriptor_matches_test.cpp"
     "src/cairn/alignment/detail/search/descriptor_poses_test.cpp"
     "src/cairn/alignment/detail/evidence/look_comparison_test.cpp"

@@ -12,7 +12,7 @@
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
 namespace {
@@ -72,7 +72,7 @@ class LocalDeformations {
 
   const CrossFittedDeformation& pose_;
   const std::vector<Eigen::Vector3d>& from_;
-  KdTree tree_;
+  BatchTree tree_;
   std::vector<Neighbor> near_;
 };
 

@@ -10,8 +10,8 @@
 
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/registration/concepts.hpp"
-#include "cairn/registration/estimation/pose_covariance.hpp"
+#include "cairn/registration/stages.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn::detail {

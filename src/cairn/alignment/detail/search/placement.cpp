@@ -9,7 +9,7 @@
 #include "cairn/alignment/detail/evidence/verdict.hpp"
 #include "cairn/alignment/detail/refinement/robust_alignment.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn::detail {
 namespace {
