@@ -58,10 +58,10 @@ Counts tried(const PreparedMap& source, const PreparedMap& target, std::size_t p
     if (!found) continue;
     ++counts.fitted;
     counts.matches = std::max(counts.matches, found->figures.matches);
-    PlaceOptions options;
+    AlignOptions options;
     options.scale = ScaleRange();
-    const PlacementResult placed = pair.judge(*found, options);
-    counts.probability = std::max(counts.probability, placed.probability);
+    const Alignment placed = pair.judge(*found, options);
+    counts.probability = std::max(counts.probability, *placed.probability);
     if (placed.verdict != Verdict::kAligned) continue;
     for (const Similarity3& other : counts.aligned) {
       counts.apart = std::max(counts.apart, distance(other, found->target_from_source) /

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/alignment/align.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -54,14 +54,14 @@ class Bench {
     options_.seed = pair.trial;
     options_.scale = pair.any_scale ? std::optional(ScaleRange()) : std::nullopt;
     const double start = processor_seconds();
-    const PlacementResult result = place(pair.source, pair.target, options_);
+    const Alignment result = place(pair.source, pair.target, options_);
     const double used = processor_seconds() - start;
     processor_.push_back(used);
     wall_.push_back(result.duration_s);
     const std::optional<Similarity3>& truth = pair.truth;
     PoseError error{std::numbers::pi, 1e9};
     double log_scale = 0.0;
-    const Similarity3 found = result.alignment.similarity();
+    const Similarity3 found = result.registration.similarity();
     if (truth) {
       error = pose_error(found, *truth, pair.source.positions);
       log_scale = std::log(found.scale() / truth->scale());
@@ -76,20 +76,21 @@ class Bench {
     tally.right += aligned && right ? 1 : 0;
     tally.wrong += aligned && !right ? 1 : 0;
     double normalised = -1.0;
-    if (truth && result.alignment.covariance) {
-      const auto& with = result.alignment.covariance_with_scale;
+    if (truth && result.registration.covariance) {
+      const auto& with = result.registration.covariance_with_scale;
       normalised = with ? normalised_squared_error(found, *with, *truth)
-                        : normalised_squared_error(found.rigid(), *result.alignment.covariance,
+                        : normalised_squared_error(found.rigid(), *result.registration.covariance,
                                                    truth->rigid());
       if (right) tally.normalised.push_back(normalised);
     }
     const auto& poses = result.candidates;
     std::printf(
         "\"%s\",%llu,%s,%.3f,%.4f,%.4f,%.2f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n", pair.group.c_str(),
-        static_cast<unsigned long long>(pair.trial), std::string(to_string(result.verdict)).c_str(),
-        degrees(error.rotation_rad), error.translation, log_scale, normalised,
-        poses.empty() ? 0.0 : poses[0].support.share, poses.empty() ? 0.0 : poses[0].probability,
-        poses.size() < 2 ? 0.0 : poses[1].support.share, result.radius, used, result.duration_s);
+        static_cast<unsigned long long>(pair.trial),
+        std::string(to_string(*result.verdict)).c_str(), degrees(error.rotation_rad),
+        error.translation, log_scale, normalised, poses.empty() ? 0.0 : poses[0].support.share,
+        poses.empty() ? 0.0 : poses[0].probability, poses.size() < 2 ? 0.0 : poses[1].support.share,
+        result.radius, used, result.duration_s);
     std::fflush(stdout);
   }
 
@@ -121,7 +122,7 @@ class Bench {
   }
 
  private:
-  PlaceOptions options_;
+  AlignOptions options_;
   std::map<std::string, Tally> tallies_;
   std::vector<double> processor_;
   std::vector<double> wall_;

@@ -19,8 +19,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/cloud_scales.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -145,14 +145,14 @@ class Comparison {
     if (tallies_.empty()) {
       std::puts("group,trial,method,answer,rotation_deg,translation_m,wall_s");
     }
-    PlaceOptions options;
+    AlignOptions options;
     options.seed = pair.trial;
     options.execution.executor = Executor(1);
-    const PlacementResult result = place(pair.source, pair.target, options);
+    const Alignment result = place(pair.source, pair.target, options);
     const bool accepted = result.verdict == Verdict::kAligned;
-    const bool failed = result.alignment.status == RegistrationStatus::kFailed;
+    const bool failed = result.registration.status == RegistrationStatus::kFailed;
     const std::optional<Rigid3> found =
-        failed ? std::nullopt : std::optional(result.alignment.target_from_source);
+        failed ? std::nullopt : std::optional(result.registration.target_from_source);
     tell(pair, "Cairn, aligned or not", found, result.duration_s);
     tell(pair, "Cairn, aligned", accepted ? found : std::nullopt, result.duration_s);
 

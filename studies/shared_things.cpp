@@ -145,8 +145,8 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
 // The pose and verdict up to a deformation; std::nullopt if there clearly is none.
 std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedMap& source,
                                                            const PreparedMap& target,
-                                                           const PlacementResult& placed,
-                                                           const PlaceOptions& options) {
+                                                           const Alignment& placed,
+                                                           const AlignOptions& options) {
   std::vector<Similarity3> starts;
   for (const PlacementCandidate& candidate : placed.candidates) {
     starts.push_back(candidate.similarity());
@@ -154,7 +154,7 @@ std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedMap& so
   const DeformablePair pair(source, target);
   const auto pose = pair.fit(starts);
   if (!pose || !pose->is_clear()) return std::nullopt;
-  return std::pair(pose->target_from_source, pair.judge(*pose, options).verdict);
+  return std::pair(pose->target_from_source, *pair.judge(*pose, options).verdict);
 }
 
 // Columns of the result up to a deformation: verdict, scale, and the error of its rigid part.
@@ -165,7 +165,7 @@ std::string columns_of(const std::pair<Similarity3, Verdict>& found, const Sessi
 }
 
 void tell(const SessionPair& pair, double thing, bool deformed) {
-  PlaceOptions options;
+  AlignOptions options;
   options.seed = pair.number;
   if (deformed) {
     options.scale = ScaleRange();
@@ -173,17 +173,17 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   }
   const PreparedMap source(pair.source, {.seed = options.seed});
   const PreparedMap target(pair.target, {.seed = options.seed});
-  const PlacementResult result = PreparedPair(source, target, options).place();
+  const Alignment result = PreparedPair(source, target, options).place();
   const auto found = deformed ? as_deformed(source, target, result, options) : std::nullopt;
   PoseError error{0.0, 0.0};
-  if (pair.same_place() && thing == 0.0 && result.alignment.has_pose()) {
-    error = pose_error(result.alignment.target_from_source, pair.truth, pair.source.positions);
+  if (pair.same_place() && thing == 0.0 && result.registration.has_pose()) {
+    error = pose_error(result.registration.target_from_source, pair.truth, pair.source.positions);
   }
-  const bool right = pair.same_place() && thing == 0.0 && result.alignment.has_pose() &&
+  const bool right = pair.same_place() && thing == 0.0 && result.registration.has_pose() &&
                      degrees(error.rotation_rad) <= 5.0 && error.translation <= 0.05;
   fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{}\n", pair.number,
              pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
-             pair.target.size(), to_string(result.verdict), result.probability,
+             pair.target.size(), to_string(*result.verdict), *result.probability,
              degrees(error.rotation_rad), error.translation, right ? 1 : 0, result.around.in_front,
              result.around.agree, result.around.behind, found ? columns_of(*found, pair) : ",,,");
   std::fflush(stdout);

@@ -10,7 +10,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 Rigid3 random_pose(Random& random) {
@@ -180,4 +180,4 @@ TEST(PoseManifold, MinusUndoesPlus) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

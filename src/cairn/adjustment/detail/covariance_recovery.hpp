@@ -9,10 +9,10 @@
 
 #include <Eigen/Core>
 
-#include "cairn/core/execution.hpp"
+#include "cairn/adjustment/adjust.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A linearised observation of a landmark: derivatives of its residuals (pixel u, v, and depth; zero if not
 /// measured), in standard deviations.
@@ -44,12 +44,6 @@ struct LinearProblem {
   Vector6d least_information = Vector6d::Constant(1e-6);
 };
 
-/// Frame of reference of the landmark covariances.
-enum class CovarianceGauge {
-  kFirstFrame,     ///< frame 0
-  kFirstObserver,  ///< the frame of the landmark's first observation
-};
-
 struct RecoveredCovariances {
   /// Per frame: of its pose relative to frame 0, (δt, δφ) in the world.
   std::vector<Matrix6d> frames;
@@ -68,4 +62,4 @@ RecoveredCovariances recover_covariances(const LinearProblem& problem, Covarianc
                                          const Execution& execution = {},
                                          std::size_t most_dense = kMostDenseFrames);
 
-}  // namespace cairn
+}  // namespace cairn::detail

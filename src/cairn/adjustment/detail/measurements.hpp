@@ -2,31 +2,15 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "cairn/map/landmark_map.hpp"
+#include "cairn/adjustment/adjust.hpp"
 
-namespace cairn {
-
-/// Standard deviations of a map's measurements.
-struct MeasurementNoise {
-  double pixel_px = 1.0;  ///< of u and of v, at octave 0; positive
-  /// Ratio of the pixel sizes of consecutive octaves; at least 1.
-  double octave_scale = 1.2;
-  /// Of depth z: floor + quadratic·z², in the map's unit. Positive; not negative.
-  double depth_floor = 0.001;
-  double depth_quadratic = 0.002;
-
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-  double sigma_px(std::int32_t octave) const;
-  double sigma_depth(double depth) const { return depth_floor + depth_quadratic * depth * depth; }
-};
+namespace cairn::detail {
 
 /// An observation as used in the adjustment.
 struct Measurement {
@@ -60,10 +44,4 @@ std::optional<SquaredResiduals> squared_residuals(const LandmarkMap& map,
                                                   const Measurement& measurement,
                                                   const Eigen::Vector3d& x_in_world);
 
-/// Noise that explains the residuals of an adjusted map, from their medians, corrected for the fitted
-/// parameters; robust to a fifth of wrong observations. For depths, scales floor and quadratic part alike.
-/// Values with too few measurements stay as given.
-/// @throws Error as measurements_of
-MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise& start = {});
-
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -5,7 +5,7 @@
 
 #include "cairn/geometry/trajectory.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A keyframe's pose before and after a correction.
 struct CorrectedKeyframe {
@@ -21,4 +21,4 @@ struct CorrectedKeyframe {
 /// @throws Error (misuse) if they are not, or there are none
 Trajectory corrected(const Trajectory& trajectory, std::span<const CorrectedKeyframe> keyframes);
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/adjustment/covariance_recovery.hpp"
+#include "cairn/adjustment/detail/covariance_recovery.hpp"
 
 #include <algorithm>
 #include <map>
@@ -12,7 +12,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Block6 = Eigen::Matrix<double, 6, 6>;
@@ -261,4 +261,4 @@ RecoveredCovariances recover_covariances(const LinearProblem& problem, Covarianc
              : recover(problem, gauge, execution, SparsePoses(problem, execution));
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/mapping/close_loops.hpp"
+#include "cairn/vision/close_loops.hpp"
 
 #include <algorithm>
 #include <string>

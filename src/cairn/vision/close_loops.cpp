@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/mapping/close_loops.hpp"
+#include "cairn/vision/close_loops.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 #include "cairn/formats/content_uuid.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/mapping/corrected_trajectory.hpp"
+#include "cairn/vision/detail/corrected_trajectory.hpp"
 #include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {
@@ -83,10 +83,10 @@ void place_all(const MappedSequence& session, std::vector<MergedMap>& maps) {
   if (maps.front().world_from_map->matrix() != Matrix4d::Identity()) move_first_to_identity(maps);
 }
 
-std::vector<CorrectedKeyframe> moved_keyframes(const MappedSequence& session,
-                                               const LandmarkMap& merged,
-                                               const std::vector<std::vector<FrameIndex>>& frames) {
-  std::vector<CorrectedKeyframe> keyframes;
+std::vector<detail::CorrectedKeyframe> moved_keyframes(
+    const MappedSequence& session, const LandmarkMap& merged,
+    const std::vector<std::vector<FrameIndex>>& frames) {
+  std::vector<detail::CorrectedKeyframe> keyframes;
   Rigid3 first_from_map;
   for (std::size_t m = 0; m < session.maps.size(); ++m) {
     const LandmarkMap& map = session.maps[m];
@@ -137,8 +137,9 @@ LandmarkMap without_descriptors(LandmarkMap map) {
   return with_content_uuid(LandmarkMap(std::move(tables)));
 }
 
-void take_largest_moves(const std::vector<CorrectedKeyframe>& keyframes, ClosedLoops& loops) {
-  for (const CorrectedKeyframe& one : keyframes) {
+void take_largest_moves(const std::vector<detail::CorrectedKeyframe>& keyframes,
+                        ClosedLoops& loops) {
+  for (const detail::CorrectedKeyframe& one : keyframes) {
     const Vector6d moved = one.before.difference_to(one.after);
     loops.largest_shift_m = std::max(loops.largest_shift_m, moved.head<3>().norm());
     loops.largest_turn_rad = std::max(loops.largest_turn_rad, moved.tail<3>().norm());
@@ -195,9 +196,10 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
                 "maps whose keyframes have cameras");
   }
   result.adjustment = *merged.adjustment;
-  const std::vector<CorrectedKeyframe> keyframes = moved_keyframes(session, *merged.map, frames);
+  const std::vector<detail::CorrectedKeyframe> keyframes =
+      moved_keyframes(session, *merged.map, frames);
   take_largest_moves(keyframes, result);
-  result.trajectory = corrected(session.trajectory, keyframes);
+  result.trajectory = detail::corrected(session.trajectory, keyframes);
   result.map = finished(*std::move(merged.map), session, result, options.min_observations);
   return result;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/adjustment/measurements.hpp"
+#include "cairn/adjustment/detail/measurements.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 constexpr double kMedianOfTwo = 1.386294361;  // of chi² with two degrees of freedom
@@ -53,25 +53,6 @@ Residuals residuals_of(const LandmarkMap& map,
 }
 
 }  // namespace
-
-void MeasurementNoise::validate() const {
-  const auto require = [](bool holds, std::string_view field, double value,
-                          std::string_view expected) {
-    if (holds && std::isfinite(value)) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("MeasurementNoise.{}", field),
-                fmt::format("{}", value), expected);
-  };
-  require(pixel_px > 0.0, "pixel_px", pixel_px, "a positive number of pixels");
-  require(octave_scale >= 1.0 && octave_scale <= 4.0, "octave_scale", octave_scale, "1 to 4");
-  require(depth_floor > 0.0, "depth_floor", depth_floor, "a positive number");
-  require(depth_quadratic >= 0.0, "depth_quadratic", depth_quadratic,
-          "a number that is not negative");
-}
-
-double MeasurementNoise::sigma_px(std::int32_t octave) const {
-  constexpr std::int32_t kMostOctaves = 32;  // whatever a file says
-  return pixel_px * std::pow(octave_scale, std::clamp(octave, -kMostOctaves, kMostOctaves));
-}
 
 std::string measurement_defect(const LandmarkMap& map) {
   if (!map.has_observations()) return "has no observations";
@@ -143,7 +124,31 @@ std::optional<SquaredResiduals> squared_residuals(const LandmarkMap& map,
   return squared;
 }
 
+}  // namespace cairn::detail
+
+namespace cairn {
+
+void MeasurementNoise::validate() const {
+  const auto require = [](bool holds, std::string_view field, double value,
+                          std::string_view expected) {
+    if (holds && std::isfinite(value)) return;
+    throw Error(ErrorKind::kMisuse, fmt::format("MeasurementNoise.{}", field),
+                fmt::format("{}", value), expected);
+  };
+  require(pixel_px > 0.0, "pixel_px", pixel_px, "a positive number of pixels");
+  require(octave_scale >= 1.0 && octave_scale <= 4.0, "octave_scale", octave_scale, "1 to 4");
+  require(depth_floor > 0.0, "depth_floor", depth_floor, "a positive number");
+  require(depth_quadratic >= 0.0, "depth_quadratic", depth_quadratic,
+          "a number that is not negative");
+}
+
+double MeasurementNoise::sigma_px(std::int32_t octave) const {
+  constexpr std::int32_t kMostOctaves = 32;  // whatever a file says
+  return pixel_px * std::pow(octave_scale, std::clamp(octave, -kMostOctaves, kMostOctaves));
+}
+
 MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise& start) {
+  using namespace detail;
   const auto measurements = measurements_of(map, start);
   double rows = 0.0;
   for (const auto& landmark : measurements) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/adjustment/covariance_recovery.hpp"
+#include "cairn/adjustment/detail/covariance_recovery.hpp"
 
 #include <Eigen/LU>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 Eigen::Vector3d random_vector(Random& random, double size) {
@@ -147,4 +147,4 @@ TEST(RecoverCovariances, DoNotDependOnTheNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

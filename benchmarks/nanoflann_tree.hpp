@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/registration/neighbors/kd_tree.hpp"
+#pragma once
 
-#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include <nanoflann.hpp>
 
-namespace cairn {
-namespace {
+#include "cairn/registration/stages.hpp"
 
-constexpr std::size_t kLeafSize = 12;  // measured: 8 to 16 are alike, more is slower
+namespace cairn::benchmarks {
 
-// The points in nanoflann's interface.
+inline constexpr std::size_t kLeafSize = 12;  // measured: 8 to 16 are alike, more is slower
+
+/// The points in nanoflann's interface.
 struct PointAccess {
   std::vector<Eigen::Vector3d> points;
 
@@ -26,7 +29,7 @@ struct PointAccess {
   }
 };
 
-// Keeps the best by (distance, index). nanoflann's own result set breaks ties by the order of the search.
+/// Keeps the best by (distance, index). nanoflann's own result set breaks ties by the order of the search.
 class OrderedResult {
  public:
   using DistanceType = double;
@@ -63,34 +66,28 @@ class OrderedResult {
   std::size_t count_ = 0;
 };
 
-}  // namespace
+/// A NeighborSearch by nanoflann's k-d tree: a peer of BatchTree.
+class NanoflannTree {
+ public:
+  explicit NanoflannTree(std::span<const Eigen::Vector3d> points)
+      : access_{{points.begin(), points.end()}}, tree_(3, access_, {kLeafSize}) {}
 
-struct KdTree::Index {
-  using Tree =
-      nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointAccess>,
-                                          PointAccess, 3, std::uint32_t>;
+  std::size_t size() const { return access_.points.size(); }
 
-  explicit Index(std::span<const Eigen::Vector3d> points)
-      : access{{points.begin(), points.end()}}, tree(3, access, {kLeafSize}) {}
+  std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const {
+    if (size() == 0 || out.empty()) return 0;
+    OrderedResult result(out);
+    tree_.findNeighbors(result, query.data(), {});  // of a type that nanoflann 1.5 renamed
+    return result.size();
+  }
 
-  PointAccess access;
-  Tree tree;
+ private:
+  PointAccess access_;
+  nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointAccess>,
+                                      PointAccess, 3, std::uint32_t>
+      tree_;
 };
 
-KdTree::KdTree(std::span<const Eigen::Vector3d> points) : index_(std::make_unique<Index>(points)) {}
-KdTree::~KdTree() = default;
-KdTree::KdTree(KdTree&&) noexcept = default;
-KdTree& KdTree::operator=(KdTree&&) noexcept = default;
+static_assert(NeighborSearch<NanoflannTree>);
 
-std::size_t KdTree::size() const {
-  return index_->access.points.size();
-}
-
-std::size_t KdTree::nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const {
-  if (size() == 0 || out.empty()) return 0;
-  OrderedResult result(out);
-  index_->tree.findNeighbors(result, query.data(), {});  // of a type that nanoflann 1.5 renamed
-  return result.size();
-}
-
-}  // namespace cairn
+}  // namespace cairn::benchmarks

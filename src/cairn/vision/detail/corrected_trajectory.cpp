@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/mapping/corrected_trajectory.hpp"
+#include "cairn/vision/detail/corrected_trajectory.hpp"
 
 #include <utility>
 #include <vector>
@@ -9,7 +9,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 Rigid3 carried(const CorrectedKeyframe& by, const Rigid3& world_from_camera) {
@@ -48,4 +48,4 @@ Trajectory corrected(const Trajectory& trajectory, std::span<const CorrectedKeyf
   return Trajectory(std::move(poses));
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail
