@@ -8,8 +8,6 @@ export const kSoftwareBudget = 120_000;
 export const kHardwareBudget = 4_000_000;
 /** Up to so many landmarks a picture is drawn with twice the resolution and shrunk, which smooths it. */
 export const kSmoothUpTo = 60_000;
-/** How long a view rests before it is drawn in full. */
-export const kSettleMs = 180;
 /** Of more landmarks, the one below the pointer is looked for only once the pointer rests. */
 export const kHoverUpTo = 200_000;
 const kHoverRestMs = 140;
