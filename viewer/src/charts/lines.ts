@@ -10,6 +10,7 @@ import {
   extent,
   extentFromZero,
   plotStyle,
+  quietAxis,
   thresholdMarks,
   tickFormat,
   type DrawOptions,
@@ -56,9 +57,9 @@ function axes(
   colors: Palette,
   { xTicks, xTickSize = 6 }: { xTicks: number; xTickSize?: number },
 ): Plot.Markish[] {
-  const style = { color: colors.muted, labelArrow: "none", labelAnchor: "center" } as const;
+  const style = quietAxis(colors);
   return [
-    Plot.axisY({ ...style, label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain) }),
+    Plot.axisY({ ...style, label: chart.yLabel, ticks: 7, tickFormat: tickFormat(chart.yScale, yDomain) }),
     Plot.axisX({
       ...style,
       label: chart.xLabel,

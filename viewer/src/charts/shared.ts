@@ -29,6 +29,11 @@ export function plotStyle(colors: Palette): Partial<CSSStyleDeclaration> {
   return { background: "none", color: colors.ink, fontFamily: kFont, fontSize: `${kFontSize}px`, overflow: "visible" };
 }
 
+/** An axis whose label stands at its middle, without marks at its ticks. */
+export function quietAxis(colors: Palette) {
+  return { tickSize: 0, color: colors.muted, labelArrow: "none", labelAnchor: "center" } as const;
+}
+
 let measuring: CanvasRenderingContext2D | null = null;
 
 export function textWidth(text: string, size = kFontSize, weight = 400): number {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { fitText, textWidth } from "../charts/shared";
-import { h, s } from "../dom";
+import { h, onPress, redrawn, s } from "../dom";
 import { formatNumber } from "../math/format";
 import type { Palette } from "../theme";
 import { linkLabel } from "./graph_view";
@@ -125,24 +125,10 @@ export class MatrixView {
           }),
         );
       }
-      const choose = () => this.#onSelect(isSelected ? null : { kind: "link", index });
-      group.addEventListener("click", choose);
-      group.addEventListener("keydown", (event) => {
-        if (event.key === "Enter" || event.key === " ") {
-          event.preventDefault();
-          choose();
-        }
-      });
+      onPress(group, () => this.#onSelect(isSelected ? null : { kind: "link", index }));
       svg.append(group);
     });
-    const active = document.activeElement;
-    const focus = active && this.element.contains(active) ? active.getAttribute("aria-label") : null;
-    this.element.replaceChildren(svg);
-    if (focus) {
-      [...svg.querySelectorAll<SVGElement>("[role=button]")]
-        .find((item) => item.getAttribute("aria-label") === focus)
-        ?.focus({ preventScroll: true });
-    }
+    redrawn(this.element, svg);
   }
 
   #rect(x: number, y: number, size: number, fill: string): SVGElement {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, download, h, s } from "../dom";
+import { announce, button, chooser, download, h, s } from "../dom";
 import type { NetworkSection } from "../document/report";
 import { canvasToPng } from "../export";
 import { formatCount } from "../math/format";
-import { rampColor } from "../scene/coloring";
+import { paintRamp } from "../scene/legend";
 import {
   kHardwareBudget,
   kSoftwareBudget,
@@ -190,21 +190,16 @@ class NetworkFigure {
       );
     more.append(toolGroup("Show", ...chips));
     if (model.section.groups.length > 1) {
-      const chooser = h(
-        "select",
-        { "aria-label": "Group of maps" },
-        ...model.section.groups.map(({ frame }, index) => {
-          const size = model.nodes.filter((node) => node.group === index).length;
-          const text = `${frame}, ${size} ${size === 1 ? "map" : "maps"}`;
-          return h("option", { value: index, selected: index === model.group }, text);
-        }),
-      );
-      chooser.addEventListener("change", () => {
-        this.#showGroup(Number(chooser.value));
+      const groups = model.section.groups.map(({ frame }, index) => {
+        const size = model.nodes.filter((node) => node.group === index).length;
+        return [index, `${frame}, ${size} ${size === 1 ? "map" : "maps"}`] as const;
+      });
+      const group = chooser("Group of maps", groups, model.group, (index) => {
+        this.#showGroup(index);
         this.#refreshSide();
         this.#lookFrom("home");
       });
-      more.append(toolGroup("Group", chooser));
+      more.append(toolGroup("Group", group));
     }
     more.append(
       pointSizes({ min: 0.5, max: 8, step: 0.25 }, this.#view.pointSize, (size) => {
@@ -244,15 +239,8 @@ class NetworkFigure {
   #linkLegend(): HTMLElement {
     const kWidth = 180;
     const ramp = h("canvas", { width: kWidth, height: 10, class: "ramp", "aria-hidden": "true" });
-    const paint = () => {
-      const context = ramp.getContext("2d");
-      for (let x = 0; context && x < kWidth; ++x) {
-        context.fillStyle = rampColor(x / (kWidth - 1), palette().name);
-        context.fillRect(x, 0, 1, 10);
-      }
-    };
-    paint();
-    onThemeChange(paint);
+    paintRamp(ramp, palette());
+    onThemeChange((colors) => paintRamp(ramp, colors));
     const line = (dash: string | null) =>
       s(
         "svg",
@@ -522,8 +510,8 @@ class NetworkFigure {
           this.#refreshSide();
         }
       },
-      turn: (right, down) => turn((orbit) => model.orbit.rotate(orbit, right, down)),
-      zoom: (factor) => turn((orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      turn: (right, down) => turn((orbit) => model.extent.orbit.rotate(orbit, right, down)),
+      zoom: (factor) => turn((orbit) => model.extent.orbit.zoom(orbit, factor, model.extent.reach)),
       keyframes: this.#keyframes,
       escape: () => {
         if (this.#view.entered) {
@@ -599,9 +587,8 @@ class NetworkFigure {
   }
 
   async #savePicture(): Promise<void> {
-    const name = `${this.#model.section.id}.png`;
-    download(name, await canvasToPng(this.#stage.picture(this.#drawing.service, 2)));
-    announce(`${name} saved.`);
+    const picture = this.#stage.picture(this.#drawing.service, 2);
+    download(`${this.#model.section.id}.png`, await canvasToPng(picture));
   }
 }
 

@@ -18,7 +18,7 @@ import { distanceToSegment, pickLandmark } from "../scene/picking";
 import { PointLayer } from "../scene/point_layer";
 import { View3d, type Quality } from "../scene/view3d";
 import type { Palette } from "../theme";
-import { counts, linkColor, type NetworkModel, type Selection } from "./network_model";
+import { counts, linkColor, middleOf, type NetworkModel, type Selection } from "./network_model";
 
 export type NetworkLayer = "landmarks" | "cameras" | "links" | "rejected" | "changes" | "grid";
 
@@ -63,7 +63,7 @@ export class NetworkStage extends View3d<number, Selection> {
     this.#model = model;
     this.#view = view;
     this.#previewStride = previewStride;
-    this.grid = new GridLayer(model);
+    this.grid = new GridLayer(model.extent);
     this.showGroup();
   }
 
@@ -85,26 +85,26 @@ export class NetworkStage extends View3d<number, Selection> {
       this.#points.set(index, layer);
       this.scene.add(layer.object);
       if (cloud.frames && cloud.frames.count > 0) {
-        const cameras = new CameraLayer(cloud, cloud.frames, 0.6 * model.reach);
+        const cameras = new CameraLayer(cloud, cloud.frames, 0.6 * model.extent.reach);
         this.cameras.set(index, cameras);
         this.scene.add(cameras.object);
       }
     }
     model.links.forEach((link, index) => {
       if (model.isShown(link.target) && model.isShown(link.source)) {
-        const line = segments(6, counts(link) ? null : 0.02 * model.reach);
+        const line = segments(6, counts(link) ? null : 0.02 * model.extent.reach);
         this.#links.set(index, line);
         this.scene.add(line);
       }
     });
     model.section.things.forEach((thing, index) => {
       if (thing.group === model.group) {
-        const lines = boxLines(thing.boxes, model.centre);
+        const lines = boxLines(thing.boxes, model.extent.centre);
         this.#things.set(index, lines);
         this.scene.add(lines);
       }
     });
-    this.grid = new GridLayer(model);
+    this.grid = new GridLayer(model.extent);
     this.scene.add(this.grid.object);
     this.orbit = this.standardOrbit("home");
     this.setColors(this.colors);
@@ -134,11 +134,11 @@ export class NetworkStage extends View3d<number, Selection> {
     const model = this.#model;
     const { stage, layers, hidden } = this.#view;
     for (const [index, layer] of this.#points) {
-      layer.place(model.pose(index, stage), model.centre);
+      layer.place(model.pose(index, stage), model.extent.centre);
       layer.object.visible = layers.landmarks && !hidden.has(index);
     }
     for (const [index, layer] of this.cameras) {
-      layer.place(model.pose(index, stage), model.centre);
+      layer.place(model.pose(index, stage), model.extent.centre);
       layer.object.visible = layers.cameras && !hidden.has(index);
     }
     for (const [index, line] of this.#links) {
@@ -146,8 +146,8 @@ export class NetworkStage extends View3d<number, Selection> {
       line.visible = this.#showsPlan() && this.#showsLink(index);
       setEnds(
         line,
-        subtract(model.centreOf(link.target, stage), model.centre),
-        subtract(model.centreOf(link.source, stage), model.centre),
+        subtract(model.centreOf(link.target, stage), model.extent.centre),
+        subtract(model.centreOf(link.source, stage), model.extent.centre),
       );
     }
     for (const lines of this.#things.values()) {
@@ -362,10 +362,6 @@ export class NetworkStage extends View3d<number, Selection> {
       ? name
       : `${name} · landmark ${idText(cloud?.ids ?? null, selection.landmark)}`;
   }
-}
-
-function middleOf({ low, high }: Box): [number, number, number] {
-  return [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2];
 }
 
 /** Lines whose ends are set later; dashed if `dash` is the length of one. */

@@ -22,13 +22,17 @@ function key(draw: SVGElement, label: string, detail: string | null = null): HTM
   );
 }
 
+export function paintRamp(canvas: HTMLCanvasElement, colors: Palette): void {
+  const context = canvas.getContext("2d");
+  for (let x = 0; context && x < canvas.width; ++x) {
+    context.fillStyle = rampColor(x / (canvas.width - 1), colors.name);
+    context.fillRect(x, 0, 1, canvas.height);
+  }
+}
+
 function ramp(scale: ColorScale, colors: Palette): HTMLElement {
   const canvas = h("canvas", { width: kRampWidth, height: 12, class: "ramp", "aria-hidden": "true" });
-  const context = canvas.getContext("2d");
-  for (let x = 0; context && x < kRampWidth; ++x) {
-    context.fillStyle = rampColor(x / (kRampWidth - 1), colors.name);
-    context.fillRect(x, 0, 1, 12);
-  }
+  paintRamp(canvas, colors);
   const ticks = h("div", { class: "ramp-ticks" });
   for (const { value, t } of scaleTicks(scale)) {
     const tick = h("span", null, formatNumber(value, 3));

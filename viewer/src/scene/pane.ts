@@ -72,7 +72,7 @@ export class Pane extends View3d<Role, PanePick> {
       if (cloud?.frames && cloud.frames.count > 0) {
         // In the map's own unit, of a size with the scene.
         const scale = role === "source" ? scaleOf(model.restingPose) : 1;
-        const layer = new CameraLayer(cloud, cloud.frames, model.reach / scale);
+        const layer = new CameraLayer(cloud, cloud.frames, model.extent.reach / scale);
         this.cameras.set(role, layer);
         this.scene.add(layer.object);
       }
@@ -83,7 +83,7 @@ export class Pane extends View3d<Role, PanePick> {
       this.#residuals = new Float32Array(source.count);
       this.#residualLevels = new Uint8Array(source.count);
     }
-    this.grid = new GridLayer(model);
+    this.grid = new GridLayer(model.extent);
     this.scene.add(this.grid.object);
 
     const name = run?.name ?? target.name;
@@ -193,11 +193,11 @@ export class Pane extends View3d<Role, PanePick> {
     this.#pose = shown?.pose ?? model.pose(this.run, iteration);
     for (const { role, layer } of this.#points) {
       const pose = role === "target" ? kIdentity : role === "truth" ? (model.truth ?? kIdentity) : this.#pose;
-      layer.place(pose, model.centre);
+      layer.place(pose, model.extent.centre);
       layer.object.visible = layers[role];
     }
     for (const [role, layer] of this.cameras) {
-      layer.place(this.poseOf(role), model.centre);
+      layer.place(this.poseOf(role), model.extent.centre);
       layer.object.visible = layers.cameras && layers[role];
     }
     this.grid.object.visible = layers.grid;

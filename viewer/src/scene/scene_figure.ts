@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, download, h } from "../dom";
+import { announce, button, chooser, download, h, toggleChip } from "../dom";
 import type { Run, SceneSection } from "../document/report";
 import { canvasToPng } from "../export";
 import { formatNumber, labelOf } from "../math/format";
@@ -176,8 +176,9 @@ class SceneFigure {
       playPause: () => this.#timeline?.toggle(),
       resetView: () => this.#view("home"),
       toggleRun: (index) => this.#panes[index] && section.runs.length > 1 && this.#toggle(this.#panes[index]),
-      turn: (right, down) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.rotate(orbit, right, down)),
-      zoom: (factor) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      turn: (right, down) => this.#turn(this.#focusedPane(), (orbit) => model.extent.orbit.rotate(orbit, right, down)),
+      zoom: (factor) =>
+        this.#turn(this.#focusedPane(), (orbit) => model.extent.orbit.zoom(orbit, factor, model.extent.reach)),
       ...(this.#keyframes && { keyframes: this.#keyframes }),
       escape: () => this.#escape(),
     });
@@ -250,11 +251,11 @@ class SceneFigure {
       standardViews((name) => this.#view(name)),
     );
     if (this.#panes.length > 1) {
-      const link = button(
+      const link = toggleChip(
         "Linked",
-        () => {
-          this.#linked = !this.#linked;
-          link.setAttribute("aria-pressed", String(this.#linked));
+        true,
+        (linked) => {
+          this.#linked = linked;
           const from = this.#focusedPane();
           this.#panes.forEach((pane) => (pane.orbit = this.#linked ? from.orbit : copyOrbit(from.orbit)));
           if (this.#linked && this.#state.entered) {
@@ -266,7 +267,7 @@ class SceneFigure {
           }
           this.redraw();
         },
-        { class: "chip", "aria-pressed": "true", title: "Turn all views together" },
+        { title: "Turn all views together" },
       );
       more.append(toolGroup("Cameras", link));
     }
@@ -276,23 +277,16 @@ class SceneFigure {
 
   #colourChooser(): HTMLSelectElement {
     const model = this.#model;
-    const choices: [string, string, ColorMode][] = [
-      ["role", model.source ? "Source and target" : "One colour", { kind: "role" }],
-    ];
+    const choices: [string, ColorMode][] = [[model.source ? "Source and target" : "One colour", { kind: "role" }]];
     if (model.hasResiduals) {
-      choices.push(["residual", "Residual", { kind: "residual" }]);
+      choices.push(["Residual", { kind: "residual" }]);
     }
     for (const { name, label } of model.columns) {
-      choices.push([`column:${name}`, label, { kind: "column", name }]);
+      choices.push([label, { kind: "column", name }]);
     }
     if (model.target.colors ?? model.source?.colors) {
-      choices.push(["own", "Own colours", { kind: "own" }]);
+      choices.push(["Own colours", { kind: "own" }]);
     }
-    const select = h(
-      "select",
-      { "aria-label": "Colour by" },
-      ...choices.map(([value, label]) => h("option", { value, selected: value === this.#state.color.kind }, label)),
-    );
     const apply = () => {
       this.#state.scale = model.colorScale(this.#state.color, this.#state.logScale);
       this.#logBox.checked = this.#state.scale?.log ?? false;
@@ -301,32 +295,35 @@ class SceneFigure {
       this.#refreshSide();
       this.redraw();
     };
-    select.addEventListener("change", () => {
-      this.#state.color = choices.find(([value]) => value === select.value)?.[2] ?? { kind: "role" };
-      this.#state.logScale = null;
-      apply();
-    });
     this.#logBox.addEventListener("change", () => {
       this.#state.logScale = this.#logBox.checked;
       apply();
     });
-    return select;
+    const chosen = choices.findIndex(([, mode]) => mode.kind === this.#state.color.kind);
+    return chooser(
+      "Colour by",
+      choices.map(([label], index) => [index, label]),
+      chosen,
+      (index) => {
+        this.#state.color = choices[index][1];
+        this.#state.logScale = null;
+        apply();
+      },
+    );
   }
 
   /** What the alignment came to, or a candidate that it was held against. */
   #poseChooser(poses: readonly ShownPose[]): HTMLSelectElement {
     const several = this.#section.runs.length > 1;
-    const select = h(
-      "select",
-      { "aria-label": "Pose shown" },
-      h("option", { value: "" }, "As aligned"),
-      ...poses.map(({ run, label }, index) => h("option", { value: index }, several ? `${run}: ${label}` : label)),
+    const names = poses.map(({ run, label }) => (several ? `${run}: ${label}` : label));
+    const select = chooser(
+      "Pose shown",
+      ["As aligned", ...names].map((name, index) => [index, name]),
+      0,
+      (index) => showPose(this.#section.id, index === 0 ? null : poses[index - 1]),
     );
-    select.addEventListener("change", () => {
-      showPose(this.#section.id, select.value === "" ? null : poses[Number(select.value)]);
-    });
     onPoseShown(this.#section.id, (shown) => {
-      select.value = shown ? String(poses.indexOf(shown)) : "";
+      select.selectedIndex = shown ? 1 + poses.indexOf(shown) : 0;
     });
     return select;
   }
@@ -630,9 +627,7 @@ class SceneFigure {
       context.font = "12px system-ui, sans-serif";
       context.fillText(pane.caption, x + 4, y + 34);
     });
-    const name = `${this.#section.id}-${this.#state.iteration}.png`;
-    download(name, await canvasToPng(canvas));
-    announce(`${name} saved.`);
+    download(`${this.#section.id}-${this.#state.iteration}.png`, await canvasToPng(canvas));
   }
 }
 

@@ -6,6 +6,7 @@ import { formatLength } from "../math/format";
 import { apply, compose, dequantise, poseAt, subtract, type Affine } from "../math/pose";
 import type { Palette } from "../theme";
 import { drawAxes, fitCanvas, label } from "./annotations";
+import type { Extent } from "./extent";
 import { depthOfMiddle, drawKeyframe, frustumOf, imageRectangle, lookThrough, nearestKeyframe } from "./keyframes";
 import type { Keyframe } from "./keyframes";
 import { kFrustumEdges, type CameraLayer, type GridLayer } from "./line_layers";
@@ -20,12 +21,9 @@ export interface Quality {
   preview: boolean;
 }
 
-/** What is seen: landmarks about a centre, and the keyframes of the maps that `R` names. */
+/** What is seen: landmarks, and the keyframes of the maps that `R` names. */
 interface ViewedModel<R> {
-  readonly centre: Vector3;
-  readonly half: [number, number, number];
-  readonly reach: number;
-  readonly orbit: Orbit;
+  readonly extent: Extent;
   readonly lengthUnit: "m" | "mapunits";
   frames(role: R): Frames | null;
 }
@@ -75,7 +73,7 @@ export abstract class View3d<R, Picked> {
   ) {
     this.#model = model;
     this.#choices = choices;
-    this.orbit = model.orbit.view("home", model.half, 1.5);
+    this.orbit = model.extent.orbit.view("home", model.extent.half, 1.5);
   }
 
   /** The keyframe that the view is through. */
@@ -96,13 +94,13 @@ export abstract class View3d<R, Picked> {
 
   /** Looks from a standard view at the whole scene. */
   standardOrbit(name: Parameters<Orbit["view"]>[0]): OrbitState {
-    return this.#model.orbit.view(name, this.#model.half, this.aspect);
+    return this.#model.extent.orbit.view(name, this.#model.extent.half, this.aspect);
   }
 
   #placeCamera(): void {
     this.#width = Math.max(1, this.surface.clientWidth);
     this.#height = Math.max(1, this.surface.clientHeight);
-    const { centre, reach } = this.#model;
+    const { centre, reach, orbit } = this.#model.extent;
     const aspect = this.#width / this.#height;
     const { through } = this;
     const frames = through && this.#model.frames(through.role);
@@ -110,7 +108,7 @@ export abstract class View3d<R, Picked> {
       const pose = compose(this.poseOf(through.role), poseAt(frames.poses, through.frame));
       lookThrough(this.#camera, pose, centre, frustumOf(frames), aspect, reach);
     } else {
-      this.#model.orbit.place(this.#camera, this.orbit, aspect, reach);
+      orbit.place(this.#camera, this.orbit, aspect, reach);
     }
   }
 
@@ -121,13 +119,13 @@ export abstract class View3d<R, Picked> {
       const frames = this.#model.frames(role);
       return frames ? [{ role, frames, pose: this.poseOf(role) }] : [];
     });
-    return nearestKeyframe(placed, this.#camera, this.#model.centre);
+    return nearestKeyframe(placed, this.#camera, this.#model.extent.centre);
   }
 
   /** An orbit that continues the view through a keyframe. */
   orbitFromHere(): OrbitState {
     this.#placeCamera();
-    const { orbit, reach } = this.#model;
+    const { orbit, reach } = this.#model.extent;
     const continuing = orbit.continuing(this.#camera, depthOfMiddle(this.#camera, reach));
     return continuing.target.every(Number.isFinite) ? continuing : this.orbit;
   }
@@ -228,7 +226,7 @@ export abstract class View3d<R, Picked> {
 
   /** Where a point is on the screen, or null behind the camera. */
   protected onScreen(p: Vector3): Place | null {
-    const v = new Vector4(...subtract(p, this.#model.centre), 1)
+    const v = new Vector4(...subtract(p, this.#model.extent.centre), 1)
       .applyMatrix4(this.#camera.matrixWorldInverse)
       .applyMatrix4(this.#camera.projectionMatrix);
     return v.w > 0 ? [(v.x / v.w + 1) * 0.5 * this.#width, (1 - v.y / v.w) * 0.5 * this.#height] : null;
@@ -262,7 +260,7 @@ export abstract class View3d<R, Picked> {
   /** A map's landmarks, to be picked. */
   protected pickLayer<Name>(role: Name, cloud: LandmarkCloud, pose: Affine): PickLayer<Name> {
     const clip = new Matrix4().multiplyMatrices(this.#camera.projectionMatrix, this.#camera.matrixWorldInverse);
-    const stored = setMatrix(new Matrix4(), compose(pose, dequantise(cloud)), this.#model.centre);
+    const stored = setMatrix(new Matrix4(), compose(pose, dequantise(cloud)), this.#model.extent.centre);
     return { role, cloud, clipFromStored: new Matrix4().multiplyMatrices(clip, stored) };
   }
 
