@@ -95,6 +95,16 @@ export function facts(
   );
 }
 
+export type Status = "good" | "doubt" | "bad" | "plain";
+
+export const kSigns: Record<Status, string> = { good: "✓", doubt: "?", bad: "✕", plain: "–" };
+
+/** A word that says how good something is. */
+export function badge(status: Status, text: string): HTMLElement {
+  const sign = status === "plain" ? "" : `${kSigns[status]} `;
+  return h("span", { class: "badge", "data-status": status }, sign + text);
+}
+
 /** Has an element of a drawing chosen by pointer and keyboard, as a button is. */
 export function onPress(element: SVGElement, choose: () => void): void {
   element.addEventListener("click", choose);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { button, facts, h } from "../dom";
+import { badge, button, facts, h } from "../dom";
 import { formatCount, formatLength, formatNumber, formatProbability, idText, positionText } from "../math/format";
 import { apply, positionOf, subtract } from "../math/pose";
 import type { NetworkLink } from "../document/report";
@@ -13,13 +13,14 @@ function probabilityText(link: NetworkLink): string {
   return link.probability === null ? "not judged" : formatProbability(link.probability);
 }
 
-function badge(link: NetworkLink): HTMLElement {
-  const status = { used: "good", undecided: "good", contradicted: "bad", ambiguous: "doubt", rejected: "bad" }[
-    link.use
-  ];
-  const sign = { good: "✓ ", doubt: "? ", bad: "✕ " }[status];
-  return h("span", { class: "badge", "data-status": status }, `${sign}${kUseTexts[link.use]}`);
-}
+const kUseStatus = {
+  used: "good",
+  undecided: "good",
+  contradicted: "bad",
+  ambiguous: "doubt",
+  rejected: "bad",
+} as const;
+const useBadge = ({ use }: NetworkLink) => badge(kUseStatus[use], kUseTexts[use]);
 
 function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLElement[] {
   const link = model.links[index];
@@ -27,7 +28,7 @@ function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLEle
     button(model.nodes[node].name, () => choose({ kind: "node", index: node }), { class: "quiet record-link" });
   return [
     h("h3", null, model.linkName(index)),
-    badge(link),
+    useBadge(link),
     recordFacts(
       ["Probability", probabilityText(link)],
       ["Found by", link.kind],
@@ -95,7 +96,7 @@ function nodeRecord(
           "div",
           { class: "record-row" },
           button(model.nodes[other].name, () => choose({ kind: "link", index }), { class: "quiet record-link" }),
-          badge(link),
+          useBadge(link),
         ),
       );
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { Color } from "three";
-import { button, h, s } from "../dom";
+import { badge, button, h, s, type Status } from "../dom";
 import type { LandmarkCloud, Run, SummaryValue } from "../document/report";
 import { formatLength, formatNumber, idText } from "../math/format";
 import { apply, kIdentity, positionOf, scaleOf, type Affine } from "../math/pose";
@@ -93,8 +93,7 @@ export class Pane extends View3d<Role, PanePick> {
       heading.append(s("svg", { width: 14, height: 14, "aria-hidden": "true" }, this.#mark));
     }
     heading.append(h("span", { title: name }, name));
-    const status = statusOf(run);
-    this.#badge = status && h("span", { class: "badge", "data-status": status.kind }, status.text);
+    this.#badge = statusBadge(run);
     this.maximise = button("", () => onMaximise(this), {
       class: "quiet enlarge",
       "aria-pressed": "false",
@@ -441,12 +440,12 @@ function rootMeanSquare(values: Float32Array): number {
   return count ? Math.sqrt(sum / count) : NaN;
 }
 
-function statusOf(run: Run | null): { text: string; kind: string } | null {
+function statusBadge(run: Run | null): HTMLElement | null {
   const value: SummaryValue = run?.summary.find(([key]) => key === "status")?.[1] ?? null;
   if (typeof value !== "string" || value === "") {
     return null;
   }
-  const kinds: Record<string, string> = {
+  const kinds: Record<string, Status> = {
     aligned: "good",
     ok: "good",
     success: "good",
@@ -454,9 +453,7 @@ function statusOf(run: Run | null): { text: string; kind: string } | null {
     rejected: "bad",
     ambiguous: "doubt",
   };
-  const kind = Object.prototype.hasOwnProperty.call(kinds, value) ? kinds[value] : "plain";
-  const sign = kind === "good" ? "✓ " : kind === "bad" ? "✕ " : kind === "doubt" ? "? " : "";
-  return { text: sign + value, kind };
+  return badge(Object.prototype.hasOwnProperty.call(kinds, value) ? kinds[value] : "plain", value);
 }
 
 const levelCache = new WeakMap<LandmarkCloud, { key: string; levels: Uint8Array }>();
