@@ -329,15 +329,17 @@ class AnswerFigure {
     const hasSight = candidates.some(({ contradicted }) => contradicted !== null);
     const name = `candidate-${this.#section.id}`;
     const rows = candidates.slice(0, count).map((candidate, i) => {
+      const probability = formatProbability(candidate.probability);
       const radio = h("input", {
         type: "radio",
         name,
         value: i,
         checked: i === chosen,
         "data-candidate": i,
-        "aria-label": `Candidate ${i + 1}, ${formatProbability(candidate.probability)}`,
+        "aria-label": `Candidate ${i + 1}, ${probability}`,
       });
       radio.addEventListener("change", () => this.#choose(i));
+      const contradicted = candidate.contradicted === null ? "–" : formatShare(candidate.contradicted);
       const away = this.#alignment.estimate
         ? differenceOf(transformOf(candidate), transformOf(this.#alignment.estimate))
         : null;
@@ -345,19 +347,9 @@ class AnswerFigure {
         "tr",
         { "aria-current": i === chosen ? "true" : null },
         h("th", { scope: "row" }, h("label", null, radio, String(i + 1))),
-        cell(
-          "Probability",
-          h("span", { class: "with-bar" }, bar(candidate.probability), formatProbability(candidate.probability)),
-        ),
+        cell("Probability", h("span", { class: "with-bar" }, bar(candidate.probability), probability)),
         cell("Matched", `${formatCount(candidate.matches)} · ${formatShare(candidate.share)}`),
-        ...(hasSight
-          ? [
-              cell(
-                "Sight lines contradicted",
-                candidate.contradicted === null ? "–" : formatShare(candidate.contradicted),
-              ),
-            ]
-          : []),
+        hasSight && cell("Sight lines contradicted", contradicted),
         cell("Evidence", formatNumber(totalEvidence(candidate), 3), evidenceText(candidate)),
         cell(
           "From the estimate",

@@ -105,15 +105,24 @@ export function badge(status: Status, text: string): HTMLElement {
   return h("span", { class: "badge", "data-status": status }, sign + text);
 }
 
-/** Has an element of a drawing chosen by pointer and keyboard, as a button is. */
-export function onPress(element: SVGElement, choose: () => void): void {
-  element.addEventListener("click", choose);
-  element.addEventListener("keydown", (event) => {
+/** A part of a drawing that is chosen by pointer and keyboard, as a button is. */
+export function pressable(
+  label: string,
+  pressed: boolean,
+  choose: () => void,
+  attributes: Attributes,
+  ...children: Child[]
+): SVGGElement {
+  const all = { role: "button", tabindex: 0, "aria-pressed": String(pressed), "aria-label": label, ...attributes };
+  const group = s("g", all, ...children);
+  group.addEventListener("click", choose);
+  group.addEventListener("keydown", (event) => {
     if (event.key === "Enter" || event.key === " ") {
       event.preventDefault();
       choose();
     }
   });
+  return group;
 }
 
 /** Puts a new drawing in place of the old; what had the focus has it again, by its label. */

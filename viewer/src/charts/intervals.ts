@@ -10,6 +10,7 @@ import {
   fitText,
   plotStyle,
   quietAxis,
+  seriesKeys,
   textWidth,
   tickFormat,
   type DrawOptions,
@@ -105,13 +106,5 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
           ]),
     ],
   });
-  const legend = single
-    ? []
-    : keys.map((key) => ({
-        label: key,
-        color: seriesColor(key, colors),
-        mark: "line" as const,
-        symbol: seriesSymbol(key),
-      }));
-  return compose(plot, legend, options);
+  return compose(plot, single ? [] : seriesKeys(keys, colors, "line"), options);
 }

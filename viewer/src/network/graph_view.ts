@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { fitText } from "../charts/shared";
-import { h, onPress, redrawn, s } from "../dom";
+import { h, pressable, redrawn, s } from "../dom";
 import { formatProbability } from "../math/format";
 import type { Palette } from "../theme";
 import { fromAbove, spread, type Place } from "./graph_layout";
@@ -82,16 +82,11 @@ export class GraphView {
       const [a, b] = [places[link.target], places[link.source]];
       const isSelected = selected?.kind === "link" && selected.index === index;
       const ends = { x1: a.x, y1: a.y, x2: b.x, y2: b.y };
-      const group = s(
-        "g",
-        {
-          class: "graph-link",
-          role: "button",
-          tabindex: stops ? 0 : -1,
-          "aria-pressed": isSelected ? "true" : "false",
-          "aria-label": linkLabel(model, index),
-          "data-use": link.use,
-        },
+      const group = pressable(
+        linkLabel(model, index),
+        isSelected,
+        () => this.#onSelect(isSelected ? null : { kind: "link", index }),
+        { class: "graph-link", tabindex: stops ? 0 : -1, "data-use": link.use },
         s("title", null, linkLabel(model, index)),
         s("line", {
           ...ends,
@@ -102,7 +97,6 @@ export class GraphView {
         }),
         s("line", { ...ends, stroke: "transparent", "stroke-width": count > 60 ? 6 : 16 }),
       );
-      onPress(group, () => this.#onSelect(isSelected ? null : { kind: "link", index }));
       svg.append(group);
     }
     model.nodes.forEach((node, index) => {
@@ -110,15 +104,11 @@ export class GraphView {
       const isSelected = selected?.kind === "node" && selected.index === index;
       const r = radius(index);
       const color = model.nodeColor(index, colors);
-      const group = s(
-        "g",
-        {
-          class: "graph-node",
-          role: "button",
-          tabindex: 0,
-          "aria-pressed": isSelected ? "true" : "false",
-          "aria-label": `${node.name}${node.group === null ? ", left out" : ""}`,
-        },
+      const group = pressable(
+        `${node.name}${node.group === null ? ", left out" : ""}`,
+        isSelected,
+        () => this.#onSelect(isSelected ? null : { kind: "node", index }),
+        { class: "graph-node" },
         s("title", null, node.name),
         s("circle", {
           cx: x,
@@ -149,7 +139,6 @@ export class GraphView {
           ),
         );
       }
-      onPress(group, () => this.#onSelect(isSelected ? null : { kind: "node", index }));
       svg.append(group);
     });
     redrawn(this.element, svg);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { fitText, textWidth } from "../charts/shared";
-import { h, onPress, redrawn, s } from "../dom";
+import { h, pressable, redrawn, s } from "../dom";
 import { formatNumber } from "../math/format";
 import type { Palette } from "../theme";
 import { linkLabel } from "./graph_view";
@@ -81,15 +81,11 @@ export class MatrixView {
       const isSelected = selected?.kind === "link" && selected.index === index;
       const [x, y] = [names + j * size, top + i * size];
       const color = linkColor(link, colors);
-      const group = s(
-        "g",
-        {
-          class: "matrix-cell",
-          role: "button",
-          tabindex: stops ? 0 : -1,
-          "aria-pressed": isSelected ? "true" : "false",
-          "aria-label": linkLabel(model, index),
-        },
+      const group = pressable(
+        linkLabel(model, index),
+        isSelected,
+        () => this.#onSelect(isSelected ? null : { kind: "link", index }),
+        { class: "matrix-cell", tabindex: stops ? 0 : -1 },
         s("title", null, linkLabel(model, index)),
         this.#rect(x, y, size, color),
         counts(link) ? null : this.#rect(x, y, size, `url(#${pattern})`),
@@ -125,7 +121,6 @@ export class MatrixView {
           }),
         );
       }
-      onPress(group, () => this.#onSelect(isSelected ? null : { kind: "link", index }));
       svg.append(group);
     });
     redrawn(this.element, svg);
