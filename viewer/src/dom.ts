@@ -35,6 +35,11 @@ export function s<K extends keyof SVGElementTagNameMap>(
   return element;
 }
 
+/** A small drawing beside a text that says the same. */
+export function glyph(width: number, height: number, shape: SVGElement): SVGSVGElement {
+  return s("svg", { width, height, viewBox: `0 0 ${width} ${height}`, "aria-hidden": "true" }, shape);
+}
+
 export function button(
   label: string,
   onPress: (event: MouseEvent) => void,

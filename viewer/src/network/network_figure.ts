@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, chooser, download, h, s } from "../dom";
+import { announce, button, chooser, download, glyph, h, s } from "../dom";
 import type { NetworkSection } from "../document/report";
 import { canvasToPng } from "../export";
 import { formatCount } from "../math/format";
@@ -241,20 +241,10 @@ class NetworkFigure {
     const ramp = h("canvas", { width: kWidth, height: 10, class: "ramp", "aria-hidden": "true" });
     paintRamp(ramp, palette());
     onThemeChange((colors) => paintRamp(ramp, colors));
-    const line = (dash: string | null) =>
-      s(
-        "svg",
-        { width: 30, height: 10, "aria-hidden": "true" },
-        s("line", {
-          x1: 1,
-          x2: 29,
-          y1: 5,
-          y2: 5,
-          stroke: "currentColor",
-          "stroke-width": 2.5,
-          "stroke-dasharray": dash,
-        }),
-      );
+    const line = (dash: string | null) => {
+      const look = { stroke: "currentColor", "stroke-width": 2.5, "stroke-dasharray": dash };
+      return glyph(30, 10, s("line", { x1: 1, x2: 29, y1: 5, y2: 5, ...look }));
+    };
     return h(
       "div",
       { class: "network-legend small" },
@@ -312,18 +302,10 @@ class NetworkFigure {
     const colors = palette();
     const list = h("ul", { class: "map-list" });
     model.nodes.forEach((node, index) => {
-      const swatch = s("svg", { width: 14, height: 14, "aria-hidden": "true" });
-      swatch.append(
-        s("circle", {
-          cx: 7,
-          cy: 7,
-          r: 5,
-          fill: node.group === null ? "none" : model.nodeColor(index, colors),
-          stroke: model.nodeColor(index, colors),
-          "stroke-width": 1.5,
-          "stroke-dasharray": node.group === null ? "2.5 2" : null,
-        }),
-      );
+      const color = model.nodeColor(index, colors);
+      const look =
+        node.group === null ? { fill: "none", "stroke-dasharray": "2.5 2" } : { fill: color, "stroke-dasharray": null };
+      const dot = s("circle", { cx: 7, cy: 7, r: 5, stroke: color, "stroke-width": 1.5, ...look });
       const pick = button(node.name, () => this.#select({ kind: "node", index }), { class: "quiet record-link" });
       const selected = this.#view.selected;
       pick.setAttribute("aria-pressed", String(selected?.kind === "node" && selected.index === index));
@@ -335,7 +317,7 @@ class NetworkFigure {
         disabled: !model.isShown(index),
       });
       shown.addEventListener("change", () => this.#setShown(index, shown.checked));
-      list.append(h("li", null, shown, swatch, pick, h("span", { class: "muted" }, note)));
+      list.append(h("li", null, shown, glyph(14, 14, dot), pick, h("span", { class: "muted" }, note)));
     });
     return h("div", null, h("div", { class: "legend-title" }, "Maps"), list);
   }
@@ -348,21 +330,10 @@ class NetworkFigure {
     const colors = palette();
     const list = h("ul", { class: "map-list thing-list" });
     things.forEach((thing, index) => {
-      const swatch = s(
-        "svg",
-        { width: 14, height: 14, "aria-hidden": "true" },
-        s("rect", {
-          x: 2,
-          y: 2,
-          width: 10,
-          height: 10,
-          fill: "none",
-          stroke: thingColor(thing.kind, colors),
-          "stroke-width": 2,
-        }),
-      );
+      const look = { fill: "none", stroke: thingColor(thing.kind, colors), "stroke-width": 2 };
+      const box = s("rect", { x: 2, y: 2, width: 10, height: 10, ...look });
       const pick = button(thing.name, () => this.#select({ kind: "thing", index }), { class: "quiet record-link" });
-      list.append(h("li", null, swatch, pick));
+      list.append(h("li", null, glyph(14, 14, box), pick));
     });
     return [h("div", null, h("div", { class: "legend-title" }, "Changes"), list)];
   }

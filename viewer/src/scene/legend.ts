@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { h, s } from "../dom";
+import { glyph, h, s } from "../dom";
 import { formatCount, formatNumber } from "../math/format";
 import type { Palette } from "../theme";
 import { rampColor, scaleTicks, type ColorScale } from "./coloring";
@@ -8,15 +8,11 @@ import type { ViewState } from "./view_state";
 
 const kRampWidth = 216;
 
-function glyph(draw: SVGElement): SVGSVGElement {
-  return s("svg", { width: 22, height: 14, "aria-hidden": "true" }, draw);
-}
-
 function key(draw: SVGElement, label: string, detail: string | null = null): HTMLElement {
   return h(
     "li",
     null,
-    glyph(draw),
+    glyph(22, 14, draw),
     h("span", null, label),
     detail ? h("span", { class: "muted" }, ` ${detail}`) : null,
   );

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { Color } from "three";
-import { badge, button, h, s, type Status } from "../dom";
+import { badge, button, glyph, h, s, type Status } from "../dom";
 import type { LandmarkCloud, Run, SummaryValue } from "../document/report";
 import { formatLength, formatNumber, idText } from "../math/format";
 import { apply, kIdentity, positionOf, scaleOf, type Affine } from "../math/pose";
@@ -90,7 +90,7 @@ export class Pane extends View3d<Role, PanePick> {
     const heading = h("h3", { class: "pane-name" });
     if (run) {
       this.#mark = s("path", { d: symbolPath(seriesSymbol(run.name)), transform: "translate(7,7) scale(1.15)" });
-      heading.append(s("svg", { width: 14, height: 14, "aria-hidden": "true" }, this.#mark));
+      heading.append(glyph(14, 14, this.#mark));
     }
     heading.append(h("span", { title: name }, name));
     this.#badge = statusBadge(run);
@@ -100,18 +100,9 @@ export class Pane extends View3d<Role, PanePick> {
       "aria-label": `Enlarge ${name}`,
       title: "Enlarge",
     });
-    this.maximise.append(
-      s(
-        "svg",
-        { width: 14, height: 14, viewBox: "0 0 14 14", "aria-hidden": "true" },
-        s("path", {
-          d: "M8.5,1.5H12.5V5.5M5.5,12.5H1.5V8.5M12.5,1.5L8,6M1.5,12.5L6,8",
-          fill: "none",
-          stroke: "currentColor",
-          "stroke-width": 1.5,
-        }),
-      ),
-    );
+    const arrows = "M8.5,1.5H12.5V5.5M5.5,12.5H1.5V8.5M12.5,1.5L8,6M1.5,12.5L6,8";
+    const look = { fill: "none", stroke: "currentColor", "stroke-width": 1.5 };
+    this.maximise.append(glyph(14, 14, s("path", { d: arrows, ...look })));
     this.element = h(
       "div",
       { class: "pane", role: "group", "aria-label": run ? `Strategy ${name}` : name },
