@@ -277,15 +277,17 @@ class SceneFigure {
 
   #colourChooser(): HTMLSelectElement {
     const model = this.#model;
-    const choices: [string, ColorMode][] = [[model.source ? "Source and target" : "One colour", { kind: "role" }]];
+    // By their names in the list.
+    const choices = new Map<string, [label: string, mode: ColorMode]>();
+    choices.set("role", [model.source ? "Source and target" : "One colour", { kind: "role" }]);
     if (model.hasResiduals) {
-      choices.push(["Residual", { kind: "residual" }]);
+      choices.set("residual", ["Residual", { kind: "residual" }]);
     }
     for (const { name, label } of model.columns) {
-      choices.push([label, { kind: "column", name }]);
+      choices.set(`column:${name}`, [label, { kind: "column", name }]);
     }
     if (model.target.colors ?? model.source?.colors) {
-      choices.push(["Own colours", { kind: "own" }]);
+      choices.set("own", ["Own colours", { kind: "own" }]);
     }
     const apply = () => {
       this.#state.scale = model.colorScale(this.#state.color, this.#state.logScale);
@@ -299,17 +301,12 @@ class SceneFigure {
       this.#state.logScale = this.#logBox.checked;
       apply();
     });
-    const chosen = choices.findIndex(([, mode]) => mode.kind === this.#state.color.kind);
-    return chooser(
-      "Colour by",
-      choices.map(([label], index) => [index, label]),
-      chosen,
-      (index) => {
-        this.#state.color = choices[index][1];
-        this.#state.logScale = null;
-        apply();
-      },
-    );
+    const options = [...choices].map(([value, [label]]) => [value, label] as const);
+    return chooser("Colour by", options, this.#state.color.kind, (value) => {
+      this.#state.color = choices.get(value)?.[1] ?? { kind: "role" };
+      this.#state.logScale = null;
+      apply();
+    });
   }
 
   /** What the alignment came to, or a candidate that it was held against. */
