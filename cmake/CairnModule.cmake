@@ -53,10 +53,7 @@ endfunction()
 # Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
 # of another's there.
 set(CAIRN_UNITY_APART
-    "src/cairn/atlas/store/sqlite_store.cpp"
     "src/cairn/geometry/decompositions.cpp"
-    "src/cairn/merging/recognition/map_index_test.cpp"
-    "src/cairn/merging/detail/association.cpp"
     # Highway's sources include themselves.
     "src/cairn/core/detail/descriptor_kernel.cpp"
     "src/cairn/registration/detail/batch_kernel.cpp")

@@ -19,6 +19,7 @@
 #include "cairn/geometry/covariance.hpp"
 
 #include "placement_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -131,28 +132,16 @@ class Bench {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::vector<std::string> words(argv + 1, argv + argc);
-  unsigned threads = 0;
-  try {
+  const std::string usage =
+      std::string("[--threads N] PAIRS, which is one of\n") + benchmarks::kPairsUsage;
+  return benchmarks::study_main(argc, argv, 1, usage.c_str(), [](std::vector<std::string> words) {
+    unsigned threads = 0;
     if (words.size() > 1 && words[0] == "--threads") {
       threads = static_cast<unsigned>(std::stoul(words[1]));
       words.erase(words.begin(), words.begin() + 2);
     }
-    if (words.empty()) {
-      std::fprintf(stderr,
-                   "usage: cairn_placement_benchmark [--threads N] PAIRS, which is one of\n%s",
-                   benchmarks::kPairsUsage);
-      return 2;
-    }
     Bench bench(threads);
     benchmarks::for_each_pair(words, [&](const PlacementPair& pair) { bench.run(pair); });
     bench.summary();
-    return 0;
-  } catch (const Error& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return error.kind() == ErrorKind::kMisuse ? 2 : 1;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  });
 }

@@ -29,6 +29,7 @@
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "placement_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -210,22 +211,10 @@ class Comparison {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.empty()) {
-    std::fprintf(stderr, "usage: cairn_placement_peers_benchmark PAIRS, which is one of\n%s",
-                 kPairsUsage);
-    return 2;
-  }
-  try {
+  const std::string usage = std::string("PAIRS, which is one of\n") + kPairsUsage;
+  return study_main(argc, argv, 1, usage.c_str(), [](const std::vector<std::string>& words) {
     Comparison comparison;
     for_each_pair(words, [&](const PlacementPair& pair) { comparison.run(pair); });
     comparison.summary();
-    return 0;
-  } catch (const Error& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return error.kind() == ErrorKind::kMisuse ? 2 : 1;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  });
 }

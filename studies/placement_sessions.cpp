@@ -28,6 +28,7 @@
 #include "cairn/geometry/detail/centroid.hpp"
 
 #include "session_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -174,47 +175,38 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
   std::fflush(stdout);
 }
 
+void run(const std::vector<std::string>& words) {
+  const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
+  const Executor executor(1);
+  if (words.size() > 3 && words[3] == "guesses") {
+    std::puts(
+        "variant,pair,source,target,overlap,guess_deg,guess_m,verdict,probability,rotation_deg,"
+        "translation_m");
+    benchmarks::for_each_session_pair(
+        words[0], numbers, benchmarks::session_part(words[2]),
+        [&](const SessionPair& pair) { tell_guesses(pair, executor); });
+    return;
+  }
+  std::puts(
+      "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,"
+      "rank,"
+      "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
+      "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
+      "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
+      "rotation_deg,translation_m,mahalanobis");
+  const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
+  benchmarks::for_each_session_pair(
+      words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {
+        for (const Variant& variant : kVariants) {
+          if (wanted.find(fmt::format(",{},", variant.name)) == std::string::npos) continue;
+          tell(pair, variant, executor);
+        }
+        if (wanted.find(",truth,") != std::string::npos) tell_truth(pair);
+      });
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.size() < 3) {
-    std::fputs(
-        "usage: cairn_placement_sessions_benchmark FOLDER PAIRS fit|choose|test [VARIANT,...]\n",
-        stderr);
-    return 2;
-  }
-  try {
-    const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
-    const Executor executor(1);
-    if (words.size() > 3 && words[3] == "guesses") {
-      std::puts(
-          "variant,pair,source,target,overlap,guess_deg,guess_m,verdict,probability,rotation_deg,"
-          "translation_m");
-      benchmarks::for_each_session_pair(
-          words[0], numbers, benchmarks::session_part(words[2]),
-          [&](const SessionPair& pair) { tell_guesses(pair, executor); });
-      return 0;
-    }
-    std::puts(
-        "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,"
-        "rank,"
-        "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
-        "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
-        "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
-        "rotation_deg,translation_m,mahalanobis");
-    const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
-    benchmarks::for_each_session_pair(
-        words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {
-          for (const Variant& variant : kVariants) {
-            if (wanted.find(fmt::format(",{},", variant.name)) == std::string::npos) continue;
-            tell(pair, variant, executor);
-          }
-          if (wanted.find(",truth,") != std::string::npos) tell_truth(pair);
-        });
-    return 0;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 3, "FOLDER PAIRS fit|choose|test [VARIANT,...]", run);
 }

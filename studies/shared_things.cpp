@@ -29,6 +29,7 @@
 
 #include "random_pose.hpp"
 #include "session_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -189,22 +190,18 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   std::fflush(stdout);
 }
 
-void run(int argc, char** argv) {
-  if (argc < 3 || argc > 6) {
-    throw Error(ErrorKind::kMisuse, "arguments", std::to_string(argc - 1),
-                "FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]");
-  }
-  const std::string folder = argv[1];
-  const auto part = benchmarks::session_part(argc > 3 ? argv[3] : "test");
-  const bool things = argc <= 4 || std::string(argv[4]) != "pairs";
-  const bool deformed = argc > 5 && std::string(argv[5]) == "deformed";
+void run(const std::vector<std::string>& words) {
+  const std::string& folder = words[0];
+  const auto part = benchmarks::session_part(words.size() > 2 ? words[2] : "test");
+  const bool things = words.size() <= 3 || words[3] != "pairs";
+  const bool deformed = words.size() > 4 && words[4] == "deformed";
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
       "rotation_deg,translation_m,right,in_front,agree,behind,deformed,"
       "deformed_scale,deformed_deg,deformed_m\n");
   benchmarks::for_each_session_pair(
-      folder, benchmarks::pair_numbers(argv[2]), part, [&](const SessionPair& pair) {
+      folder, benchmarks::pair_numbers(words[1]), part, [&](const SessionPair& pair) {
         if (!things) return tell(pair, 0.0, deformed);
         if (pair.same_place()) return;
         Random random = Random(pair.number).fork(99);
@@ -224,11 +221,6 @@ void run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    run(argc, argv);
-    return 0;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "cairn_shared_things_benchmark: {}\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 2,
+                                "FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]", run);
 }

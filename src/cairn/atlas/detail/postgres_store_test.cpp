@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/store/postgres_store.hpp"
-
 #include <algorithm>
 #include <set>
 #include <string>
@@ -31,11 +29,11 @@ class PostgresStoreTest : public ::testing::Test {
   void SetUp() override {
     if (const auto why = testing::PostgresServer::missing()) GTEST_SKIP() << *why;
     server_.emplace();
-    create_postgres_store(server_->url());
+    create_store(server_->url());
   }
 
   std::unique_ptr<AtlasStore> open(const AtlasStoreOptions& options = {}) const {
-    return open_postgres_store(server_->url(), options);
+    return open_store(server_->url(), options);
   }
 
   std::optional<testing::PostgresServer> server_;
@@ -66,12 +64,12 @@ TEST(PostgresUrl, TellsNoPartOfAPassword) {
   for (const std::string password :
        {"top/secret", "0/secret", "top?secret", "top@secret", "top%zzsecret", "top secret"}) {
     const std::string url = "postgresql://ada:" + password + "@127.0.0.1:1/town";
-    EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { open_postgres_store(url, {}); }),
+    EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { open_store(url, {}); }),
                 AllOf(HasSubstr("no connection"), Not(HasSubstr("top")), Not(HasSubstr("port 0")),
                       Not(HasSubstr("secret"))));
   }
   EXPECT_THAT(message_of(ErrorKind::kStorage,
-                         [] { open_postgres_store("postgresql://ada:se?cret@127.0.0.1:1/town"); }),
+                         [] { open_store("postgresql://ada:se?cret@127.0.0.1:1/town"); }),
               HasSubstr("port 1 failed"));
 }
 
@@ -137,9 +135,9 @@ TEST_F(PostgresStoreTest, RefusesWhatItCannotHold) {
 
 TEST_F(PostgresStoreTest, RefusesWhatIsNoAtlasOrOfAnotherSchema) {
   postgres::Database(server_->url(), "server").execute("CREATE DATABASE empty");
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_postgres_store(server_->url("empty")); }),
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_store(server_->url("empty")); }),
               HasSubstr("holds no atlas"));
-  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { open_postgres_store(server_->url("none")); }),
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { open_store(server_->url("none")); }),
               HasSubstr("none"));
   postgres::Database(server_->url(), "server", {.schema = "cairn"})
       .execute("UPDATE atlas SET schema = 7");
@@ -155,14 +153,14 @@ TEST_F(PostgresStoreTest, WhoOnlyReadsCannotWrite) {
 TEST(PostgresServerTest, MustWaitForItsDisk) {
   if (const auto why = testing::PostgresServer::missing()) GTEST_SKIP() << *why;
   const testing::PostgresServer careless("fsync=off");
-  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_postgres_store(careless.url()); }),
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_store(careless.url()); }),
               HasSubstr("fsync is off"));
-  create_postgres_store(careless.url(), {.insist = true});
+  create_store(careless.url(), {.insist = true});
 }
 
 TEST(PostgresServerTest, MustBeThere) {
   const std::string url = "postgresql://ada:secret@127.0.0.1:1/town?password=secret";
-  const std::string message = message_of(ErrorKind::kStorage, [&] { open_postgres_store(url); });
+  const std::string message = message_of(ErrorKind::kStorage, [&] { open_store(url); });
   EXPECT_THAT(message, HasSubstr("no connection"));
   EXPECT_THAT(message, Not(HasSubstr("secret")));
 }

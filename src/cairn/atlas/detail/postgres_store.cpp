@@ -1,27 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/store/postgres_store.hpp"
-
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/atlas/detail/sql_store.hpp"
+#include "cairn/atlas/detail/stores.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/storage/postgres/database.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
-
-struct Postgres {
-  using Database = postgres::Database;
-  using Statement = postgres::Statement;
-  using Transaction = postgres::Transaction;
-
-  // The server manages its files itself.
-  static void check(Database&, std::vector<std::string>&) {}
-  static void after_compact(Database&) {}
-};
 
 // The tables of docs/formats.md in PostgreSQL's types, the number of their schema, and the queue.
 constexpr const char* kTables = R"sql(
@@ -127,7 +116,7 @@ class PostgresPairQueue final : public AtlasPairQueue {
   std::vector<NodePair> taken_;
 };
 
-class PostgresStore final : public detail::SqlStore<Postgres> {
+class PostgresStore final : public SqlStore {
  public:
   PostgresStore(postgres::Database database, std::string url, const AtlasStoreOptions& options)
       : SqlStore(std::move(database), options), url_(std::move(url)) {}
@@ -172,4 +161,4 @@ std::unique_ptr<AtlasStore> open_postgres_store(const std::string& url,
   return std::make_unique<PostgresStore>(std::move(database), url, options);
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

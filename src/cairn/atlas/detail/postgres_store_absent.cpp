@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // For builds without PostgreSQL: throws an error that says so.
-#include "cairn/atlas/store/postgres_store.hpp"
+#include "cairn/atlas/detail/stores.hpp"
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 [[noreturn]] void fail() {
@@ -21,4 +21,4 @@ std::unique_ptr<AtlasStore> open_postgres_store(const std::string&, const AtlasS
   fail();
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/store/sqlite_store.hpp"
-
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -15,6 +13,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include "cairn/atlas/detail/stores.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/storage/sqlite/database.hpp"
@@ -39,12 +38,12 @@ using testing::message_of;
 
 class SqliteStoreTest : public ::testing::Test {
  protected:
-  void SetUp() override { create_sqlite_store(path()); }
+  void SetUp() override { create_store(path()); }
 
   fs::path path() const { return folder_ / "town.atlas"; }
   std::unique_ptr<AtlasStore> open(AtlasStoreOptions options = {}) const {
     if (options.author.empty()) options.author = "ada";
-    return open_sqlite_store(path(), options);
+    return open_store(path(), options);
   }
 
   // Changes a table behind the store's back.
@@ -59,8 +58,8 @@ class SqliteStoreTest : public ::testing::Test {
 TEST_F(SqliteStoreTest, TakesOverWhatAKilledProcessLeftUnfinished) {
   folder_.write(".new.atlas.cairn-unfinished", "half of an atlas");
   folder_.write(".new.atlas.cairn-unfinished-wal", "and of its log");
-  create_sqlite_store(folder_ / "new.atlas");
-  EXPECT_THAT(open_sqlite_store(folder_ / "new.atlas", {})->verify().problems, IsEmpty());
+  create_store(folder_ / "new.atlas");
+  EXPECT_THAT(open_store(folder_ / "new.atlas", {})->verify().problems, IsEmpty());
   std::set<std::string> names;
   for (const auto& entry : fs::directory_iterator(folder_.path())) {
     names.insert(entry.path().filename());
@@ -73,24 +72,24 @@ TEST_F(SqliteStoreTest, IsNotMadeBesideWhatAnotherLeft) {
   for (const std::string ending : {"-wal", "-journal"}) {
     folder_.write("new.atlas" + ending, "left");
     for (const auto& make :
-         {std::function<void()>([&] { create_sqlite_store(folder_ / "new.atlas"); }),
-          std::function<void()>([&] { salvage_sqlite_store(path(), folder_ / "new.atlas"); })}) {
+         {std::function<void()>([&] { create_store(folder_ / "new.atlas"); }),
+          std::function<void()>([&] { salvage_store(path(), folder_ / "new.atlas"); })}) {
       EXPECT_THAT(message_of(ErrorKind::kStorage, make), HasSubstr("new.atlas" + ending));
     }
     EXPECT_FALSE(fs::exists(folder_ / "new.atlas"));
     fs::remove(folder_ / ("new.atlas" + ending));
   }
   fs::create_symlink(folder_.write("empty", ""), folder_ / "new.atlas-wal");
-  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_sqlite_store(folder_ / "new.atlas"); }),
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_store(folder_ / "new.atlas"); }),
               HasSubstr("new.atlas-wal"));
   fs::remove(folder_ / "new.atlas-wal");
-  create_sqlite_store(folder_ / "new.atlas");
+  create_store(folder_ / "new.atlas");
 }
 
 TEST_F(SqliteStoreTest, IsMadeAgainAfterItWasReadAndDeleted) {
   open({.read_only = true})->state();
   fs::remove(path());
-  create_sqlite_store(path());
+  create_store(path());
   EXPECT_TRUE(open()->state().nodes.empty());
 }
 
@@ -107,7 +106,7 @@ TEST_F(SqliteStoreTest, SalvagesAnAtlasThatLacksATable) {
   tamper("DROP TABLE poses");
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open(); }),
               AllOf(HasSubstr("table poses"), HasSubstr("salvage")));
-  const AtlasSalvage salvage = salvage_sqlite_store(path(), folder_ / "saved");
+  const AtlasSalvage salvage = salvage_store(path(), folder_ / "saved");
   EXPECT_EQ(salvage.maps, 1U);
   EXPECT_THAT(salvage.lost, Contains(HasSubstr("poses")));
 }
@@ -116,7 +115,7 @@ TEST_F(SqliteStoreTest, SalvagesAnAtlasThatLacksATable) {
 TEST_F(SqliteStoreTest, LeavesAnAtlasAloneThatHasTheUnfinishedNameToo) {
   fs::create_hard_link(path(), folder_ / ".new.atlas.cairn-unfinished");
   const std::string before = testing::read_text(path());
-  create_sqlite_store(folder_ / "new.atlas");
+  create_store(folder_ / "new.atlas");
   EXPECT_EQ(testing::read_text(path()), before);
   EXPECT_FALSE(fs::exists(folder_ / ".new.atlas.cairn-unfinished"));
 }
@@ -124,13 +123,13 @@ TEST_F(SqliteStoreTest, LeavesAnAtlasAloneThatHasTheUnfinishedNameToo) {
 TEST_F(SqliteStoreTest, LosesItsSecondNameWhenItIsNextOpenedForWriting) {
   const fs::path second = folder_ / ".town.atlas.cairn-unfinished";
   fs::create_hard_link(path(), second);
-  open_sqlite_store(path(), {.read_only = true});
+  open_store(path(), {.read_only = true});
   EXPECT_TRUE(fs::exists(second));
-  EXPECT_THAT(open_sqlite_store(path(), {})->verify().problems, IsEmpty());
+  EXPECT_THAT(open_store(path(), {})->verify().problems, IsEmpty());
   EXPECT_FALSE(fs::exists(second));
   // Another file of that name may be one that a process is just making.
   folder_.write(second.filename().string(), "half of an atlas");
-  open_sqlite_store(path(), {});
+  open_store(path(), {});
   EXPECT_TRUE(fs::exists(second));
 }
 
@@ -138,25 +137,25 @@ TEST_F(SqliteStoreTest, IsNotMadeByTwoProcessesAtOnce) {
   folder_.write(".new.atlas.cairn-unfinished", "");
   const int other = ::open((folder_ / ".new.atlas.cairn-unfinished").c_str(), O_RDWR | O_CLOEXEC);
   ASSERT_EQ(::flock(other, LOCK_EX), 0);
-  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_sqlite_store(folder_ / "new.atlas"); }),
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_store(folder_ / "new.atlas"); }),
               HasSubstr("new.atlas: another process is making it"));
   EXPECT_TRUE(fs::exists(folder_ / ".new.atlas.cairn-unfinished"));
   ::close(other);
-  create_sqlite_store(folder_ / "new.atlas");
+  create_store(folder_ / "new.atlas");
   EXPECT_FALSE(fs::exists(folder_ / ".new.atlas.cairn-unfinished"));
 }
 
 TEST_F(SqliteStoreTest, IsToldFromOtherFiles) {
-  EXPECT_TRUE(is_sqlite_store(path()));
-  EXPECT_FALSE(is_sqlite_store(folder_ / "nothing.atlas"));
-  EXPECT_FALSE(is_sqlite_store(folder_.path()));
+  EXPECT_TRUE(is_atlas_file(path()));
+  EXPECT_FALSE(is_atlas_file(folder_ / "nothing.atlas"));
+  EXPECT_FALSE(is_atlas_file(folder_.path()));
   folder_.write("short.atlas", "SQLite format 3");
-  EXPECT_FALSE(is_sqlite_store(folder_ / "short.atlas"));
+  EXPECT_FALSE(is_atlas_file(folder_ / "short.atlas"));
   // A database of somebody else's.
   std::string bytes = testing::read_text(path());
   bytes[68] = 0;
   folder_.write("other.atlas", bytes);
-  EXPECT_FALSE(is_sqlite_store(folder_ / "other.atlas"));
+  EXPECT_FALSE(is_atlas_file(folder_ / "other.atlas"));
 }
 
 TEST_F(SqliteStoreTest, SaysThatAnotherProcessWrites) {
@@ -168,16 +167,16 @@ TEST_F(SqliteStoreTest, SaysThatAnotherProcessWrites) {
 }
 
 TEST_F(SqliteStoreTest, RefusesWhatIsNoAtlasOrANewerOne) {
-  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_sqlite_store(path()); }),
+  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_store(path()); }),
               HasSubstr("exists already"));
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_sqlite_store(folder_ / "none"); }),
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_store(folder_ / "none"); }),
               HasSubstr("no such file"));
   folder_.write("text", "not a database, but long enough to look at; " + std::string(200, '.'));
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_sqlite_store(folder_ / "text"); }),
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_store(folder_ / "text"); }),
               HasSubstr("no SQLite database"));
   sqlite::Database(folder_ / "other", {.access = sqlite::Access::kCreate})
       .execute("CREATE TABLE t (i)");
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_sqlite_store(folder_ / "other"); }),
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_store(folder_ / "other"); }),
               HasSubstr("no atlas"));
   for (const int schema : {7, 0, -1}) {
     tamper(fmt::format("PRAGMA user_version = {}", schema));
@@ -210,12 +209,12 @@ TEST_F(SqliteStoreTest, NeverAppliesARollbackJournal) {
   for (const char* const name : {"town.atlas", "link.atlas"}) {
     for (const bool read_only : {true, false}) {
       EXPECT_THAT(message_of(ErrorKind::kInput,
-                             [&] { open_sqlite_store(folder_ / name, {.read_only = read_only}); }),
+                             [&] { open_store(folder_ / name, {.read_only = read_only}); }),
                   HasSubstr("town.atlas-journal"));
     }
   }
   EXPECT_THAT(
-      message_of(ErrorKind::kInput, [&] { salvage_sqlite_store(path(), folder_ / "saved.atlas"); }),
+      message_of(ErrorKind::kInput, [&] { salvage_store(path(), folder_ / "saved.atlas"); }),
       HasSubstr("town.atlas-journal"));
   EXPECT_TRUE(fs::exists(victim));
   folder_.write("town.atlas-journal", "");
@@ -237,9 +236,9 @@ TEST_F(SqliteStoreTest, RefusesTablesThatAreNotItsOwn) {
                   HasSubstr(reason))
           << sql;
     }
-    EXPECT_THAT(message_of(ErrorKind::kInput,
-                           [&] { salvage_sqlite_store(path(), folder_ / "saved.atlas"); }),
-                HasSubstr(reason));
+    EXPECT_THAT(
+        message_of(ErrorKind::kInput, [&] { salvage_store(path(), folder_ / "saved.atlas"); }),
+        HasSubstr(reason));
     folder_.write("town.atlas", sound);
   }
   EXPECT_THAT(open()->verify().problems, IsEmpty());
@@ -274,12 +273,12 @@ TEST_F(SqliteStoreTest, SalvagesWhatIsSound) {
     });
   }
   tamper("UPDATE map_chunks SET bytes = x'00' WHERE map = 2");
-  const AtlasSalvage salvage = salvage_sqlite_store(path(), folder_ / "saved");
+  const AtlasSalvage salvage = salvage_store(path(), folder_ / "saved");
   EXPECT_EQ(salvage.maps, 2U);
   EXPECT_EQ(salvage.links, 1U);
   EXPECT_EQ(salvage.poses, 2U);
   EXPECT_THAT(salvage.lost, ElementsAre(HasSubstr("nodes 2")));
-  const auto saved = open_sqlite_store(folder_ / "saved");
+  const auto saved = open_store(folder_ / "saved");
   EXPECT_THAT(saved->verify().problems, IsEmpty());
   const AtlasState state = saved->state();
   EXPECT_EQ(state.nodes.at(state.links.begin()->second.source).name, "3");
@@ -305,8 +304,8 @@ TEST_F(SqliteStoreTest, SalvagedRowsNameMapsByTheirNewNumbers) {
     });
   }
   tamper("DELETE FROM map_chunks WHERE map = 1");
-  EXPECT_EQ(salvage_sqlite_store(path(), folder_ / "saved").maps, 3U);
-  const AtlasState state = open_sqlite_store(folder_ / "saved")->state();
+  EXPECT_EQ(salvage_store(path(), folder_ / "saved").maps, 3U);
+  const AtlasState state = open_store(folder_ / "saved")->state();
   const auto name_of = [&](NodeId id) { return state.nodes.at(id).name; };
   ASSERT_EQ(state.links.size(), 2U);
   const auto& [first, link] = *state.links.begin();
@@ -331,7 +330,7 @@ TEST_F(SqliteStoreTest, SalvagesNoMapThatCannotBeRead) {
       return changes;
     });
   }
-  const AtlasSalvage salvage = salvage_sqlite_store(path(), folder_ / "saved");
+  const AtlasSalvage salvage = salvage_store(path(), folder_ / "saved");
   EXPECT_EQ(salvage.maps, 1U);
   EXPECT_THAT(salvage.lost, ElementsAre(HasSubstr("map two")));
 }
@@ -353,8 +352,8 @@ TEST_F(SqliteStoreTest, IsMadeWithoutWhatAKilledProcessLeftInItsLog) {
   folder_.write(".new.atlas.cairn-unfinished", "");
   fs::copy(path().string() + "-wal", unfinished + "-wal");
   ASSERT_GT(fs::file_size(unfinished + "-wal"), 0U);
-  create_sqlite_store(folder_ / "new.atlas");
-  EXPECT_TRUE(open_sqlite_store(folder_ / "new.atlas")->state().nodes.empty());
+  create_store(folder_ / "new.atlas");
+  EXPECT_TRUE(open_store(folder_ / "new.atlas")->state().nodes.empty());
 }
 
 TEST_F(SqliteStoreTest, CompactingGivesSpaceBack) {
@@ -429,10 +428,10 @@ TEST_F(SqliteStoreTest, NeverSilentlyUsesFlippedBytes) {
 }
 
 TEST(NetworkFileSystem, IsKnownByItsType) {
-  EXPECT_STREQ(network_file_system(0x6969), "NFS");
-  EXPECT_NE(network_file_system(static_cast<long>(0xff534d42)), nullptr);
-  EXPECT_EQ(network_file_system(0xef53), nullptr);      // ext4
-  EXPECT_EQ(network_file_system(0x01021994), nullptr);  // tmpfs
+  EXPECT_STREQ(detail::network_file_system(0x6969), "NFS");
+  EXPECT_NE(detail::network_file_system(static_cast<long>(0xff534d42)), nullptr);
+  EXPECT_EQ(detail::network_file_system(0xef53), nullptr);      // ext4
+  EXPECT_EQ(detail::network_file_system(0x01021994), nullptr);  // tmpfs
 }
 
 }  // namespace
