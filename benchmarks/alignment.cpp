@@ -12,11 +12,11 @@
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp_loop.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"
+#include "cairn/registration/stages.hpp"
 
+#include "nanoflann_tree.hpp"
 #include "sizes.hpp"
 #include "workload.hpp"
 
@@ -101,7 +101,7 @@ void align_one_by_one(benchmark::State& state) {
   const Executor executor(effort.threads);
   std::optional<double> score;
   for (auto _ : state) {
-    const KdTree tree(work.target.positions);
+    const NanoflannTree tree(work.target.positions);
     const auto score_at = [&](const Rigid3& pose) {
       return fitness_score(nearest_squared_distances(work.source.positions, pose, tree, executor));
     };
@@ -148,7 +148,7 @@ BENCHMARK(iterate<BatchTree>)
     ->Args({1, 150, 1})
     ->Args({5, 150, 1})
     ->Unit(benchmark::kMillisecond);
-BENCHMARK(iterate<KdTree>)
+BENCHMARK(iterate<NanoflannTree>)
     ->Name("iterate/nanoflann")
     ->ArgNames({"k", "most", "threads"})
     ->Args({1, 150, 1})

@@ -12,8 +12,8 @@
 #include <hwy/targets.h>
 
 #include "cairn/registration/neighbors/batch_tree.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
 
+#include "nanoflann_tree.hpp"
 #include "workload.hpp"
 
 namespace cairn::benchmarks {
@@ -33,7 +33,7 @@ void build(benchmark::State& state) {
 void search_one_by_one(benchmark::State& state) {
   const PointSet points = random_points(static_cast<std::size_t>(state.range(0)), 1);
   const PointSet queries = random_points(static_cast<std::size_t>(state.range(0)), 2);
-  const KdTree tree(points.positions);
+  const NanoflannTree tree(points.positions);
   std::vector<Neighbor> found(static_cast<std::size_t>(state.range(1)));
   for (auto _ : state) {
     for (const auto& query : queries.positions) {
@@ -100,7 +100,7 @@ BENCHMARK(build<BatchTree>)
     ->Arg(6000)
     ->Arg(100000)
     ->Unit(benchmark::kMillisecond);
-BENCHMARK(build<KdTree>)
+BENCHMARK(build<NanoflannTree>)
     ->Name("build/nanoflann")
     ->ArgName("points")
     ->Arg(6000)

@@ -53,20 +53,10 @@ endfunction()
 # Sources, a group a line, that are not compiled with the others of their target: a helper of theirs has the name
 # of another's there.
 set(CAIRN_UNITY_APART
-    "src/cairn/atlas/store/sqlite_store.cpp"
     "src/cairn/geometry/decompositions.cpp"
-    "src/cairn/merging/recognition/map_index_test.cpp"
-    "src/cairn/merging/detail/association.cpp"
     # Highway's sources include themselves.
     "src/cairn/core/detail/descriptor_kernel.cpp"
-    "src/cairn/registration/detail/batch_kernel.cpp"
-    "src/cairn/registration/neighbors/kd_tree.cpp"
-    "src/cairn/alignment/detail/search/descriptor_matches_test.cpp"
-    "src/cairn/alignment/detail/search/descriptor_poses_test.cpp"
-    "src/cairn/alignment/detail/evidence/look_comparison_test.cpp"
-    "src/cairn/registration/estimation/point_to_point_test.cpp src/cairn/registration/neighbors/batch_tree_test.cpp"
-    "src/cairn/pose_graph/optimise_poses.cpp"
-    "src/cairn/alignment/detail/evidence/verdict_test.cpp")
+    "src/cairn/registration/detail/batch_kernel.cpp")
 
 # cairn_module(NAME [OPTIONAL] SOURCES ... DEPENDS ... PRIVATE_DEPENDS ... TESTS ... [RELEASE_ONLY TEST...])
 #

@@ -39,7 +39,7 @@ set(CPACK_DEBIAN_DEV_PACKAGE_NAME libcairn-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_DESCRIPTION "${about}\nThis package has headers, static libraries, and files for CMake and pkg-config.")
 # What an installed header includes, or a static library is linked with.
-set(needed libeigen3-dev libfmt-dev libtbb-dev libhwy-dev libnanoflann-dev zlib1g-dev)
+set(needed libeigen3-dev libfmt-dev libtbb-dev libhwy-dev zlib1g-dev)
 if(yaml-cpp_FOUND)
   list(APPEND needed libyaml-cpp-dev)
 endif()

@@ -7,9 +7,9 @@
 #include <cairn/registration/convergence/pcl_criteria.hpp>
 #include <cairn/registration/correspondence/confident_neighbor.hpp>
 #include <cairn/registration/estimation/point_to_point.hpp>
-#include <cairn/registration/icp_loop.hpp>
-#include <cairn/registration/neighbors/kd_tree.hpp>
+#include <cairn/registration/neighbors/batch_tree.hpp>
 #include <cairn/registration/point_set.hpp>
+#include <cairn/registration/stages.hpp>
 
 namespace {
 
@@ -40,8 +40,8 @@ int main() {
   source.reserve(target.positions.size());
   for (const Eigen::Vector3d& x : target.positions) source.push_back(truth.inverse() * x);
 
-  const cairn::KdTree tree(target.positions);
-  const cairn::ConfidentNeighborCorrespondence<cairn::KdTree> find_matches(
+  const cairn::BatchTree tree(target.positions);
+  const cairn::ConfidentNeighborCorrespondence<cairn::BatchTree> find_matches(
       {tree, target.positions, target.confidences}, std::nullopt, {.k = 1}, cairn::Executor());
   const cairn::IcpRun run =
       cairn::run_icp(source, cairn::Rigid3(), find_matches, PlanarEstimation{target.positions},

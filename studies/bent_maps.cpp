@@ -31,6 +31,7 @@
 
 #include "random_pose.hpp"
 #include "session_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -306,7 +307,7 @@ std::vector<double> numbers_of(const std::string& text) {
   return numbers;
 }
 
-int run(const std::vector<std::string>& words) {
+void run(const std::vector<std::string>& words) {
   const std::vector<Session> sessions = benchmarks::read_sessions(words[0]);
   const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
   const std::string what = words.size() > 2 ? words[2] : "0,2.5,5,7.5,10";
@@ -350,23 +351,11 @@ int run(const std::vector<std::string>& words) {
       }
     }
   }
-  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.size() < 2) {
-    std::fputs(
-        "usage: cairn_bent_maps_benchmark FOLDER PAIRS [DEGREES,...|strangers|guesses|merge]\n",
-        stderr);
-    return 2;
-  }
-  try {
-    return run(words);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 2, "FOLDER PAIRS [DEGREES,...|strangers|guesses|merge]",
+                                run);
 }

@@ -23,6 +23,7 @@
 #include "cairn/geometry/detail/pose_distance.hpp"
 
 #include "random_pose.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -58,10 +59,10 @@ Counts tried(const PreparedMap& source, const PreparedMap& target, std::size_t p
     if (!found) continue;
     ++counts.fitted;
     counts.matches = std::max(counts.matches, found->figures.matches);
-    PlaceOptions options;
+    AlignOptions options;
     options.scale = ScaleRange();
-    const PlacementResult placed = pair.judge(*found, options);
-    counts.probability = std::max(counts.probability, placed.probability);
+    const Alignment placed = pair.judge(*found, options);
+    counts.probability = std::max(counts.probability, *placed.probability);
     if (placed.verdict != Verdict::kAligned) continue;
     for (const Similarity3& other : counts.aligned) {
       counts.apart = std::max(counts.apart, distance(other, found->target_from_source) /
@@ -72,18 +73,17 @@ Counts tried(const PreparedMap& source, const PreparedMap& target, std::size_t p
   return counts;
 }
 
-void run(int argc, char** argv) {
-  if (argc < 4) throw std::runtime_error("usage: cairn_deformed_maps_benchmark POSES MAP...");
-  const std::size_t poses = std::stoul(argv[1]);
+void run(const std::vector<std::string>& words) {
+  const std::size_t poses = std::stoul(words[0]);
+  const std::vector<std::string> paths(words.begin() + 1, words.end());
   std::vector<PreparedMap> maps;
-  for (int i = 2; i < argc; ++i) maps.emplace_back(read_map(argv[i]));
+  for (const std::string& path : paths) maps.emplace_back(read_map(path));
   fmt::print("source,target,poses,fitted,most_matches,aligned,apart,greatest_probability\n");
   for (std::size_t i = 0; i < maps.size(); ++i) {
     for (std::size_t j = i + 1; j < maps.size(); ++j) {
       const Counts counts = tried(maps[i], maps[j], poses, Random(i).fork(j));
-      fmt::print("{},{},{},{},{},{},{:.4f},{:.6f}\n", argv[i + 2], argv[j + 2], poses,
-                 counts.fitted, counts.matches, counts.aligned.size(), counts.apart,
-                 counts.probability);
+      fmt::print("{},{},{},{},{},{},{:.4f},{:.6f}\n", paths[i], paths[j], poses, counts.fitted,
+                 counts.matches, counts.aligned.size(), counts.apart, counts.probability);
       std::fflush(stdout);
     }
   }
@@ -92,11 +92,5 @@ void run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    run(argc, argv);
-    return 0;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "{}\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 3, "POSES MAP...", run);
 }

@@ -28,6 +28,8 @@
 #include "cairn/vision/detail/features.hpp"
 #include "cairn/vision/map_sequence.hpp"
 
+#include "study_main.hpp"
+
 namespace {
 
 using namespace cairn;
@@ -187,30 +189,24 @@ void measure(EnvironmentKind kind, std::uint64_t seed, std::vector<Counts>& coun
              map.landmark_count(), map.frame_count());
 }
 
+void run(const std::vector<std::string>& words) {
+  const std::vector<Change> all = changes();
+  std::vector<Counts> counts(all.size());
+  for (std::uint64_t seed = std::stoull(words[0]); seed < std::stoull(words[1]); ++seed) {
+    for (const std::string_view name : environment_names()) {
+      measure(environment_kind(name), seed, counts);
+    }
+  }
+  fmt::print("change,amount,shown,with_a_corner,found_by_one,found_by_several,descriptors\n");
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Counts& c = counts[i];
+    fmt::print("{},{},{},{},{},{},{}\n", all[i].kind, all[i].amount, c.shown, c.cornered, c.by_one,
+               c.by_several, c.descriptors);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 3) {
-    std::fputs("usage: cairn_descriptor_views_benchmark FIRST_SEED END_SEED\n", stderr);
-    return 2;
-  }
-  try {
-    const std::vector<Change> all = changes();
-    std::vector<Counts> counts(all.size());
-    for (std::uint64_t seed = std::stoull(argv[1]); seed < std::stoull(argv[2]); ++seed) {
-      for (const std::string_view name : environment_names()) {
-        measure(environment_kind(name), seed, counts);
-      }
-    }
-    fmt::print("change,amount,shown,with_a_corner,found_by_one,found_by_several,descriptors\n");
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      const Counts& c = counts[i];
-      fmt::print("{},{},{},{},{},{},{}\n", all[i].kind, all[i].amount, c.shown, c.cornered,
-                 c.by_one, c.by_several, c.descriptors);
-    }
-    return 0;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 2, "FIRST_SEED END_SEED", run);
 }

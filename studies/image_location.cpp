@@ -23,6 +23,8 @@
 #include "cairn/vision/image_locator.hpp"
 #include "cairn/vision/sequence.hpp"
 
+#include "study_main.hpp"
+
 namespace {
 
 using namespace cairn;
@@ -41,15 +43,11 @@ std::optional<Rigid3> pose_at(const Trajectory& truth, double timestamp_s) {
   return nearest;
 }
 
-void run(int argc, char** argv) {
-  if (argc != 6) {
-    throw Error(ErrorKind::kMisuse, "arguments", std::to_string(argc - 1),
-                "MAP SEQUENCE STEP colour|depth same|other");
-  }
-  const fs::path folder = argv[2];
-  const std::size_t step = std::stoul(argv[3]);
-  const bool with_depth = std::string(argv[4]) == "depth";
-  const bool same = std::string(argv[5]) == "same";
+void run(const std::vector<std::string>& words) {
+  const fs::path folder = words[1];
+  const std::size_t step = std::stoul(words[2]);
+  const bool with_depth = words[3] == "depth";
+  const bool same = words[4] == "same";
   FileReader camera_file(folder / "camera.yaml");
   const CameraFile camera = read_camera_file(camera_file);
   FileReader truth_file(folder / "groundtruth.txt");
@@ -57,7 +55,7 @@ void run(int argc, char** argv) {
   SequenceOptions options;
   if (camera.depth_units_per_metre) options.depth_units_per_metre = *camera.depth_units_per_metre;
   const RgbdSequence sequence(folder, options);
-  const ImageLocator locator(read_map(argv[1]), camera.camera);
+  const ImageLocator locator(read_map(words[0]), camera.camera);
   fmt::print(
       "map,sequence,image,corners,proposals,visible,expected,matches,spread,located,probability,"
       "rotation_deg,translation_m,ms\n");
@@ -77,7 +75,7 @@ void run(int argc, char** argv) {
       rotation = degrees(off.tail<3>().norm());
     }
     fmt::print("{},{},{},{},{},{},{:.2f},{},{},{},{:.6f},{:.3f},{:.4f},{:.1f}\n",
-               fs::path(argv[1]).stem().string(), folder.filename().string(), i, found.corners,
+               fs::path(words[0]).stem().string(), folder.filename().string(), i, found.corners,
                found.proposals, found.visible, found.expected, found.matches.size(), found.spread,
                found.located ? 1 : 0, found.probability, rotation, translation, ms);
   }
@@ -86,11 +84,5 @@ void run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    run(argc, argv);
-    return 0;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "cairn_image_location_benchmark: {}\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 5, "MAP SEQUENCE STEP colour|depth same|other", run);
 }

@@ -12,13 +12,14 @@
 #include <string>
 #include <vector>
 
-#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/alignment/align.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 
 #include "placement_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -54,14 +55,14 @@ class Bench {
     options_.seed = pair.trial;
     options_.scale = pair.any_scale ? std::optional(ScaleRange()) : std::nullopt;
     const double start = processor_seconds();
-    const PlacementResult result = place(pair.source, pair.target, options_);
+    const Alignment result = place(pair.source, pair.target, options_);
     const double used = processor_seconds() - start;
     processor_.push_back(used);
     wall_.push_back(result.duration_s);
     const std::optional<Similarity3>& truth = pair.truth;
     PoseError error{std::numbers::pi, 1e9};
     double log_scale = 0.0;
-    const Similarity3 found = result.alignment.similarity();
+    const Similarity3 found = result.registration.similarity();
     if (truth) {
       error = pose_error(found, *truth, pair.source.positions);
       log_scale = std::log(found.scale() / truth->scale());
@@ -76,20 +77,21 @@ class Bench {
     tally.right += aligned && right ? 1 : 0;
     tally.wrong += aligned && !right ? 1 : 0;
     double normalised = -1.0;
-    if (truth && result.alignment.covariance) {
-      const auto& with = result.alignment.covariance_with_scale;
+    if (truth && result.registration.covariance) {
+      const auto& with = result.registration.covariance_with_scale;
       normalised = with ? normalised_squared_error(found, *with, *truth)
-                        : normalised_squared_error(found.rigid(), *result.alignment.covariance,
+                        : normalised_squared_error(found.rigid(), *result.registration.covariance,
                                                    truth->rigid());
       if (right) tally.normalised.push_back(normalised);
     }
     const auto& poses = result.candidates;
     std::printf(
         "\"%s\",%llu,%s,%.3f,%.4f,%.4f,%.2f,%.4f,%.4f,%.4f,%.4f,%.3f,%.3f\n", pair.group.c_str(),
-        static_cast<unsigned long long>(pair.trial), std::string(to_string(result.verdict)).c_str(),
-        degrees(error.rotation_rad), error.translation, log_scale, normalised,
-        poses.empty() ? 0.0 : poses[0].support.share, poses.empty() ? 0.0 : poses[0].probability,
-        poses.size() < 2 ? 0.0 : poses[1].support.share, result.radius, used, result.duration_s);
+        static_cast<unsigned long long>(pair.trial),
+        std::string(to_string(*result.verdict)).c_str(), degrees(error.rotation_rad),
+        error.translation, log_scale, normalised, poses.empty() ? 0.0 : poses[0].support.share,
+        poses.empty() ? 0.0 : poses[0].probability, poses.size() < 2 ? 0.0 : poses[1].support.share,
+        result.radius, used, result.duration_s);
     std::fflush(stdout);
   }
 
@@ -121,7 +123,7 @@ class Bench {
   }
 
  private:
-  PlaceOptions options_;
+  AlignOptions options_;
   std::map<std::string, Tally> tallies_;
   std::vector<double> processor_;
   std::vector<double> wall_;
@@ -130,28 +132,16 @@ class Bench {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::vector<std::string> words(argv + 1, argv + argc);
-  unsigned threads = 0;
-  try {
+  const std::string usage =
+      std::string("[--threads N] PAIRS, which is one of\n") + benchmarks::kPairsUsage;
+  return benchmarks::study_main(argc, argv, 1, usage.c_str(), [](std::vector<std::string> words) {
+    unsigned threads = 0;
     if (words.size() > 1 && words[0] == "--threads") {
       threads = static_cast<unsigned>(std::stoul(words[1]));
       words.erase(words.begin(), words.begin() + 2);
     }
-    if (words.empty()) {
-      std::fprintf(stderr,
-                   "usage: cairn_placement_benchmark [--threads N] PAIRS, which is one of\n%s",
-                   benchmarks::kPairsUsage);
-      return 2;
-    }
     Bench bench(threads);
     benchmarks::for_each_pair(words, [&](const PlacementPair& pair) { bench.run(pair); });
     bench.summary();
-    return 0;
-  } catch (const Error& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return error.kind() == ErrorKind::kMisuse ? 2 : 1;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  });
 }

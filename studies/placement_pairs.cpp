@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/alignment/align.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
@@ -58,11 +58,11 @@ void trials(const std::string& group, std::uint64_t count, const LandmarkMap& so
     pair.most_translation = 0.02;
     pair.truth_by_cairn = true;
     const LandmarkCloud all = landmark_cloud(source);
-    const PlacementResult whole = place(all, landmark_cloud(target));
-    if (whole.alignment.status == RegistrationStatus::kFailed) {
+    const Alignment whole = place(all, landmark_cloud(target));
+    if (whole.registration.status == RegistrationStatus::kFailed) {
       throw std::runtime_error("all landmarks: " + whole.reason);
     }
-    reference = whole.alignment.target_from_source;
+    reference = whole.registration.target_from_source;
     std::fprintf(stderr, "all landmarks: %.2f deg, %.3f m from the identity\n",
                  degrees(reference->angle()),
                  pose_error(*reference, Rigid3(), all.positions).translation);

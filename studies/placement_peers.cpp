@@ -19,8 +19,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/cloud_scales.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -29,6 +29,7 @@
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 #include "placement_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -145,14 +146,14 @@ class Comparison {
     if (tallies_.empty()) {
       std::puts("group,trial,method,answer,rotation_deg,translation_m,wall_s");
     }
-    PlaceOptions options;
+    AlignOptions options;
     options.seed = pair.trial;
     options.execution.executor = Executor(1);
-    const PlacementResult result = place(pair.source, pair.target, options);
+    const Alignment result = place(pair.source, pair.target, options);
     const bool accepted = result.verdict == Verdict::kAligned;
-    const bool failed = result.alignment.status == RegistrationStatus::kFailed;
+    const bool failed = result.registration.status == RegistrationStatus::kFailed;
     const std::optional<Rigid3> found =
-        failed ? std::nullopt : std::optional(result.alignment.target_from_source);
+        failed ? std::nullopt : std::optional(result.registration.target_from_source);
     tell(pair, "Cairn, aligned or not", found, result.duration_s);
     tell(pair, "Cairn, aligned", accepted ? found : std::nullopt, result.duration_s);
 
@@ -210,22 +211,10 @@ class Comparison {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.empty()) {
-    std::fprintf(stderr, "usage: cairn_placement_peers_benchmark PAIRS, which is one of\n%s",
-                 kPairsUsage);
-    return 2;
-  }
-  try {
+  const std::string usage = std::string("PAIRS, which is one of\n") + kPairsUsage;
+  return study_main(argc, argv, 1, usage.c_str(), [](const std::vector<std::string>& words) {
     Comparison comparison;
     for_each_pair(words, [&](const PlacementPair& pair) { comparison.run(pair); });
     comparison.summary();
-    return 0;
-  } catch (const Error& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return error.kind() == ErrorKind::kMisuse ? 2 : 1;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  });
 }

@@ -16,11 +16,11 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/cloud_scales.hpp"
 #include "cairn/alignment/detail/evidence/support_counter.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -28,6 +28,7 @@
 #include "cairn/geometry/detail/centroid.hpp"
 
 #include "session_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -75,7 +76,7 @@ void tell_truth(const SessionPair& pair) {
 // that they are drawn about means nothing.
 void tell_guesses(const SessionPair& pair, const Executor& executor) {
   constexpr int kGuesses = 20;
-  PlaceOptions options;
+  AlignOptions options;
   options.seed = pair.number;
   options.execution.executor = executor;
   PreparedPair prepared(PreparedMap(pair.source, {.seed = options.seed, .executor = executor}),
@@ -98,14 +99,14 @@ void tell_guesses(const SessionPair& pair, const Executor& executor) {
     refinement.execution.executor = executor;
     const RegistrationResult refined = refine(pair.source, pair.target, refinement);
     if (!refined.has_pose()) continue;
-    const PlacementResult result = prepared.settle(refined.similarity());
-    const PoseError error = pair.same_place() ? pose_error(result.alignment.target_from_source,
+    const Alignment result = prepared.settle(refined.similarity());
+    const PoseError error = pair.same_place() ? pose_error(result.registration.target_from_source,
                                                            pair.truth, pair.source.positions)
                                               : PoseError{std::numbers::pi, 100.0};
     std::printf("guess,%llu,%s,%s,%.4f,%.2f,%.3f,%s,%.6f,%.3f,%.4f\n",
                 static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
                 pair.target_place.c_str(), pair.overlap, degrees(angle), offset,
-                std::string(to_string(result.verdict)).c_str(), result.probability,
+                std::string(to_string(*result.verdict)).c_str(), *result.probability,
                 degrees(error.rotation_rad), error.translation);
   }
   std::fflush(stdout);
@@ -130,7 +131,7 @@ constexpr std::array<Variant, 6> kVariants = {{
 
 void tell(const SessionPair& pair, const Variant& variant, const Executor& executor) {
   const bool same = pair.same_place();
-  PlaceOptions options;
+  AlignOptions options;
   options.seed = pair.number;
   options.search = variant.search;
   options.execution.executor = executor;
@@ -144,7 +145,7 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
     }
     if (!variant.with_views) cloud->views.clear();
   }
-  const PlacementResult result = place(source, target, options);
+  const Alignment result = place(source, target, options);
   std::vector<PlacementCandidate> candidates = result.candidates;
   // A pair of which nothing is known counts, too.
   if (candidates.empty()) candidates.emplace_back();
@@ -160,7 +161,7 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
         "%.3f,%.3f,%.3f,%.3f,%d,%zu,%zu,%zu,%.4f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
         variant.name, static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
         pair.target_place.c_str(), same ? 1 : 0, pair.overlap, pair.source.size(),
-        pair.target.size(), std::string(to_string(result.verdict)).c_str(), result.duration_s,
+        pair.target.size(), std::string(to_string(*result.verdict)).c_str(), result.duration_s,
         i < result.candidates.size() ? static_cast<int>(i) : -1, support.within[0],
         support.within[1], support.within[2], support.within[3], support.within[4],
         support.within[5], support.share, support.evidence, support.spread_evidence,
@@ -169,52 +170,43 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
         agreement.agreeing, agreement.spread, agreement.expected,
         support.likeness ? support.spread_likeness : -1.0, candidate.contradicted.value_or(-1.0),
         candidate.probability, degrees(error.rotation_rad), error.translation,
-        i == 0 && same ? squared_mahalanobis(result.alignment, pair.truth) : -1.0);
+        i == 0 && same ? squared_mahalanobis(result.registration, pair.truth) : -1.0);
   }
   std::fflush(stdout);
+}
+
+void run(const std::vector<std::string>& words) {
+  const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
+  const Executor executor(1);
+  if (words.size() > 3 && words[3] == "guesses") {
+    std::puts(
+        "variant,pair,source,target,overlap,guess_deg,guess_m,verdict,probability,rotation_deg,"
+        "translation_m");
+    benchmarks::for_each_session_pair(
+        words[0], numbers, benchmarks::session_part(words[2]),
+        [&](const SessionPair& pair) { tell_guesses(pair, executor); });
+    return;
+  }
+  std::puts(
+      "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,"
+      "rank,"
+      "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
+      "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
+      "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
+      "rotation_deg,translation_m,mahalanobis");
+  const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
+  benchmarks::for_each_session_pair(
+      words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {
+        for (const Variant& variant : kVariants) {
+          if (wanted.find(fmt::format(",{},", variant.name)) == std::string::npos) continue;
+          tell(pair, variant, executor);
+        }
+        if (wanted.find(",truth,") != std::string::npos) tell_truth(pair);
+      });
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.size() < 3) {
-    std::fputs(
-        "usage: cairn_placement_sessions_benchmark FOLDER PAIRS fit|choose|test [VARIANT,...]\n",
-        stderr);
-    return 2;
-  }
-  try {
-    const benchmarks::PairNumbers numbers = benchmarks::pair_numbers(words[1]);
-    const Executor executor(1);
-    if (words.size() > 3 && words[3] == "guesses") {
-      std::puts(
-          "variant,pair,source,target,overlap,guess_deg,guess_m,verdict,probability,rotation_deg,"
-          "translation_m");
-      benchmarks::for_each_session_pair(
-          words[0], numbers, benchmarks::session_part(words[2]),
-          [&](const SessionPair& pair) { tell_guesses(pair, executor); });
-      return 0;
-    }
-    std::puts(
-        "variant,pair,source,target,same,overlap,source_landmarks,target_landmarks,verdict,wall_s,"
-        "rank,"
-        "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
-        "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
-        "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
-        "rotation_deg,translation_m,mahalanobis");
-    const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
-    benchmarks::for_each_session_pair(
-        words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {
-          for (const Variant& variant : kVariants) {
-            if (wanted.find(fmt::format(",{},", variant.name)) == std::string::npos) continue;
-            tell(pair, variant, executor);
-          }
-          if (wanted.find(",truth,") != std::string::npos) tell_truth(pair);
-        });
-    return 0;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 3, "FOLDER PAIRS fit|choose|test [VARIANT,...]", run);
 }

@@ -29,6 +29,7 @@
 
 #include "random_pose.hpp"
 #include "session_pairs.hpp"
+#include "study_main.hpp"
 
 namespace {
 
@@ -145,8 +146,8 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
 // The pose and verdict up to a deformation; std::nullopt if there clearly is none.
 std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedMap& source,
                                                            const PreparedMap& target,
-                                                           const PlacementResult& placed,
-                                                           const PlaceOptions& options) {
+                                                           const Alignment& placed,
+                                                           const AlignOptions& options) {
   std::vector<Similarity3> starts;
   for (const PlacementCandidate& candidate : placed.candidates) {
     starts.push_back(candidate.similarity());
@@ -154,7 +155,7 @@ std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedMap& so
   const DeformablePair pair(source, target);
   const auto pose = pair.fit(starts);
   if (!pose || !pose->is_clear()) return std::nullopt;
-  return std::pair(pose->target_from_source, pair.judge(*pose, options).verdict);
+  return std::pair(pose->target_from_source, *pair.judge(*pose, options).verdict);
 }
 
 // Columns of the result up to a deformation: verdict, scale, and the error of its rigid part.
@@ -165,7 +166,7 @@ std::string columns_of(const std::pair<Similarity3, Verdict>& found, const Sessi
 }
 
 void tell(const SessionPair& pair, double thing, bool deformed) {
-  PlaceOptions options;
+  AlignOptions options;
   options.seed = pair.number;
   if (deformed) {
     options.scale = ScaleRange();
@@ -173,38 +174,34 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   }
   const PreparedMap source(pair.source, {.seed = options.seed});
   const PreparedMap target(pair.target, {.seed = options.seed});
-  const PlacementResult result = PreparedPair(source, target, options).place();
+  const Alignment result = PreparedPair(source, target, options).place();
   const auto found = deformed ? as_deformed(source, target, result, options) : std::nullopt;
   PoseError error{0.0, 0.0};
-  if (pair.same_place() && thing == 0.0 && result.alignment.has_pose()) {
-    error = pose_error(result.alignment.target_from_source, pair.truth, pair.source.positions);
+  if (pair.same_place() && thing == 0.0 && result.registration.has_pose()) {
+    error = pose_error(result.registration.target_from_source, pair.truth, pair.source.positions);
   }
-  const bool right = pair.same_place() && thing == 0.0 && result.alignment.has_pose() &&
+  const bool right = pair.same_place() && thing == 0.0 && result.registration.has_pose() &&
                      degrees(error.rotation_rad) <= 5.0 && error.translation <= 0.05;
   fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{}\n", pair.number,
              pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
-             pair.target.size(), to_string(result.verdict), result.probability,
+             pair.target.size(), to_string(*result.verdict), *result.probability,
              degrees(error.rotation_rad), error.translation, right ? 1 : 0, result.around.in_front,
              result.around.agree, result.around.behind, found ? columns_of(*found, pair) : ",,,");
   std::fflush(stdout);
 }
 
-void run(int argc, char** argv) {
-  if (argc < 3 || argc > 6) {
-    throw Error(ErrorKind::kMisuse, "arguments", std::to_string(argc - 1),
-                "FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]");
-  }
-  const std::string folder = argv[1];
-  const auto part = benchmarks::session_part(argc > 3 ? argv[3] : "test");
-  const bool things = argc <= 4 || std::string(argv[4]) != "pairs";
-  const bool deformed = argc > 5 && std::string(argv[5]) == "deformed";
+void run(const std::vector<std::string>& words) {
+  const std::string& folder = words[0];
+  const auto part = benchmarks::session_part(words.size() > 2 ? words[2] : "test");
+  const bool things = words.size() <= 3 || words[3] != "pairs";
+  const bool deformed = words.size() > 4 && words[4] == "deformed";
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
       "rotation_deg,translation_m,right,in_front,agree,behind,deformed,"
       "deformed_scale,deformed_deg,deformed_m\n");
   benchmarks::for_each_session_pair(
-      folder, benchmarks::pair_numbers(argv[2]), part, [&](const SessionPair& pair) {
+      folder, benchmarks::pair_numbers(words[1]), part, [&](const SessionPair& pair) {
         if (!things) return tell(pair, 0.0, deformed);
         if (pair.same_place()) return;
         Random random = Random(pair.number).fork(99);
@@ -224,11 +221,6 @@ void run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    run(argc, argv);
-    return 0;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "cairn_shared_things_benchmark: {}\n", error.what());
-    return 1;
-  }
+  return benchmarks::study_main(argc, argv, 2,
+                                "FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]", run);
 }

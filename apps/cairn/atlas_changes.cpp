@@ -9,9 +9,8 @@
 
 #include <fmt/format.h>
 
-#include "cairn/atlas/state_difference.hpp"
+#include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
-#include "cairn/atlas/world_difference.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 

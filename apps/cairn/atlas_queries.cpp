@@ -11,7 +11,7 @@
 
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/atlas/export.hpp"
-#include "cairn/atlas/route.hpp"
+#include "cairn/atlas/queries.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 

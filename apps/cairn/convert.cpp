@@ -23,7 +23,7 @@
 #include "cairn/map/operations.hpp"
 
 #ifdef CAIRN_HAS_ADJUSTMENT
-#include "cairn/adjustment/estimate_covariances.hpp"
+#include "cairn/adjustment/adjust.hpp"
 #endif
 
 #include "commands.hpp"

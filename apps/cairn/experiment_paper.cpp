@@ -16,7 +16,7 @@
 #include "cairn/experiments/paper.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/report/experiment_sections.hpp"
+#include "cairn/report/sections.hpp"
 
 #include "commands.hpp"
 #include "support/alignments.hpp"

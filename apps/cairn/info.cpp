@@ -15,7 +15,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
-#include "cairn/evaluation/map_defects.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"

@@ -9,9 +9,8 @@
 
 #ifdef CAIRN_HAS_ATLAS
 #include "cairn/atlas/atlas.hpp"
-#include "cairn/atlas/merged_world.hpp"
+#include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
-#include "cairn/atlas/store/sqlite_store.hpp"
 #endif
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
@@ -96,7 +95,7 @@ void LocateArguments::add_to(const Command& command) {
 // The map; or the maps of an atlas that have poses, as one.
 LoadedMap LocateArguments::load_world() const {
 #ifdef CAIRN_HAS_ATLAS
-  if (is_postgres_url(map) || is_sqlite_store(map)) {
+  if (is_postgres_url(map) || is_atlas_file(map)) {
     Atlas atlas = Atlas::open(map, {.read_only = true});
     const AtlasState state = atlas.state();
     const std::string shown = without_password(map);

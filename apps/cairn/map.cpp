@@ -19,7 +19,7 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
-#include "cairn/mapping/close_loops.hpp"
+#include "cairn/vision/close_loops.hpp"
 #include "cairn/vision/map_sequence.hpp"
 #include "cairn/vision/sequence.hpp"
 

@@ -19,7 +19,7 @@
 #include "cairn/experiments/study.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/report/experiment_sections.hpp"
+#include "cairn/report/sections.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"

@@ -12,9 +12,8 @@
 #include <fmt/ranges.h>
 
 #include "cairn/atlas/export.hpp"
-#include "cairn/atlas/route.hpp"
+#include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
-#include "cairn/atlas/world_difference.hpp"
 #include "cairn/core/text.hpp"
 
 #include "bindings/maps.hpp"

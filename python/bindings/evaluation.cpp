@@ -10,7 +10,6 @@
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
-#include "cairn/evaluation/map_defects.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"
 #include "cairn/formats/trajectory_file.hpp"

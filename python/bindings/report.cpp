@@ -9,7 +9,6 @@
 #include "cairn/report/frame_images.hpp"
 #endif
 #include "cairn/report/sections.hpp"
-#include "cairn/report/writer.hpp"
 
 #include "bindings/alignment.hpp"
 

@@ -7,7 +7,7 @@
 #include "cairn/core/detail/csv.hpp"
 #include "cairn/experiments/run.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/report/writer.hpp"
+#include "cairn/report/report.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"

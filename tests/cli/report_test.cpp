@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/report/report.hpp"
+
 #include <algorithm>
 #include <cstddef>
 #include <string>
 
 #include "cairn/core/file.hpp"
-#include "cairn/report/writer.hpp"
 
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/vision/sequence.hpp"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/report/writer.hpp"
+#include "cairn/report/report.hpp"
 
 #include "cli.hpp"
 

@@ -17,8 +17,33 @@ def keys(path, *patterns):
     return {key for pattern in patterns for key in re.findall(pattern, text)}
 
 
-written = keys("src/cairn/report/writer.cpp", r'\{"([a-z_]+)", ', r'json\["([a-z_]+)"\]', r'\{"([a-z_]+)",\n')
-read = keys("viewer/src/document/parse.ts", r'get\(\s*"([a-z_]+)"', r'perStep\("([a-z_]+)"\)')
+def shape_keys(path):
+    """The members of object({...}) in the viewer's readers; `xLabel` is read from `x_label`."""
+    text = re.sub(r"/\*.*?\*/", "", (ROOT / path).read_text(), flags=re.DOTALL)
+    found = set()
+    for start in re.finditer(r"\bobject\(\{|const kPose = \{", text):
+        depth, part, parts = 1, "", []
+        for character in text[start.end():]:
+            depth += (character in "({[") - (character in ")}]")
+            if depth == 0 or (depth == 1 and character == ","):
+                parts.append(part.strip())
+                part = ""
+            else:
+                part += character
+            if depth == 0:
+                break
+        found |= {re.match(r"\w+", one).group() for one in parts if re.match(r"\w", one)}
+    return {re.sub(r"[A-Z]", lambda letter: "_" + letter.group().lower(), key) for key in found}
+
+
+writer = (ROOT / "src/cairn/report/writer.cpp").read_text()
+writer = re.sub(r"(std::array|kKinds\[\] =) ?\{[^}]*\}", "", writer)  # lists of values, not of keys
+written = set(re.findall(r'\{"([a-z_]+)",\s|json\["([a-z_]+)"\]', writer))
+written = {key for pair in written for key in pair if key}
+for struct in re.findall(r"^CAIRN_REPORT_STRUCT\(\w+,([^)]*)\)", writer, re.MULTILINE):
+    written |= set(re.findall(r"\w+", struct))
+read = keys("viewer/src/document/report.ts", r'get\(\s*"([a-z_]+)"')
+read |= shape_keys("viewer/src/document/report.ts")
 read |= keys("viewer/src/document/buffers.ts", r'get\(\s*"([a-z_]+)"')
 read |= {"system", "processor", "threads"}  # of the machine, shown as they are
 described = keys("docs/report_format.md", r'`"?([a-z_]+)"?`', r'"([a-z_]+)"', r"`([a-z_]+) = ")

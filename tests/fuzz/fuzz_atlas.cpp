@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
-#include "cairn/atlas/store/sqlite_store.hpp"
+#include "cairn/atlas/store/open_store.hpp"
 
 #include "fuzz/file_in_memory.hpp"
 #include "fuzz/imported.hpp"
@@ -13,7 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto read = [&](const auto& use) {
     cairn::testing::expect_read_or_refused(
         [&] {
-          const auto store = cairn::open_sqlite_store(path, {.read_only = true});
+          const auto store = cairn::open_store(path, {.read_only = true});
           use(*store);
         },
         name);

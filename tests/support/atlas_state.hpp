@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "cairn/atlas/store/records.hpp"
+#include "cairn/atlas/store/store.hpp"
 
 namespace cairn::testing {
 

@@ -8,7 +8,7 @@
 #include <tuple>
 #include <vector>
 
-#include "cairn/registration/concepts.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn::testing {
 

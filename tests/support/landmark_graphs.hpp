@@ -12,7 +12,7 @@
 
 namespace cairn::testing {
 
-using namespace detail;  // NOLINT(google-build-using-namespace)
+using namespace cairn::detail;  // NOLINT(google-build-using-namespace)
 
 inline constexpr Pinhole kTestPinhole{500.0, 505.0, 319.5, 239.5};
 

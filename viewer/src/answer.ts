@@ -2,7 +2,7 @@
 // What an alignment came to: the verdict, the pose and how sure it is, and the candidates it was held against.
 import { drawCourse } from "./answer_course";
 import type { AlignmentAnswer, AnswerCandidate, AnswerSection, OpenDirection, SimilarityPose } from "./document/report";
-import { button, copyButton, h, s } from "./dom";
+import { button, copyButton, h, kSigns, s, type Status } from "./dom";
 import { formatCount, formatLength, formatNumber, formatProbability, formatShare } from "./math/format";
 import { differenceOf, rollPitchYaw, similarityAt, type Affine } from "./math/pose";
 import { onPaper } from "./paper";
@@ -11,17 +11,13 @@ import { offeredPoses, offerPoses, onPoseShown, showPose, type ShownPose } from 
 /** Candidates beyond these are shown on demand. */
 const kFirstCandidates = 8;
 
-type Kind = "good" | "doubt" | "bad" | "plain";
-
-const kVerdicts: Record<string, { kind: Kind; word: string; meaning: string }> = {
+const kVerdicts: Record<string, { kind: Status; word: string; meaning: string }> = {
   aligned: { kind: "good", word: "Aligned", meaning: "The pose can be used." },
   ambiguous: { kind: "doubt", word: "Ambiguous", meaning: "The evidence suffices for a match, but not for one pose." },
   rejected: { kind: "bad", word: "Rejected", meaning: "No pose can be trusted." },
 };
 
-export const kSigns: Record<Kind, string> = { good: "✓", doubt: "?", bad: "✕", plain: "–" };
-
-export function verdictOf(alignment: AlignmentAnswer): { kind: Kind; word: string; meaning: string } {
+export function verdictOf(alignment: AlignmentAnswer): { kind: Status; word: string; meaning: string } {
   if (alignment.judged && Object.prototype.hasOwnProperty.call(kVerdicts, alignment.status)) {
     return kVerdicts[alignment.status];
   }
@@ -333,15 +329,17 @@ class AnswerFigure {
     const hasSight = candidates.some(({ contradicted }) => contradicted !== null);
     const name = `candidate-${this.#section.id}`;
     const rows = candidates.slice(0, count).map((candidate, i) => {
+      const probability = formatProbability(candidate.probability);
       const radio = h("input", {
         type: "radio",
         name,
         value: i,
         checked: i === chosen,
         "data-candidate": i,
-        "aria-label": `Candidate ${i + 1}, ${formatProbability(candidate.probability)}`,
+        "aria-label": `Candidate ${i + 1}, ${probability}`,
       });
       radio.addEventListener("change", () => this.#choose(i));
+      const contradicted = candidate.contradicted === null ? "–" : formatShare(candidate.contradicted);
       const away = this.#alignment.estimate
         ? differenceOf(transformOf(candidate), transformOf(this.#alignment.estimate))
         : null;
@@ -349,19 +347,9 @@ class AnswerFigure {
         "tr",
         { "aria-current": i === chosen ? "true" : null },
         h("th", { scope: "row" }, h("label", null, radio, String(i + 1))),
-        cell(
-          "Probability",
-          h("span", { class: "with-bar" }, bar(candidate.probability), formatProbability(candidate.probability)),
-        ),
+        cell("Probability", h("span", { class: "with-bar" }, bar(candidate.probability), probability)),
         cell("Matched", `${formatCount(candidate.matches)} · ${formatShare(candidate.share)}`),
-        ...(hasSight
-          ? [
-              cell(
-                "Sight lines contradicted",
-                candidate.contradicted === null ? "–" : formatShare(candidate.contradicted),
-              ),
-            ]
-          : []),
+        hasSight && cell("Sight lines contradicted", contradicted),
         cell("Evidence", formatNumber(totalEvidence(candidate), 3), evidenceText(candidate)),
         cell(
           "From the estimate",

@@ -13,21 +13,20 @@ const kBottom = 34;
 const kMostDrawn = 40;
 
 interface Measure {
-  /** A line each. */
-  name: string[];
+  name: string;
   value: (candidate: AnswerCandidate) => number;
   text: (value: number) => string;
 }
 
 const kMeasures: Measure[] = [
-  { name: ["Matched"], value: ({ share }) => share, text: (value) => formatShare(value) },
+  { name: "Matched", value: ({ share }) => share, text: (value) => formatShare(value) },
   {
-    name: ["Evidence"],
+    name: "Evidence",
     value: ({ evidence }) => evidence.reduce((sum, one) => sum + Math.max(0, one.value), 0),
     text: (value) => formatNumber(value, 3),
   },
   {
-    name: ["Probability"],
+    name: "Probability",
     value: ({ probability }) => probability,
     text: (value) => (value === 1 ? "100 %" : formatProbability(value)),
   },
@@ -53,9 +52,7 @@ export function drawCourse({ candidates }: AlignmentAnswer): SVGElement {
       s("line", { class: "course-axis", x1: x(i), x2: x(i), y1: kTop, y2: floor }),
       s("text", { class: "course-text", x: x(i), y: kTop - 8, "text-anchor": "middle" }, measure.text(tops[i])),
       s("text", { class: "course-text", x: x(i), y: floor + 14, "text-anchor": "middle" }, "0"),
-      ...measure.name.map((line, row) =>
-        s("text", { class: "course-name", x: x(i), y: floor + 29 + 12 * row, "text-anchor": "middle" }, line),
-      ),
+      s("text", { class: "course-name", x: x(i), y: floor + 29, "text-anchor": "middle" }, measure.name),
     );
   });
   // The likeliest last, on top of the others.
@@ -78,10 +75,7 @@ function describe(drawn: AnswerCandidate[], count: number): string {
   const texts = drawn
     .slice(0, 3)
     .map((candidate, index) =>
-      [
-        `candidate ${index + 1}`,
-        ...kMeasures.map((one) => `${one.name.join(" ")} ${one.text(one.value(candidate))}`),
-      ].join(", "),
+      [`candidate ${index + 1}`, ...kMeasures.map((one) => `${one.name} ${one.text(one.value(candidate))}`)].join(", "),
     );
   return `The course of ${count} candidates: ${texts.join("; ")}.`;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { ReportError, messageOf } from "./document/errors";
 import { readEmbedded } from "./document/embedded";
-import { parseReport } from "./document/parse";
+import { parseReport } from "./document/report";
 import { h } from "./dom";
 import { startLinks } from "./links";
 import { buildPage } from "./page";

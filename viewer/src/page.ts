@@ -52,7 +52,7 @@ function sectionContent(section: Section, settled: () => void): HTMLElement[] {
       return [
         h(
           "p",
-          { class: "notice", "data-severity": section.severity },
+          { class: "notice", "data-status": section.severity === "broken" ? "bad" : "doubt" },
           section.severity === "broken" ? `This section cannot be shown. ${section.message}` : section.message,
         ),
       ];

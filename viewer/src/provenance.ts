@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { copyButton, h } from "./dom";
+import { copyButton, facts, h } from "./dom";
 import type { Provenance } from "./document/report";
 import { formatNumber } from "./math/format";
 
@@ -25,12 +25,9 @@ function valueTree(value: unknown, depth = 0): Node {
   const entries = Object.entries(value);
   return entries.length === 0
     ? h("span", { class: "muted" }, "none")
-    : h(
-        "dl",
-        { class: "tree" },
-        ...entries.map(([name, item]) =>
-          h("div", null, h("dt", null, name), h("dd", null, valueTree(item, depth + 1))),
-        ),
+    : facts(
+        "tree",
+        entries.map(([name, item]) => [name, valueTree(item, depth + 1)]),
       );
 }
 
@@ -50,30 +47,31 @@ export function shellCommand(words: string[]): string {
 }
 
 export function provenanceSection(provenance: Provenance | null, version: string | null): HTMLElement {
-  const facts = h("dl", { class: "facts" });
-  const fact = (name: string, value: Node) => facts.append(h("div", null, h("dt", null, name), h("dd", null, value)));
-  fact("Cairn", document.createTextNode(version ?? "unknown version"));
+  const card = h("div", { class: "card provenance" });
   const section = h(
     "section",
     { id: "provenance", class: "section", "aria-labelledby": "provenance-title" },
     h("h2", { id: "provenance-title" }, "Provenance"),
     h("p", { class: "section-text" }, "Inputs of this report, and the command that reproduces it."),
   );
-  if (!provenance) {
-    section.append(h("div", { class: "card provenance" }, facts));
-    return section;
-  }
-  fact("Seed", valueTree(provenance.seed));
-  fact("Machine", valueTree(provenance.machine));
-  const card = h("div", { class: "card provenance" });
-  if (provenance.command) {
+  section.append(card);
+  if (provenance?.command) {
     const text = shellCommand(provenance.command);
     const code = h("code", null, text);
     card.append(
       h("div", { class: "command" }, h("pre", { tabindex: 0 }, code), copyButton(code, { label: "Copy the command" })),
     );
   }
-  card.append(facts);
+  card.append(
+    facts("facts", [
+      ["Cairn", version ?? "unknown version"],
+      ["Seed", provenance && valueTree(provenance.seed)],
+      ["Machine", provenance && valueTree(provenance.machine)],
+    ]),
+  );
+  if (!provenance) {
+    return section;
+  }
   if (provenance.inputs.length > 0) {
     card.append(
       h("h3", null, "Inputs"),
@@ -107,7 +105,6 @@ export function provenanceSection(provenance: Provenance | null, version: string
     );
   }
   card.append(h("h3", null, "Options"), valueTree(provenance.options));
-  section.append(card);
   return section;
 }
 

@@ -78,10 +78,7 @@ function csvButton(table: Table, title: string, fileName: string): HTMLElement {
   return h(
     "div",
     { class: "exports", role: "group", "aria-label": `Export “${title}”` },
-    button("CSV", () => {
-      download(`${fileName}.csv`, csvBlob(csvRows(table)));
-      announce(`${fileName}.csv saved.`);
-    }),
+    button("CSV", () => download(`${fileName}.csv`, csvBlob(csvRows(table)))),
   );
 }
 

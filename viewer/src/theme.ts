@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { h } from "./dom";
+import { chooser } from "./dom";
 import { isPrinting, onPaper } from "./paper";
 
 export type ThemeName = "light" | "dark";
@@ -118,19 +118,15 @@ export function startTheme(): void {
 
 /** The control: follow the system, light or dark. */
 export function themeControl(): HTMLElement {
-  const select = h("select", { class: "theme-select", "aria-label": "Colour theme" });
   const names: [Choice, string][] = [
     ["auto", "System theme"],
     ["light", "Light"],
     ["dark", "Dark"],
   ];
-  for (const [value, label] of names) {
-    select.append(h("option", { value, selected: value === choice }, label));
-  }
-  select.addEventListener("change", () => {
-    choice = select.value as Choice;
+  const choose = (chosen: Choice) => {
+    choice = chosen;
     remember();
     applyTheme();
-  });
-  return select;
+  };
+  return chooser("Colour theme", names, choice, choose, { class: "theme-select" });
 }

@@ -5,7 +5,7 @@ import { gzipSync } from "node:zlib";
 import { answerSample, BufferWriter, encodeMatches, hostileSample, networkSample, random, smallSample } from "./sample.mjs";
 import { loadModule } from "./support/load_module.mjs";
 
-const { parseReport } = await loadModule("src/document/parse.ts");
+const { parseReport } = await loadModule("src/document/report.ts");
 const { Buffers } = await loadModule("src/document/buffers.ts");
 const { Field } = await loadModule("src/document/field.ts");
 const { MatchTimeline } = await loadModule("src/document/matches.ts");

@@ -119,7 +119,7 @@ for (const [kind, path] of kAnyReport) {
       await scrollThrough(page);
       const charts = await page.locator(".chart").count();
       assert.equal(await page.locator(".chart .chart-svg[aria-label]").count(), charts);
-      assert.equal(await page.locator(".notice[data-severity=broken]").count(), 0);
+      assert.equal(await page.locator(".notice[data-status=bad]").count(), 0);
       assert.equal(await page.locator("#provenance").count(), 1);
       console.log(`  opened in ${openMs} ms, ${(statSync(path()).size / 1e6).toFixed(2)} MB`);
       return kAsItWas;

@@ -18,7 +18,7 @@
 #include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/report/writer.hpp"
+#include "cairn/report/report.hpp"
 
 #include "support/interrupt.hpp"
 #include "support/refusals.hpp"

@@ -10,7 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/experiments/paper.hpp"
-#include "cairn/report/experiment_sections.hpp"
+#include "cairn/report/sections.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"

@@ -11,7 +11,7 @@
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/report/frame_images.hpp"
 #endif
-#include "cairn/report/writer.hpp"
+#include "cairn/report/report.hpp"
 
 #include "support/command_line.hpp"
 #include "support/console.hpp"

@@ -12,7 +12,7 @@
 #include "cairn/experiments/run.hpp"
 #include "cairn/experiments/study.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/report/experiment_sections.hpp"
+#include "cairn/report/sections.hpp"
 #ifdef CAIRN_HAS_SIMULATED_SESSIONS
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"

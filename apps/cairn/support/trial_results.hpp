@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "cairn/core/detail/output_folder.hpp"
-#include "cairn/experiments/result_table.hpp"
 #include "cairn/experiments/run.hpp"
 
 #include "support/documents.hpp"

@@ -14,11 +14,13 @@
 
 #include "cairn/adjustment/detail/costs.hpp"
 #include "cairn/adjustment/detail/frame_groups.hpp"
-#include "cairn/adjustment/estimate_covariances.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/limits.hpp"
 
 namespace cairn {
+
+using namespace detail;  // what the least-squares problem is made of
+
 namespace {
 
 // 95 % quantiles of chi-squared distributions.

@@ -2,15 +2,36 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "cairn/adjustment/measurements.hpp"
 #include "cairn/core/execution.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn {
+
+/// Standard deviations of a map's measurements.
+struct MeasurementNoise {
+  double pixel_px = 1.0;  ///< of u and of v, at octave 0; positive
+  /// Ratio of the pixel sizes of consecutive octaves; at least 1.
+  double octave_scale = 1.2;
+  /// Of depth z: floor + quadratic·z², in the map's unit. Positive; not negative.
+  double depth_floor = 0.001;
+  double depth_quadratic = 0.002;
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+  double sigma_px(std::int32_t octave) const;
+  double sigma_depth(double depth) const { return depth_floor + depth_quadratic * depth * depth; }
+};
+
+/// Noise that explains the residuals of an adjusted map, from their medians, corrected for the fitted
+/// parameters; robust to a fifth of wrong observations. For depths, scales floor and quadratic part alike.
+/// Values with too few measurements stay as given.
+/// @throws Error (input) for a map without observations or an observing frame without a camera
+MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise& start = {});
 
 /// Weight of residuals that the noise does not explain.
 enum class RobustKernel {
@@ -66,5 +87,49 @@ struct AdjustResult {
 /// @throws Error (misuse) for invalid options; (input) for a map without observations or an observing frame
 ///        without a camera; (cancelled)
 AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options = {});
+
+/// Frame of reference of the landmark covariances.
+enum class CovarianceGauge {
+  kFirstFrame,     ///< frame 0
+  kFirstObserver,  ///< the frame of the landmark's first observation
+};
+
+struct CovarianceOptions {
+  std::optional<MeasurementNoise> noise;  ///< std::nullopt: see estimated_noise()
+  CovarianceGauge gauge = CovarianceGauge::kFirstFrame;
+  /// If a landmark's residuals exceed the 95 % quantile, multiplies its covariance by the mean squared
+  /// residual per degree of freedom (Birge ratio).
+  bool widen_misfits = true;
+  Execution execution = {};
+
+  /// @throws Error (misuse) naming the field
+  void validate() const;
+};
+
+struct EstimatedCovariances {
+  LandmarkMap map;  ///< the map with the new covariances, without its UUID
+  /// Per frame: the first of its group, relative to which its covariance is and those of the landmarks that
+  /// it observed first; std::nullopt without usable observations.
+  std::vector<std::optional<FrameIndex>> references;
+  std::size_t known = 0;   ///< landmarks with a covariance
+  MeasurementNoise noise;  ///< the assumed noise
+};
+
+/// Covariances of the landmarks and of the frames' poses of an adjusted map, from its observations: the marginals of
+/// the least-squares problem of all frames and landmarks, in the map's squared unit of length.
+///
+/// Gauge: relative to the first frame of every group of frames that share landmarks. That frame's pose
+/// counts as exact, so landmarks far from it are less certain. In a group without depths, the distance of
+/// the frame farthest from the first also counts as exact; the covariances then hold for that scale. With
+/// CovarianceGauge::kFirstObserver they are relative to the first frame that observed the landmark, as
+/// odometry's are.
+///
+/// Unknown for landmarks that only one frame observed, without depth, and for landmarks that their
+/// observations do not determine. Errors of observations are assumed independent. Landmarks and frames
+/// without any observation keep the map's covariances, about which the observations say nothing.
+///
+/// @throws Error as adjust() and recover_covariances()
+EstimatedCovariances estimate_covariances(const LandmarkMap& map,
+                                          const CovarianceOptions& options = {});
 
 }  // namespace cairn

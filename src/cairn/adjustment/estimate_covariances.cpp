@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/adjustment/estimate_covariances.hpp"
-
 #include <cmath>
 #include <limits>
 #include <utility>
 #include <vector>
 
+#include "cairn/adjustment/adjust.hpp"
+#include "cairn/adjustment/detail/covariance_recovery.hpp"
 #include "cairn/adjustment/detail/frame_groups.hpp"
 #include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/adjustment/detail/seen_point.hpp"
@@ -13,6 +13,9 @@
 #include "cairn/geometry/limits.hpp"
 
 namespace cairn {
+
+using namespace detail;  // what the least-squares problem is made of
+
 namespace {
 
 const Camera& camera_of(const LandmarkMap& map, FrameIndex frame) {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/adjustment/estimate_covariances.hpp"
-
 #include <optional>
 #include <utility>
 

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 #include <string_view>
 #include <utility>
 
@@ -13,6 +14,7 @@
 #include "cairn/alignment/bends.hpp"
 #include "cairn/alignment/detail/bends/by_parts.hpp"
 #include "cairn/alignment/detail/bends/map_parts.hpp"
+#include "cairn/alignment/detail/evidence/verdict.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/alignment/detail/search/placement.hpp"
 #include "cairn/alignment/prepared_map.hpp"
@@ -30,21 +32,6 @@ namespace {
 using namespace detail;
 
 constexpr double kPriorDeviations = 3.0;  // largest error of a prior pose, in standard deviations
-
-PlaceOptions placement_of(const AlignOptions& options) {
-  PlaceOptions placement;
-  placement.seed = options.seed;
-  placement.effort = options.effort;
-  placement.prior_odds = options.prior_odds;
-  placement.min_probability = options.min_probability;
-  placement.gravity = options.gravity;
-  placement.scale = options.scale;
-  placement.time_limit_s = options.time_limit_s;
-  placement.overlap_radius = options.overlap_radius;
-  placement.trace = options.trace;
-  placement.execution = options.execution;
-  return placement;
-}
 
 IcpOptions icp_of(const AlignOptions& options) {
   IcpOptions icp = options.icp;
@@ -107,21 +94,6 @@ RegistrationResult completed(RegistrationResult result, RegistrationResult held)
   return result;
 }
 
-void take_verdict(PlacementResult placed, Alignment& alignment) {
-  alignment.verdict = placed.verdict;
-  alignment.probability = placed.probability;
-  alignment.reason = std::move(placed.reason);
-  alignment.candidates = std::move(placed.candidates);
-  alignment.radius = placed.radius;
-  alignment.cut_short = placed.cut_short;
-}
-
-void take_pose(Alignment& alignment) {
-  const RegistrationResult& result = alignment.registration;
-  if (result.status != RegistrationStatus::kFailed) alignment.estimate = result.similarity();
-  if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = alignment.estimate;
-}
-
 // The result for a pose that is not judged.
 Alignment unjudged(RegistrationResult found) {
   Alignment alignment;
@@ -139,45 +111,39 @@ bool is_final(const RegistrationResult& found, const AlignOptions& options) {
 // @param found by the method, from the prior pose; std::nullopt: search for the pose
 Alignment concluded(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, std::optional<RegistrationResult> found) {
-  PreparedPair pair(source, target, placement_of(options));
+  PreparedPair pair(source, target, options);
   const bool by_icp = options.method == AlignMethod::kIcp;
-  PlacementResult placed = !found   ? pair.place()
-                           : by_icp ? pair.judge(found->similarity())
-                                    : pair.settle(found->similarity());
+  Alignment placed = !found   ? pair.place()
+                     : by_icp ? pair.judge(found->similarity())
+                              : pair.settle(found->similarity());
   // The search's candidates are already known, so checking whether it found a likelier pose costs little.
   const bool refuted = found && !by_icp && placed.verdict != Verdict::kAligned &&
                        !options.execution.stop.stop_requested();
   if (refuted) {
-    PlacementResult everywhere = pair.place();
+    Alignment everywhere = pair.place();
     if (everywhere.probability > placed.probability) {
       everywhere.reason =
           "the search found a likelier pose than the guess led to: " + everywhere.reason;
       placed = std::move(everywhere);
     }
   }
-  RegistrationResult end = std::move(placed.alignment);
-  RegistrationResult whole = !found   ? std::move(end)
-                             : by_icp ? completed(std::move(*found), std::move(end))
-                                      : joined(std::move(*found), std::move(end));
+  if (found) {
+    RegistrationResult end = std::move(placed.registration);
+    placed.registration = by_icp ? completed(std::move(*found), std::move(end))
+                                 : joined(std::move(*found), std::move(end));
+    take_pose(placed);
+  }
   if (!options.judge || options.execution.stop.stop_requested()) {
-    Alignment alignment = unjudged(std::move(whole));
+    Alignment alignment = unjudged(std::move(placed.registration));
     alignment.radius = placed.radius;
     return alignment;
   }
-  Alignment alignment;
-  alignment.registration = std::move(whole);
-  take_verdict(std::move(placed), alignment);
-  take_pose(alignment);
-  return alignment;
+  return placed;
 }
 
 Alignment judged_as_a_whole(const PreparedMap& source, const PreparedMap& target,
                             const Similarity3& pose, const AlignOptions& options) {
-  PlacementResult placed = PreparedPair(source, target, placement_of(options)).judge(pose);
-  Alignment alignment;
-  alignment.registration = std::move(placed.alignment);
-  if (!options.execution.stop.stop_requested()) take_verdict(std::move(placed), alignment);
-  take_pose(alignment);
+  Alignment alignment = PreparedPair(source, target, options).judge(pose);
   alignment.estimate = pose;
   if (alignment.target_from_source) alignment.target_from_source = pose;
   return alignment;
@@ -310,21 +276,21 @@ void widen(RegistrationResult& result, const Matrix7d& spread) {
 
 // Makes the single pose of deformed maps the result.
 void take_deformed(const PreparedMap& source, const PreparedMap& target,
-                   const AlignOptions& options, const DeformedPose& pose, PlacementResult placed,
+                   const AlignOptions& options, const DeformedPose& pose, Alignment placed,
                    Alignment& alignment) {
   RegistrationResult result = held(source, target, options, pose.target_from_source, alignment);
   // Judged was another pose, that of the deformed source.
   const Eigen::Vector3d arm =
-      pose.target_from_source.translation() - placed.alignment.similarity().translation();
-  result.covariance = covariance_at_point(*placed.alignment.covariance, arm);
-  if (const auto& with_scale = placed.alignment.covariance_with_scale) {
+      pose.target_from_source.translation() - placed.registration.similarity().translation();
+  result.covariance = covariance_at_point(*placed.registration.covariance, arm);
+  if (const auto& with_scale = placed.registration.covariance_with_scale) {
     result.covariance_with_scale = covariance_at_point(*with_scale, arm);
   }
   widen(result, pose.spread);
   alignment.registration = std::move(result);
   alignment.reason = fmt::format("{}; as deformed: {}; undeformed: {}",
                                  deformation_text(pose.figures), placed.reason, alignment.reason);
-  take_aligned(pose.target_from_source, placed.probability, alignment);
+  take_aligned(pose.target_from_source, *placed.probability, alignment);
 }
 
 // Maps of free scale, as from images alone, may be deformed: states by how much, and judges them as deformed.
@@ -354,10 +320,10 @@ bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
                                    deformation_text(found->figures), alignment.reason);
     return false;
   }
-  PlaceOptions placement = placement_of(options);
+  AlignOptions placement = options;
   placement.execution = options.execution.without_progress();
-  PlacementResult placed = pair.judge(*found, placement);
-  if (placed.verdict != Verdict::kAligned || !placed.alignment.covariance) {
+  Alignment placed = pair.judge(*found, placement);
+  if (placed.verdict != Verdict::kAligned || !placed.registration.covariance) {
     return found->is_small;
   }
   if (const auto why = forbidden(found->target_from_source, placement)) {
@@ -377,7 +343,7 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
   const bool refused = alignment.verdict != Verdict::kAligned;
   const bool always = options.parts == PartsUse::kAlways;
   if (!always && (!refused || !may_align || options.time_limit_s)) return;
-  PlaceOptions placement = placement_of(options);
+  AlignOptions placement = options;
   placement.execution = options.execution.without_progress();
   PartsAlignment parts = place_by_parts(source, target, placement);
   if (parts.parts.empty()) return;
@@ -424,12 +390,12 @@ void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
       !described(target)) {
     return;
   }
-  PlaceOptions placement = placement_of(options);
+  AlignOptions placement = options;
   placement.search = PoseSearch::kNever;
   placement.scale = ScaleRange();
   placement.execution = options.execution.without_progress();
-  const PlacementResult placed = PreparedPair(source, target, placement).place();
-  const double scale = placed.alignment.scale;
+  const Alignment placed = PreparedPair(source, target, placement).place();
+  const double scale = placed.registration.scale;
   if (placed.verdict != Verdict::kAligned || std::abs(std::log(scale)) < kOther) return;
   alignment.other_scale = scale;
   alignment.reason +=
@@ -567,7 +533,20 @@ void AlignOptions::validate() const {
                       "a symmetric matrix without negative eigenvalues");
     }
   }
-  placement_of(*this).validate();
+  detail::require(!scale || (scale->least > 0.0 && std::isfinite(scale->least)),
+                  "AlignOptions.scale.least", scale ? scale->least : 0.0, "a positive number");
+  detail::require(!scale || (scale->most >= scale->least && std::isfinite(scale->most)),
+                  "AlignOptions.scale.most", scale ? scale->most : 0.0,
+                  "a number not below scale.least");
+  if (gravity) {
+    for (const Eigen::Vector3d& down : {gravity->source, gravity->target}) {
+      detail::require(down.allFinite() && down.norm() > 0.0, "AlignOptions.gravity", "no direction",
+                      "a vector downwards");
+    }
+    detail::require(gravity->max_tilt_rad > 0.0 && gravity->max_tilt_rad <= std::numbers::pi,
+                    "AlignOptions.gravity.max_tilt_rad", gravity->max_tilt_rad,
+                    "above 0 and at most pi");
+  }
   icp_of(*this).validate();
 }
 

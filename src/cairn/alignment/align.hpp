@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/alignment/prepared_map.hpp"
@@ -40,14 +44,15 @@ struct AlignOptions {
   std::optional<PosePrior> prior = {};
   /// For maps: metric of the landmarks' confidences. std::nullopt with kIcp: the paper's base ICP.
   std::optional<Metric> confidence = {};
-  /// Also estimates the scale, within this range; see PlaceOptions. Not with kIcp.
+  /// Also estimates the scale, e.g. of maps from a single camera; several times slower if descriptors do not decide.
+  /// std::nullopt: both maps have one scale. Not with kIcp.
   std::optional<ScaleRange> scale = {};
-  /// kRobust, for maps: does so within the default range if the unit of one of them is free.
+  /// align(), kRobust, for maps: does so within the default range if the unit of one of them is free.
   bool scale_where_free = true;
   std::optional<GravityPrior> gravity = {};  ///< see gravity_prior()
-  /// Least probability of an aligned pose; in [0.5, 1).
+  /// Least probability of an aligned pose; if only several poses together reach it, they are ambiguous. In [0.5, 1).
   double min_probability = 0.99;
-  /// Odds that the maps show the same place, before any evidence; see PlaceOptions.
+  /// Odds that the maps show the same place, before any evidence: 0.01 if one pair in a hundred does. From 1e-6 to 1e6.
   double prior_odds = 1.0;
   bool one_to_one = false;  ///< kRobust, from a prior pose: match each target landmark at most once
   PartsUse parts = PartsUse::kWhereRefused;  ///< kRobust, for maps
@@ -56,9 +61,13 @@ struct AlignOptions {
   bool deformation = true;
   bool judge =
       true;  ///< false: no verdict, and no pose counts as aligned; the result has only the estimate
-  /// Work of the search, as a multiple of the default's; from 1/16 to 64.
+  PoseSearch search = PoseSearch::kWhereNeeded;
+  /// Number of rotations tried, as a multiple of the default's; from 1/16 to 64.
   double effort = 1.0;
-  /// Time limit of the search in seconds; see PlaceOptions.
+  /// Wall time for the search, which then continues with what it has: half for the search for poses, the
+  /// rest to refine and judge them. The result then depends on the machine and may differ between runs.
+  /// Necessary work (trees, descriptors, overlap) is always done, so the call may take longer. Positive, at
+  /// most 1e6; std::nullopt: no limit.
   std::optional<double> time_limit_s = {};
   PointSetOptions points = {};  ///< landmarks of the maps that take part
   /// A landmark overlaps if the other map has one within this distance. std::nullopt: chosen from the maps.
@@ -106,6 +115,53 @@ Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {});
+
+/// Aligns two maps without an initial pose and judges the pose.
+///
+/// Starts from thousands of evenly spread rotations, each with the translations that best overlay parts of
+/// the source and the target. A tournament of robust refinements on samples of both maps leaves a few
+/// distinct poses. With a free scale, this runs at scales a quarter apart around what the extents and
+/// spacings suggest, and the refinements also estimate the scale. The poses are refined with all sampled
+/// landmarks and ranked by probability, from the match distances and descriptors compared with chance
+/// (Support) and the free-space check (SightCounts). The best pose is refined with all landmarks and their
+/// covariances.
+///
+/// Lengths derive from the maps: extents, landmark spacings, covariances. An expected failure (too few
+/// landmarks, no overlap) is a verdict. The same input and seed give the same result for any number of
+/// threads, except with a time limit.
+///
+/// @throws Error (misuse) for invalid options or clouds
+Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,
+                const AlignOptions& options = {});
+
+/// Finds or judges any number of poses between two maps as a whole, by the options' search, scale, gravity, limits and
+/// bars; AlignOptions::method and prior have no effect. Work that all of them share is done once, on first
+/// use. Each pose is compared with the candidates of place().
+class PreparedPair {
+ public:
+  /// @throws Error (misuse) for invalid options
+  PreparedPair(const PreparedMap& source, const PreparedMap& target,
+               const AlignOptions& options = {});
+  ~PreparedPair();
+  PreparedPair(PreparedPair&&) noexcept;
+  PreparedPair& operator=(PreparedPair&&) noexcept;
+
+  /// Same as cairn::place().
+  Alignment place();
+
+  /// Judges a given pose without changing it. It is aligned only if gravity and scale range allow it, it is
+  /// likelier than every other pose and no worse than the best pose near it.
+  /// @throws Error (misuse) for a scale other than 1 without AlignOptions::scale
+  Alignment judge(const Similarity3& target_from_source);
+
+  /// Refines a pose to the nearest optimum and judges that.
+  /// @throws Error as judge()
+  Alignment settle(const Similarity3& target_from_source);
+
+ private:
+  class Work;
+  std::unique_ptr<Work> work_;
+};
 
 /// The vertical of both maps: each map's stored gravity direction, or its negative z axis if it has none.
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target);

@@ -196,8 +196,13 @@ struct Alignment {
   std::optional<Similarity3> target_from_source;
   /// The best pose, whatever the verdict; std::nullopt if the method found none.
   std::optional<Similarity3> estimate;
-  /// All poses compared, likeliest first; empty if not judged.
+  /// All poses compared, likeliest first; empty if not judged. After place(), the first is the refined pose, the second
+  /// the runner-up.
   std::vector<PlacementCandidate> candidates;
+  /// Index of the candidate with the estimate; std::nullopt for a judged pose that is near a better candidate.
+  std::optional<std::size_t> own;
+  /// Free-space check of the landmarks around the matches, at the likeliest candidate.
+  SightCounts around;
   /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
   RegistrationResult registration;
   /// Centre of the source's landmarks, in its frame; std::nullopt if read from a document that does not state it.
@@ -211,7 +216,9 @@ struct Alignment {
   /// For maps that are not aligned at one scale, but whose descriptors agree on a pose with this scale of the source: one
   /// of their units is probably wrong.
   std::optional<double> other_scale;
-  bool cut_short = false;     ///< the time limit ended the work; see PlacementResult
+  /// The time limit ended the search or the last refinement early. A pose may be missing from the candidates, and the
+  /// probability does not account for it.
+  bool cut_short = false;
   bool deterministic = true;  ///< false with a time limit
   double duration_s = 0.0;    ///< wall time of the whole call
 };

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/alignment.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn {
@@ -34,7 +34,7 @@ std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
 /// @param options of each placement; `search` and `trace` have no effect
 /// @return no parts if either map cannot be cut or has no descriptors
 PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& target,
-                              const PlaceOptions& options);
+                              const AlignOptions& options);
 
 /// A bent map, straightened as the other map shows its parts. `parts.target_from_source` stays its pose, so the
 /// frame is the map's own.
@@ -92,7 +92,7 @@ class DeformablePair {
   /// deformation, and 15 agreeing matches outside their largest cluster.
   ///
   /// @param options of the placement; `search` and `trace` have no effect
-  PlacementResult judge(const DeformedPose& pose, const PlaceOptions& options) const;
+  Alignment judge(const DeformedPose& pose, const AlignOptions& options) const;
 
  private:
   std::optional<detail::DeformationFit> fitted(const Similarity3& start,

@@ -161,7 +161,7 @@ TEST(ByParts, AreTheSameForAnyNumberOfThreads) {
   const SyntheticPair pair = described_pair(62);
   const PreparedMap source(bent(pair.source, 6.0));
   const PreparedMap target(pair.target);
-  PlaceOptions options;
+  AlignOptions options;
   const PartsAlignment one = place_by_parts(source, target, options);
   options.execution.executor = Executor(3);
   const PartsAlignment three = place_by_parts(source, target, options);
@@ -241,7 +241,7 @@ TEST(ByParts, StateTheUncertaintyOfAFreeScale) {
   const SyntheticPair pair = described_pair(61);
   const PreparedMap source(bent(pair.source, 8.0));
   const PreparedMap target(pair.target);
-  PlaceOptions options;
+  AlignOptions options;
   EXPECT_FALSE(place_by_parts(source, target, options).covariance_with_scale);
   options.scale = ScaleRange{0.5, 2.0};
   const PartsAlignment parts = place_by_parts(source, target, options);

@@ -135,7 +135,7 @@ TEST(DeformedMaps, OfDifferentPlacesDoNotFit) {
   const PreparedMap target(other);
   const DeformablePair pair(source, target);
   Random random(66);
-  PlaceOptions options;
+  AlignOptions options;
   options.scale = ScaleRange{0.5, 2.0};
   for (int i = 0; i < 50; ++i) {
     const Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(),
@@ -162,7 +162,7 @@ TEST(DeformedMaps, FitOnlyIfTheMatchesDo) {
   const PreparedMap target(pair.target);
   const DeformablePair both(source, target);
   const auto pose = both.fit(std::array{Similarity3(pair.target_from_source)});
-  PlaceOptions options;
+  AlignOptions options;
   options.scale = ScaleRange{0.5, 2.0};
   EXPECT_TRUE(!pose || both.judge(*pose, options).verdict != Verdict::kAligned);
 }
@@ -178,7 +178,7 @@ TEST(DeformedMaps, AreNotAlignedIfTheDeformationIsLarge) {
     const auto pose = both.fit(std::array{Similarity3(pair.target_from_source)});
     ASSERT_TRUE(pose) << factor;
     EXPECT_EQ(pose->is_small, small);
-    PlaceOptions options;
+    AlignOptions options;
     options.scale = ScaleRange{0.5, 2.0};
     EXPECT_EQ(both.judge(*pose, options).verdict == Verdict::kAligned, small);
     AlignOptions options_of_parts = of_free_scale();

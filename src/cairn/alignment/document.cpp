@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "cairn/core/detail/json_field.hpp"
@@ -19,16 +20,28 @@ namespace {
 using detail::Json;
 using detail::JsonField;
 
-constexpr std::uint64_t kMostIndices = std::numeric_limits<std::uint32_t>::max();
-constexpr std::uint64_t kMostIterations = std::numeric_limits<int>::max();
-
 constexpr const char* kMetres = "metres";
 constexpr const char* kFree = "free";
 
+constexpr std::uint64_t kMostIndices = std::numeric_limits<std::uint32_t>::max();
+
+// Largest relative difference between two statements of one pose.
+constexpr double kSamePose = 1e-9;
+
+// All values of an enumeration that is written by name.
 template <class Value>
-Json or_null(const std::optional<Value>& value) {
-  return value ? Json(*value) : Json(nullptr);
-}
+constexpr std::array kAll = {Value()};
+template <>
+constexpr std::array kAll<AlignMethod> = {AlignMethod::kRobust, AlignMethod::kIcp};
+template <>
+constexpr std::array kAll<MapRole> = {MapRole::kSource, MapRole::kTarget};
+template <>
+constexpr std::array kAll<Verdict> = {Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected};
+template <>
+constexpr std::array kAll<StopReason> = {StopReason::kMseChange,      StopReason::kNoMotion,
+                                         StopReason::kFixedPoint,     StopReason::kCycle,
+                                         StopReason::kIterationLimit, StopReason::kTimeLimit,
+                                         StopReason::kTooFewMatches,  StopReason::kCancelled};
 
 template <class Matrix>
 Json rows_of(const Matrix& matrix) {
@@ -41,159 +54,85 @@ Json rows_of(const Matrix& matrix) {
   return rows;
 }
 
-Json list_of(const Eigen::Vector3d& vector) {
-  return {vector.x(), vector.y(), vector.z()};
-}
+// ---- The values of fields
 
-// The matrix is for people and other programs; quaternion and scale restore the pose exactly.
-void put_pose(Json& json, const char* name, const Similarity3& pose,
-              const std::string& prefix = "") {
-  const Eigen::Quaterniond q = pose.rigid().quaternion();
-  json[name] = rows_of(pose.matrix());
-  json[prefix + "quaternion"] = {q.w(), q.x(), q.y(), q.z()};
-  json[prefix + "scale"] = pose.scale();
-}
-
-Json open_directions_json(const std::vector<OpenDirection>& directions) {
-  Json list = Json::array();
-  for (const OpenDirection& direction : directions) {
-    list.push_back({{"translation", list_of(direction.translation)},
-                    {"rotation", list_of(direction.rotation)},
-                    {"log_scale", direction.log_scale}});
+template <class Value>
+Json json_of(const Value& value) {
+  if constexpr (std::is_same_v<Value, LengthUnit>) {
+    return value == LengthUnit::kMetres ? kMetres : kFree;
+  } else if constexpr (std::is_enum_v<Value>) {
+    return to_string(value);
+  } else if constexpr (std::is_same_v<Value, FrameId>) {
+    return value.value;
+  } else if constexpr (std::is_same_v<Value, Eigen::Vector3d>) {
+    return {value.x(), value.y(), value.z()};
+  } else {
+    return value;
   }
+}
+
+Json json_of(const std::vector<Match>& matches) {
+  Json list = Json::array();
+  for (const Match& match : matches) list.push_back({match.source, match.target});
   return list;
 }
 
-Json history_json(const std::vector<IterationRecord>& history, bool with_matches) {
-  Json list = Json::array();
-  for (const IterationRecord& iteration : history) {
-    Json entry;
-    put_pose(entry, "target_from_source", {iteration.scale, iteration.target_from_source});
-    entry["mean_squared_distance"] = iteration.mean_squared_distance;
-    entry["match_count"] = iteration.match_count;
-    if (with_matches) {
-      entry["score"] = or_null(iteration.score);
-      Json matches = Json::array();
-      for (const Match& match : iteration.matches) matches.push_back({match.source, match.target});
-      entry["matches"] = std::move(matches);
-    }
-    list.push_back(std::move(entry));
+template <class Value>
+Json json_of(const std::optional<Value>& value) {
+  return value ? json_of(*value) : Json(nullptr);
+}
+
+void read(const JsonField& field, LengthUnit& unit) {
+  const std::string name = field.text();
+  if (name != kMetres && name != kFree) field.refuse("metres or free");
+  unit = name == kMetres ? LengthUnit::kMetres : LengthUnit::kFree;
+}
+
+void read(const JsonField& field, Eigen::Vector3d& vector) {
+  const auto n = field.numbers<3>();
+  vector = {n[0], n[1], n[2]};
+}
+
+template <class Value>
+void read(const JsonField& field, Value& value) {
+  if constexpr (std::is_enum_v<Value>) {
+    value = field.one_of(kAll<Value>);
+  } else if constexpr (std::is_same_v<Value, double>) {
+    value = field.number();
+  } else if constexpr (std::is_same_v<Value, bool>) {
+    value = field.truth();
+  } else if constexpr (std::is_same_v<Value, std::string>) {
+    value = field.text();
+  } else if constexpr (std::is_same_v<Value, FrameId>) {
+    value.value = field.whole(std::numeric_limits<std::uint64_t>::max());
+  } else if constexpr (std::is_same_v<Value, int>) {
+    value = static_cast<int>(field.whole(std::numeric_limits<int>::max()));
+  } else {
+    value = field.whole(kMostIndices);
   }
-  return list;
 }
 
-Json likeness_json(const Support& support) {
-  if (!support.likeness) return nullptr;
-  return {{"compared", support.likeness->compared},
-          {"alike", support.likeness->alike},
-          {"evidence", support.likeness->evidence()},
-          {"spread_evidence", support.spread_likeness}};
-}
-
-Json agreement_json(const Support& support) {
-  if (!support.agreement) return nullptr;
-  return {{"matches", support.agreement->matches},
-          {"agreeing", support.agreement->agreeing},
-          {"spread", support.agreement->spread},
-          {"expected", support.agreement->expected},
-          {"evidence", support.agreement->evidence()}};
-}
-
-Json proximity_json(const ProximityEvidence& proximity) {
-  return {{"evidence", proximity.all},
-          {"spread_evidence", proximity.spread},
-          {"share", proximity.share},
-          {"deviation", proximity.deviation}};
-}
-
-Json candidates_json(const std::vector<PlacementCandidate>& candidates) {
-  Json list = Json::array();
-  for (const PlacementCandidate& candidate : candidates) {
-    const Support& support = candidate.support;
-    Json entry;
-    put_pose(entry, "target_from_source", candidate.similarity());
-    entry["probability"] = candidate.probability;
-    entry["support"] = support.share;
-    entry["matches"] = support.within[0];
-    entry["close_matches"] = support.within[1];
-    entry["matches_by_radius"] = support.within;
-    entry["descriptor_agreement"] = agreement_json(support);
-    entry["proximity"] = proximity_json(support.proximity);
-    entry["evidence"] = support.evidence;
-    entry["spread_evidence"] = support.spread_evidence;
-    entry["likeness"] = likeness_json(support);
-    entry["contradicted"] = or_null(candidate.contradicted);
-    list.push_back(std::move(entry));
+void read(const JsonField& field, std::array<std::size_t, Support::kRadii>& counts) {
+  const std::vector<JsonField> items = field.items();
+  if (items.size() != counts.size()) {
+    field.refuse(fmt::format("{} whole numbers", counts.size()));
   }
-  return list;
+  for (std::size_t i = 0; i < counts.size(); ++i) read(items[i], counts[i]);
 }
 
-// Includes the scale's row and column if the scale is estimated.
-Json covariance_json(const RegistrationResult& result) {
-  if (result.covariance_with_scale) return rows_of(*result.covariance_with_scale);
-  return result.covariance ? rows_of(*result.covariance) : Json(nullptr);
-}
-
-Json overlap_json(const AlignmentRecord& record) {
-  const auto& overlap = record.alignment.registration.overlap;
-  if (!overlap) return nullptr;
-  return {{"source", overlap->source},
-          {"target", overlap->target},
-          {"radius", or_null(record.overlap_radius)}};
-}
-
-// Results of the parts.
-Json parts_json(const std::optional<PartsAlignment>& parts) {
-  if (!parts) return nullptr;
-  Json list = Json::array();
-  for (const PartPose& part : parts->parts) {
-    Json entry = {{"map", to_string(part.map)},
-                  {"first_keyframe", part.first.value},
-                  {"middle_keyframe", part.middle.value},
-                  {"last_keyframe", part.last.value},
-                  {"landmarks", part.landmarks},
-                  {"verdict", to_string(part.verdict)},
-                  {"probability", part.probability},
-                  {"agrees", part.agrees},
-                  {"found", nullptr},
-                  {"target_from_source", nullptr}};
-    if (part.found) put_pose(entry, "found", *part.found, "found_");
-    if (part.target_from_source) put_pose(entry, "target_from_source", *part.target_from_source);
-    list.push_back(std::move(entry));
+void read(const JsonField& field, std::vector<Match>& matches) {
+  for (const JsonField& pair : field.items()) {
+    const std::vector<JsonField> ends = pair.items();
+    if (ends.size() != 2) pair.refuse("two numbers, of a source and a target landmark");
+    matches.push_back({static_cast<std::uint32_t>(ends[0].whole(kMostIndices)),
+                       static_cast<std::uint32_t>(ends[1].whole(kMostIndices)), 0.0});
   }
-  Json bend = nullptr;
-  if (parts->bend) {
-    bend = {{"map", to_string(parts->bend->map)},
-            {"rotation_deg", degrees(parts->bend->rotation_rad)},
-            {"first_keyframe", parts->bend->first.value},
-            {"last_keyframe", parts->bend->last.value},
-            {"displacement", parts->bend->displacement}};
-  }
-  return {{"aligned", parts->aligned},
-          {"consensus", parts->consensus},
-          {"contradictory", parts->contradictory},
-          {"confirmed", or_null(parts->confirmed)},
-          {"probability", parts->consensus ? Json(parts->probability) : Json(nullptr)},
-          {"bend", std::move(bend)},
-          {"poses", std::move(list)}};
 }
 
-Json deformation_json(const std::optional<MapDeformation>& deformation) {
-  if (!deformation) return nullptr;
-  return {{"matches", deformation->matches},
-          {"rotation_deg", degrees(deformation->rotation_rad)},
-          {"scale_ratio", deformation->scale_ratio},
-          {"displacement", deformation->displacement}};
+template <class Value>
+void read(const JsonField& field, std::optional<Value>& value) {
+  read(field, value.emplace());
 }
-
-Json repetition_json(const std::optional<RepeatedMatches>& repetition) {
-  if (!repetition) return nullptr;
-  return {{"first_iteration", repetition->cycle.first},
-          {"length", repetition->cycle.length},
-          {"best_iteration", repetition->best_iteration}};
-}
-
-// ---- Reading
 
 template <class Work>
 auto in_file(const JsonField& field, const Work& work) {
@@ -205,18 +144,7 @@ auto in_file(const JsonField& field, const Work& work) {
   }
 }
 
-// Largest relative difference between two statements of one pose.
-constexpr double kSamePose = 1e-9;
-
 // A positive number; 1 if there is none.
-Json deviations_json(const Alignment& alignment) {
-  const auto deviations = deviations_of(alignment);
-  if (!deviations) return nullptr;
-  return {{"translation", list_of(deviations->translation)},
-          {"rotation_deg", list_of(deviations->rotation_rad * degrees(1.0))},
-          {"log_scale", or_null(deviations->log_scale)}};
-}
-
 double scale_of(const JsonField& field) {
   if (field.is_null()) return 1.0;
   const double scale = field.number();
@@ -245,6 +173,290 @@ Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version,
   if (!(difference <= kSamePose * scale)) field.refuse("the pose of its quaternion and scale");
   return exact;
 }
+
+// The angle that is written as these degrees again, if there is one beside radians().
+double angle_of_degrees(double deg) {
+  const double nearest = radians(deg);
+  for (const double angle :
+       {nearest, std::nextafter(nearest, -INFINITY), std::nextafter(nearest, INFINITY)}) {
+    if (degrees(angle) == deg) return angle;
+  }
+  return nearest;
+}
+
+// ---- Fields, which are listed once, in functions of a Writer or a Reader and an object
+
+class Writer {
+ public:
+  static constexpr bool kReads = false;
+
+  // A field that has to be there.
+  template <class Value>
+  void field(const char* name, const Value& value) {
+    json_[name] = json_of(value);
+  }
+  // A field that may be null or absent.
+  template <class Value>
+  void maybe(const char* name, const Value& value) {
+    field(name, value);
+  }
+  // A field that follows from others.
+  template <class Make>
+  void derived(const char* name, const Make& make) {
+    field(name, make());
+  }
+  void degrees(const char* name, double radians) { field(name, cairn::degrees(radians)); }
+  // The matrix is for people and other programs; quaternion and scale restore the pose exactly.
+  void pose(const char* name, const Similarity3& pose, const std::string& prefix = "") {
+    const Eigen::Quaterniond q = pose.rigid().quaternion();
+    json_[name] = rows_of(pose.matrix());
+    json_[prefix + "quaternion"] = {q.w(), q.x(), q.y(), q.z()};
+    json_[prefix + "scale"] = pose.scale();
+  }
+  void pose(const char* name, const Rigid3& rigid, double scale) {
+    pose(name, Similarity3(scale, rigid));
+  }
+  void pose(const char* name, const std::optional<Similarity3>& value, const std::string& prefix) {
+    if (value) pose(name, *value, prefix);
+  }
+  template <class Value, class Fields>
+  void object(const char* name, const Value& value, const Fields& fields) {
+    json_[name] = object_of(value, fields);
+  }
+  template <class Value, class Fields>
+  void object(const char* name, const std::optional<Value>& value, const Fields& fields) {
+    json_[name] = value ? object_of(*value, fields) : Json(nullptr);
+  }
+  template <class Value, class Fields>
+  void list(const char* name, const std::vector<Value>& values, const Fields& fields) {
+    Json list = Json::array();
+    for (const Value& value : values) list.push_back(object_of(value, fields));
+    json_[name] = std::move(list);
+  }
+
+  Json take() { return std::move(json_); }
+
+ private:
+  template <class Value, class Fields>
+  static Json object_of(const Value& value, const Fields& fields) {
+    Writer inner;
+    fields(inner, value);
+    return inner.take();
+  }
+
+  Json json_ = Json::object();
+};
+
+class Reader {
+ public:
+  static constexpr bool kReads = true;
+
+  Reader(const JsonField& from, unsigned version) : from_(from), version_(version) {}
+
+  bool holds(const char* name) const { return !from_[name].is_null(); }
+
+  template <class Value>
+  void field(const char* name, Value& value) const {
+    read(from_[name], value);
+  }
+  // Without the field, the value stays.
+  template <class Value>
+  void maybe(const char* name, Value& value) const {
+    if (holds(name)) field(name, value);
+  }
+  template <class Make>
+  void derived(const char* /*name*/, const Make& /*make*/) const {}
+  void degrees(const char* name, double& radians) const {
+    radians = angle_of_degrees(from_[name].number());
+  }
+  void pose(const char* name, Rigid3& rigid, double& scale) const {
+    const Similarity3 pose = pose_of(from_, name, version_);
+    rigid = pose.rigid();
+    scale = pose.scale();
+  }
+  void pose(const char* name, std::optional<Similarity3>& value, const std::string& prefix) const {
+    if (holds(name)) value = pose_of(from_, name, version_, prefix);
+  }
+  template <class Value, class Fields>
+  void object(const char* name, Value& value, const Fields& fields) const {
+    if (holds(name)) read_object(from_[name], value, fields);
+  }
+  template <class Value, class Fields>
+  void object(const char* name, std::optional<Value>& value, const Fields& fields) const {
+    if (holds(name)) read_object(from_[name], value.emplace(), fields);
+  }
+  template <class Value, class Fields>
+  void list(const char* name, std::vector<Value>& values, const Fields& fields) const {
+    if (!holds(name)) return;
+    for (const JsonField& item : from_[name].items()) {
+      read_object(item, values.emplace_back(), fields);
+    }
+  }
+
+ private:
+  template <class Value, class Fields>
+  void read_object(const JsonField& from, Value& value, const Fields& fields) const {
+    Reader inner(from, version_);
+    fields(inner, value);
+  }
+
+  JsonField from_;
+  unsigned version_;
+};
+
+constexpr auto kOpenDirectionFields = [](auto& io, auto& direction) {
+  io.field("translation", direction.translation);
+  io.field("rotation", direction.rotation);
+  io.maybe("log_scale", direction.log_scale);
+};
+
+constexpr auto kCandidateFields = [](auto& io, auto& candidate) {
+  auto& support = candidate.support;
+  io.pose("target_from_source", candidate.target_from_source, candidate.scale);
+  io.field("probability", candidate.probability);
+  io.field("support", support.share);
+  io.maybe("matches", support.within[0]);
+  io.maybe("close_matches", support.within[1]);
+  io.maybe("matches_by_radius", support.within);
+  io.object("descriptor_agreement", support.agreement, [](auto& inner, auto& agreement) {
+    inner.field("matches", agreement.matches);
+    inner.field("agreeing", agreement.agreeing);
+    inner.field("spread", agreement.spread);
+    inner.field("expected", agreement.expected);
+    inner.derived("evidence", [&] { return agreement.evidence(); });
+  });
+  io.object("proximity", support.proximity, [](auto& inner, auto& proximity) {
+    inner.field("evidence", proximity.all);
+    inner.field("spread_evidence", proximity.spread);
+    inner.field("share", proximity.share);
+    inner.field("deviation", proximity.deviation);
+  });
+  io.maybe("evidence", support.evidence);
+  io.maybe("spread_evidence", support.spread_evidence);
+  io.object("likeness", support.likeness, [&](auto& inner, auto& likeness) {
+    inner.field("compared", likeness.compared);
+    inner.field("alike", likeness.alike);
+    inner.derived("evidence", [&] { return likeness.evidence(); });
+    inner.maybe("spread_evidence", support.spread_likeness);
+  });
+  io.maybe("contradicted", candidate.contradicted);
+};
+
+constexpr auto kPartFields = [](auto& io, auto& part) {
+  io.field("map", part.map);
+  io.field("first_keyframe", part.first);
+  io.field("middle_keyframe", part.middle);
+  io.field("last_keyframe", part.last);
+  io.field("landmarks", part.landmarks);
+  io.field("verdict", part.verdict);
+  io.field("probability", part.probability);
+  io.field("agrees", part.agrees);
+  for (const char* const pose : {"found", "target_from_source"}) {
+    io.derived(pose, [] { return nullptr; });  // the order of fields
+  }
+  io.pose("found", part.found, "found_");
+  io.pose("target_from_source", part.target_from_source, "");
+};
+
+constexpr auto kPartsFields = [](auto& io, auto& parts) {
+  io.field("aligned", parts.aligned);
+  io.field("consensus", parts.consensus);
+  io.field("contradictory", parts.contradictory);
+  io.maybe("confirmed", parts.confirmed);
+  if (io.kReads || parts.consensus) {
+    io.maybe("probability", parts.probability);
+  } else {
+    io.derived("probability", [] { return nullptr; });
+  }
+  io.object("bend", parts.bend, [](auto& inner, auto& bend) {
+    inner.field("map", bend.map);
+    inner.degrees("rotation_deg", bend.rotation_rad);
+    inner.field("first_keyframe", bend.first);
+    inner.field("last_keyframe", bend.last);
+    inner.field("displacement", bend.displacement);
+  });
+  io.list("poses", parts.parts, kPartFields);
+};
+
+constexpr auto kDeformationFields = [](auto& io, auto& deformation) {
+  io.field("matches", deformation.matches);
+  io.degrees("rotation_deg", deformation.rotation_rad);
+  io.field("scale_ratio", deformation.scale_ratio);
+  io.field("displacement", deformation.displacement);
+};
+
+constexpr auto kIterationFields = [](auto& io, auto& iteration) {
+  io.pose("target_from_source", iteration.target_from_source, iteration.scale);
+  io.maybe("mean_squared_distance", iteration.mean_squared_distance);
+  io.maybe("match_count", iteration.match_count);
+};
+
+constexpr auto kTracedIterationFields = [](auto& io, auto& iteration) {
+  kIterationFields(io, iteration);
+  io.maybe("score", iteration.score);
+  io.maybe("matches", iteration.matches);
+};
+
+constexpr auto kRepetitionFields = [](auto& io, auto& repetition) {
+  io.maybe("first_iteration", repetition.cycle.first);
+  io.maybe("length", repetition.cycle.length);
+  io.maybe("best_iteration", repetition.best_iteration);
+};
+
+Json deviations_json(const Alignment& alignment) {
+  const auto deviations = deviations_of(alignment);
+  if (!deviations) return nullptr;
+  return {{"translation", json_of(deviations->translation)},
+          {"rotation_deg", json_of(Eigen::Vector3d(deviations->rotation_rad * degrees(1.0)))},
+          {"log_scale", json_of(deviations->log_scale)}};
+}
+
+// All but verdict, status, poses, covariance and history.
+constexpr auto kRecordFields = [](auto& io, auto& record) {
+  auto& alignment = record.alignment;
+  auto& result = alignment.registration;
+  io.list("unobservable", result.unobservable, kOpenDirectionFields);
+  io.maybe("centre", alignment.centre);
+  io.derived("deviations", [&] { return deviations_json(alignment); });
+  io.maybe("other_scale", alignment.other_scale);
+  io.maybe("method", record.method);
+  io.maybe("confidence", record.confidence);
+  io.maybe("k", record.k);
+  io.maybe("length_unit", record.length_unit);
+  io.maybe("score", result.score);
+  io.maybe("initial_score", result.initial_score);
+  io.maybe("iterations", result.iterations);
+  io.maybe("coarse_iterations", result.coarse_iterations);
+  io.maybe("stop_reason", result.stop_reason);
+  io.object("repetition", result.repetition, kRepetitionFields);
+  io.maybe("matches", record.matches);
+  io.object("overlap", result.overlap, [&](auto& inner, auto& overlap) {
+    inner.field("source", overlap.source);
+    inner.field("target", overlap.target);
+    inner.maybe("radius", record.overlap_radius);
+  });
+  io.list("candidates", alignment.candidates, kCandidateFields);
+  io.object("parts", alignment.parts, kPartsFields);
+  io.object("deformation", alignment.deformation, kDeformationFields);
+  // With a limit in seconds, the result depends on the machine's speed.
+  io.maybe("deterministic", alignment.deterministic);
+  if (alignment.verdict) {
+    io.maybe("cut_short", alignment.cut_short);
+    io.field("support_radius", alignment.radius);
+  } else {
+    io.derived("cut_short", [] { return nullptr; });
+    io.derived("support_radius", [] { return nullptr; });
+  }
+  io.maybe("duration_s", alignment.duration_s);
+};
+
+// Includes the scale's row and column if the scale is estimated.
+Json covariance_json(const RegistrationResult& result) {
+  if (result.covariance_with_scale) return rows_of(*result.covariance_with_scale);
+  return result.covariance ? rows_of(*result.covariance) : Json(nullptr);
+}
+
+// ---- What documents of version 1 lack or say otherwise
 
 template <int kSize>
 std::optional<Eigen::Matrix<double, kSize, kSize, Eigen::DontAlign>> covariance_of(
@@ -278,160 +490,6 @@ void read_covariance(const JsonField& field, RegistrationResult& result) {
     result.covariance = Matrix6d(with_scale->template topLeftCorner<6, 6>());
   } else {
     field.refuse("a positive semidefinite 6x6 or 7x7 matrix");
-  }
-}
-
-Eigen::Vector3d vector_of(const JsonField& field) {
-  const auto n = field.numbers<3>();
-  return {n[0], n[1], n[2]};
-}
-
-std::vector<OpenDirection> open_directions_of(const JsonField& field) {
-  std::vector<OpenDirection> directions;
-  if (field.is_null()) return directions;
-  for (const JsonField& entry : field.items()) {
-    directions.push_back({vector_of(entry["translation"]), vector_of(entry["rotation"]),
-                          entry["log_scale"].optional_number().value_or(0.0)});
-  }
-  return directions;
-}
-
-IterationRecord iteration_of(const JsonField& field, unsigned version) {
-  IterationRecord record;
-  const Similarity3 pose = pose_of(field, "target_from_source", version);
-  record.target_from_source = pose.rigid();
-  record.scale = pose.scale();
-  record.mean_squared_distance = field["mean_squared_distance"].optional_number().value_or(
-      std::numeric_limits<double>::quiet_NaN());
-  record.score = field["score"].optional_number();
-  if (const JsonField matches = field["matches"]; !matches.is_null()) {
-    for (const JsonField& pair : matches.items()) {
-      const std::vector<JsonField> ends = pair.items();
-      if (ends.size() != 2) pair.refuse("two numbers, of a source and a target landmark");
-      record.matches.push_back({static_cast<std::uint32_t>(ends[0].whole(kMostIndices)),
-                                static_cast<std::uint32_t>(ends[1].whole(kMostIndices)), 0.0});
-    }
-  }
-  const JsonField count = field["match_count"];
-  record.match_count = count.is_null() ? record.matches.size() : count.whole(kMostIndices);
-  return record;
-}
-
-PlacementCandidate candidate_of(const JsonField& field, unsigned version) {
-  PlacementCandidate candidate;
-  const Similarity3 pose = pose_of(field, "target_from_source", version);
-  candidate.target_from_source = pose.rigid();
-  candidate.scale = pose.scale();
-  candidate.probability = field["probability"].number();
-  candidate.contradicted = field["contradicted"].optional_number();
-  Support& support = candidate.support;
-  support.share = field["support"].number();
-  if (const JsonField within = field["matches_by_radius"]; !within.is_null()) {
-    const std::vector<JsonField> counts = within.items();
-    if (counts.size() != Support::kRadii) {
-      within.refuse(fmt::format("{} whole numbers", Support::kRadii));
-    }
-    for (std::size_t i = 0; i < Support::kRadii; ++i) {
-      support.within[i] = counts[i].whole(kMostIndices);
-    }
-  } else {
-    support.within[0] = field["matches"].whole(kMostIndices);
-    support.within[1] = field["close_matches"].whole(kMostIndices);
-  }
-  support.evidence = field["evidence"].optional_number().value_or(0.0);
-  support.spread_evidence = field["spread_evidence"].optional_number().value_or(0.0);
-  if (const JsonField likeness = field["likeness"]; !likeness.is_null()) {
-    support.likeness =
-        Likeness{likeness["compared"].whole(kMostIndices), likeness["alike"].whole(kMostIndices)};
-    support.spread_likeness = likeness["spread_evidence"].optional_number().value_or(0.0);
-  }
-  if (const JsonField agreement = field["descriptor_agreement"]; !agreement.is_null()) {
-    support.agreement = DescriptorAgreement{
-        agreement["matches"].whole(kMostIndices), agreement["agreeing"].whole(kMostIndices),
-        agreement["spread"].whole(kMostIndices), agreement["expected"].number()};
-  }
-  if (const JsonField proximity = field["proximity"]; !proximity.is_null()) {
-    support.proximity = {proximity["evidence"].number(), proximity["spread_evidence"].number(),
-                         proximity["share"].number(), proximity["deviation"].number()};
-  }
-  return candidate;
-}
-
-MapRole role_of(const JsonField& field) {
-  return field.one_of(std::array{MapRole::kSource, MapRole::kTarget});
-}
-
-// The angle that is written as these degrees again, if there is one beside radians().
-double angle_of_degrees(double deg) {
-  const double nearest = radians(deg);
-  for (const double angle :
-       {nearest, std::nextafter(nearest, -INFINITY), std::nextafter(nearest, INFINITY)}) {
-    if (degrees(angle) == deg) return angle;
-  }
-  return nearest;
-}
-
-std::optional<PartsAlignment> parts_of(const JsonField& field) {
-  if (field.is_null()) return std::nullopt;
-  const auto keyframe = [](const JsonField& value) {
-    return FrameId{value.whole(std::numeric_limits<std::uint64_t>::max())};
-  };
-  PartsAlignment parts;
-  parts.aligned = field["aligned"].whole(kMostIndices);
-  parts.consensus = field["consensus"].truth();
-  parts.contradictory = field["contradictory"].truth();
-  if (!field["confirmed"].is_null()) parts.confirmed = field["confirmed"].truth();
-  parts.probability = field["probability"].optional_number().value_or(0.0);
-  if (const JsonField bend = field["bend"]; !bend.is_null()) {
-    parts.bend = MapBend{.map = role_of(bend["map"]),
-                         .rotation_rad = angle_of_degrees(bend["rotation_deg"].number()),
-                         .first = keyframe(bend["first_keyframe"]),
-                         .last = keyframe(bend["last_keyframe"]),
-                         .displacement = bend["displacement"].number()};
-  }
-  for (const JsonField& pose : field["poses"].items()) {
-    PartPose& part = parts.parts.emplace_back();
-    part.map = role_of(pose["map"]);
-    part.first = keyframe(pose["first_keyframe"]);
-    part.middle = keyframe(pose["middle_keyframe"]);
-    part.last = keyframe(pose["last_keyframe"]);
-    part.landmarks = pose["landmarks"].whole(kMostIndices);
-    part.verdict = pose["verdict"].one_of(
-        std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
-    part.probability = pose["probability"].number();
-    part.agrees = pose["agrees"].truth();
-    if (!pose["found"].is_null()) part.found = pose_of(pose, "found", kAlignmentVersion, "found_");
-    if (!pose["target_from_source"].is_null()) {
-      part.target_from_source = pose_of(pose, "target_from_source", kAlignmentVersion);
-    }
-  }
-  return parts;
-}
-
-std::optional<MapDeformation> deformation_of(const JsonField& field) {
-  if (field.is_null()) return std::nullopt;
-  return MapDeformation{.matches = field["matches"].whole(kMostIndices),
-                        .rotation_rad = angle_of_degrees(field["rotation_deg"].number()),
-                        .scale_ratio = field["scale_ratio"].number(),
-                        .displacement = field["displacement"].number()};
-}
-
-void read_counts(const JsonField& field, RegistrationResult& result) {
-  const auto count = [](const JsonField& value, std::uint64_t most) {
-    return value.is_null() ? 0 : static_cast<int>(value.whole(most));
-  };
-  result.iterations = count(field["iterations"], kMostIterations);
-  result.coarse_iterations = count(field["coarse_iterations"], kMostIterations);
-  if (const JsonField repetition = field["repetition"]; !repetition.is_null()) {
-    const auto most = static_cast<std::uint64_t>(result.iterations);
-    result.repetition = {
-        {count(repetition["first_iteration"], most), count(repetition["length"], most)},
-        count(repetition["best_iteration"], most)};
-  }
-  result.initial_score = field["initial_score"].optional_number();
-  result.score = field["score"].optional_number();
-  if (const JsonField overlap = field["overlap"]; !overlap.is_null()) {
-    result.overlap = Overlap{overlap["source"].number(), overlap["target"].number()};
   }
 }
 
@@ -475,64 +533,37 @@ void read_poses(const JsonField& field, unsigned version, Alignment& alignment) 
   result.scale = alignment.estimate->scale();
 }
 
+void read_history(const JsonField& field, unsigned version, RegistrationResult& result) {
+  if (field.is_null()) return;
+  for (const JsonField& item : field.items()) {
+    IterationRecord& iteration = result.history.emplace_back();
+    iteration.mean_squared_distance = std::numeric_limits<double>::quiet_NaN();
+    const Reader io(item, version);
+    kTracedIterationFields(io, iteration);
+    if (!io.holds("match_count")) iteration.match_count = iteration.matches.size();
+  }
+}
+
 AlignmentRecord record_of(const JsonField& field, unsigned version) {
   if (!field.json().is_object()) field.refuse("an object");
   AlignmentRecord record;
-  record.confidence = field["confidence"].optional_text().value_or(record.confidence);
-  if (!field["method"].is_null()) {
-    record.method = field["method"].one_of(std::array{AlignMethod::kRobust, AlignMethod::kIcp});
-  } else {
-    record.method = AlignMethod::kIcp;  // the only one when documents did not name it
-  }
-  if (!field["k"].is_null()) record.k = field["k"].whole(kMostIndices);
-  if (const JsonField unit = field["length_unit"]; !unit.is_null()) {
-    if (unit.text() != kMetres && unit.text() != kFree) unit.refuse("metres or free");
-    record.length_unit = unit.text() == kMetres ? LengthUnit::kMetres : LengthUnit::kFree;
-  }
-  record.overlap_radius = field["overlap"]["radius"].optional_number();
-  if (!field["matches"].is_null()) record.matches = field["matches"].whole(kMostIndices);
-
+  record.method = AlignMethod::kIcp;  // the only one when documents did not name it
   Alignment& alignment = record.alignment;
   RegistrationResult& result = alignment.registration;
-  if (const JsonField verdict = field["verdict"];
-      !verdict.is_null() && verdict.json() != "none") {  // version 1's word for null
-    alignment.verdict =
-        verdict.one_of(std::array{Verdict::kAligned, Verdict::kAmbiguous, Verdict::kRejected});
-    alignment.probability = field["probability"].number();
-    alignment.radius = field["support_radius"].number();
-    if (!field["cut_short"].is_null()) alignment.cut_short = field["cut_short"].truth();
+  result.stop_reason = StopReason::kMseChange;
+  const Reader io(field, version);
+  // "none" is version 1's word for null.
+  if (io.holds("verdict") && field["verdict"].json() != "none") {
+    io.field("verdict", alignment.verdict);
+    io.field("probability", alignment.probability);
   }
-  if (!field["stop_reason"].is_null()) {
-    result.stop_reason = field["stop_reason"].one_of(
-        std::array{StopReason::kMseChange, StopReason::kNoMotion, StopReason::kFixedPoint,
-                   StopReason::kCycle, StopReason::kIterationLimit, StopReason::kTimeLimit,
-                   StopReason::kTooFewMatches, StopReason::kCancelled});
-  } else {
-    result.stop_reason = StopReason::kMseChange;
-  }
+  kRecordFields(io, record);
   read_poses(field, version, alignment);
   result.status = registration_status(field, alignment);
-  alignment.reason = field["reason"].optional_text().value_or("");
+  io.maybe("reason", alignment.reason);
   result.reason = alignment.reason;
-  read_counts(field, result);
   read_covariance(field["covariance"], result);
-  result.unobservable = open_directions_of(field["unobservable"]);
-  if (const JsonField candidates = field["candidates"]; !candidates.is_null()) {
-    for (const JsonField& candidate : candidates.items()) {
-      alignment.candidates.push_back(candidate_of(candidate, version));
-    }
-  }
-  if (!field["centre"].is_null()) alignment.centre = vector_of(field["centre"]);
-  alignment.other_scale = field["other_scale"].optional_number();
-  alignment.parts = parts_of(field["parts"]);
-  alignment.deformation = deformation_of(field["deformation"]);
-  if (const JsonField history = field["history"]; !history.is_null()) {
-    for (const JsonField& iteration : history.items()) {
-      result.history.push_back(iteration_of(iteration, version));
-    }
-  }
-  if (!field["deterministic"].is_null()) alignment.deterministic = field["deterministic"].truth();
-  alignment.duration_s = field["duration_s"].optional_number().value_or(0.0);
+  read_history(field["history"], version, result);
   result.duration_s = alignment.duration_s;
   return record;
 }
@@ -546,48 +577,25 @@ std::string_view to_string(AlignMethod method) {
 std::string to_json(const AlignmentRecord& record, HistoryDetail history) {
   const Alignment& alignment = record.alignment;
   const RegistrationResult& result = alignment.registration;
-  const bool judged = alignment.verdict.has_value();
-  Json json = {{"status", status_of(alignment)},
-               {"verdict", judged ? Json(to_string(*alignment.verdict)) : Json(nullptr)},
-               {"probability", or_null(alignment.probability)},
-               {"reason", alignment.reason},
-               {"target_from_source", alignment.target_from_source
-                                          ? rows_of(alignment.target_from_source->matrix())
-                                          : Json(nullptr)}};
-  if (alignment.estimate) {
-    put_pose(json, "estimate", *alignment.estimate);
-  } else {
-    json["estimate"] = json["quaternion"] = json["scale"] = nullptr;
+  Writer io;
+  io.field("status", status_of(alignment));
+  io.field("verdict", alignment.verdict);
+  io.field("probability", alignment.probability);
+  io.field("reason", alignment.reason);
+  for (const char* const name : {"target_from_source", "estimate", "quaternion", "scale"}) {
+    io.field(name, nullptr);
   }
-  json["covariance"] = covariance_json(result);
-  json["unobservable"] = open_directions_json(result.unobservable);
-  json["centre"] = alignment.centre ? list_of(*alignment.centre) : Json(nullptr);
-  json["deviations"] = deviations_json(alignment);
-  json["other_scale"] = or_null(alignment.other_scale);
-  json["method"] = to_string(record.method);
-  json["confidence"] = record.confidence;
-  json["k"] = record.k;
-  json["length_unit"] = record.length_unit == LengthUnit::kMetres ? kMetres : kFree;
-  json["score"] = or_null(result.score);
-  json["initial_score"] = or_null(result.initial_score);
-  json["iterations"] = result.iterations;
-  json["coarse_iterations"] = result.coarse_iterations;
-  json["stop_reason"] = to_string(result.stop_reason);
-  json["repetition"] = repetition_json(result.repetition);
-  json["matches"] = record.matches;
-  json["overlap"] = overlap_json(record);
-  json["candidates"] = candidates_json(alignment.candidates);
-  json["parts"] = parts_json(alignment.parts);
-  json["deformation"] = deformation_json(alignment.deformation);
-  // With a limit in seconds, the result depends on the machine's speed.
-  json["deterministic"] = alignment.deterministic;
-  json["cut_short"] = judged ? Json(alignment.cut_short) : Json(nullptr);
-  json["support_radius"] = judged ? Json(alignment.radius) : Json(nullptr);
-  json["duration_s"] = alignment.duration_s;
-  if (history != HistoryDetail::kNone) {
-    json["history"] = history_json(result.history, history == HistoryDetail::kMatches);
+  if (alignment.target_from_source) {
+    io.field("target_from_source", rows_of(alignment.target_from_source->matrix()));
   }
-  return json.dump(2, ' ', false, Json::error_handler_t::replace);
+  io.pose("estimate", alignment.estimate, "");
+  io.field("covariance", covariance_json(result));
+  kRecordFields(io, record);
+  if (history == HistoryDetail::kPoses) io.list("history", result.history, kIterationFields);
+  if (history == HistoryDetail::kMatches) {
+    io.list("history", result.history, kTracedIterationFields);
+  }
+  return io.take().dump(2, ' ', false, Json::error_handler_t::replace);
 }
 
 std::vector<AlignmentRecord> read_alignments(std::string_view document, const std::string& name) {

@@ -9,11 +9,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/alignment/detail/cloud_scales.hpp"
 #include "cairn/alignment/detail/evidence/verdict.hpp"
 #include "cairn/alignment/detail/search/placement.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -60,8 +60,8 @@ Difference difference(const Rigid3& a, const Rigid3& b, const LandmarkCloud& sou
   return {degrees((a.inverse() * b).angle()), (a * middle - b * middle).norm()};
 }
 
-PlaceOptions two_threads(std::uint64_t seed = 0) {
-  PlaceOptions options;
+AlignOptions two_threads(std::uint64_t seed = 0) {
+  AlignOptions options;
   options.seed = seed;
   options.execution.executor = Executor(2);
   return options;
@@ -77,10 +77,10 @@ double expected_radius(const LandmarkCloud& source, const LandmarkCloud& target,
 }
 
 // What is reported must be what was judged.
-void expect_judged_pose(const PlacementResult& result) {
+void expect_judged_pose(const Alignment& result) {
   ASSERT_TRUE(result.own);
   const PlacementCandidate& own = result.candidates.at(*result.own);
-  EXPECT_TRUE(result.alignment.similarity().matrix().isApprox(own.similarity().matrix(), 1e-9))
+  EXPECT_TRUE(result.registration.similarity().matrix().isApprox(own.similarity().matrix(), 1e-9))
       << result.reason;
   EXPECT_EQ(result.probability, own.probability);
 }
@@ -89,18 +89,18 @@ TEST(Place, FindsTheTruthFromAnywhere) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SyntheticPair pair = synthetic_pair({.seed = seed, .overlap = 0.5});
     const LandmarkCloud source = landmark_cloud(pair.source);
-    const PlacementResult result = place(source, landmark_cloud(pair.target), two_threads(seed));
+    const Alignment result = place(source, landmark_cloud(pair.target), two_threads(seed));
     EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
     const Difference error =
-        difference(result.alignment.target_from_source, pair.target_from_source, source);
+        difference(result.registration.target_from_source, pair.target_from_source, source);
     EXPECT_LT(error.rotation_deg, 0.5);
     EXPECT_LT(error.translation, 0.005);
     expect_judged_pose(result);
     EXPECT_NEAR(result.radius, expected_radius(source, landmark_cloud(pair.target)), 1e-9);
-    ASSERT_TRUE(result.alignment.covariance);
-    ASSERT_TRUE(result.alignment.overlap);
-    EXPECT_GT(result.alignment.overlap->source, 0.4);
-    EXPECT_GT(result.alignment.overlap->target, 0.4);
+    ASSERT_TRUE(result.registration.covariance);
+    ASSERT_TRUE(result.registration.overlap);
+    EXPECT_GT(result.registration.overlap->source, 0.4);
+    EXPECT_GT(result.registration.overlap->target, 0.4);
   }
 }
 
@@ -112,9 +112,9 @@ TEST(Place, MovesWithEitherMap) {
   for (int trial = 0; trial < 2; ++trial) {
     const Rigid3 a = any_pose(random, 100.0);
     const Rigid3 b = any_pose(random, 100.0);
-    const PlacementResult result = place(moved(source, a), moved(target, b), two_threads());
+    const Alignment result = place(moved(source, a), moved(target, b), two_threads());
     EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-    const Difference error = difference(b.inverse() * result.alignment.target_from_source * a,
+    const Difference error = difference(b.inverse() * result.registration.target_from_source * a,
                                         pair.target_from_source, source);
     EXPECT_LT(error.rotation_deg, 0.5);
     EXPECT_LT(error.translation, 0.005);
@@ -124,12 +124,12 @@ TEST(Place, MovesWithEitherMap) {
 TEST(Place, WorksAtAnySize) {
   const SyntheticPair pair = synthetic_pair({.seed = 10});
   const LandmarkCloud source = scaled(landmark_cloud(pair.source), 1000.0);
-  const PlacementResult result =
+  const Alignment result =
       place(source, scaled(landmark_cloud(pair.target), 1000.0), two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   const Rigid3 truth(pair.target_from_source.quaternion(),
                      1000.0 * pair.target_from_source.translation());
-  EXPECT_LT(difference(result.alignment.target_from_source, truth, source).translation, 5.0);
+  EXPECT_LT(difference(result.registration.target_from_source, truth, source).translation, 5.0);
 }
 
 // The landmarks whose index and position are `kept`, with their covariances and descriptors.
@@ -161,26 +161,26 @@ LandmarkCloud part_near(const LandmarkCloud& all, const Eigen::Vector3d& centre,
 // The source in another unit, which is to be found.
 void expect_found(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth,
                   double unit, const ScaleRange& range = {}) {
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.effort = 0.25;
   options.scale = range;
   std::vector<double> progress = {0.0};
   options.execution.progress = [&](double share) { progress.push_back(share); };
-  const PlacementResult result = place(scaled(source, unit), target, options);
+  const Alignment result = place(scaled(source, unit), target, options);
   EXPECT_TRUE(std::is_sorted(progress.begin(), progress.end()));
   EXPECT_GT(progress.back(), 0.5);
   EXPECT_LE(progress.back(), 1.0);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-  EXPECT_NEAR(result.alignment.scale * unit, 1.0, 0.01);
-  const Difference error = difference(result.alignment.target_from_source, truth, source);
+  EXPECT_NEAR(result.registration.scale * unit, 1.0, 0.01);
+  const Difference error = difference(result.registration.target_from_source, truth, source);
   EXPECT_LT(error.rotation_deg, 0.5);
   EXPECT_LT(error.translation, 0.03);
-  EXPECT_TRUE(result.alignment.covariance_with_scale);
+  EXPECT_TRUE(result.registration.covariance_with_scale);
   const double radius = expected_radius(source, target);
   EXPECT_NEAR(result.radius, radius, 0.02 * radius);
   expect_judged_pose(result);
-  EXPECT_NEAR(result.candidates.front().scale, result.alignment.scale,
-              0.01 * result.alignment.scale);
+  EXPECT_NEAR(result.candidates.front().scale, result.registration.scale,
+              0.01 * result.registration.scale);
 }
 
 TEST(Place, FindsTheScaleWhereAsked) {
@@ -214,13 +214,13 @@ TEST(Place, SearchesTheRangeOfScalesWhateverSizesSuggest) {
   const LandmarkCloud whole = part_of(other, [&](std::size_t i, const Eigen::Vector3d& position) {
     return (position - there).norm() < 0.1 || i % 12 == 0;
   });
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.effort = 0.25;
   options.scale = ScaleRange{0.9, 1.1};
-  const PlacementResult result = place(part, whole, options);
-  EXPECT_NEAR(result.alignment.scale, 1.0, 0.02) << result.reason;
+  const Alignment result = place(part, whole, options);
+  EXPECT_NEAR(result.registration.scale, 1.0, 0.02) << result.reason;
   const Difference error =
-      difference(result.alignment.target_from_source, pair.target_from_source, part);
+      difference(result.registration.target_from_source, pair.target_from_source, part);
   EXPECT_LT(error.rotation_deg, 1.0);
   EXPECT_LT(error.translation, 0.03);
 }
@@ -228,17 +228,17 @@ TEST(Place, SearchesTheRangeOfScalesWhateverSizesSuggest) {
 TEST(Place, LooksForScalesInTheRangeOnly) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 800});
   const LandmarkCloud target = landmark_cloud(pair.target);
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.effort = 0.25;
   options.scale = ScaleRange{2.0, 4.0};
-  const PlacementResult outside = place(landmark_cloud(pair.source), target, options);
+  const Alignment outside = place(landmark_cloud(pair.source), target, options);
   EXPECT_NE(outside.verdict, Verdict::kAligned) << outside.reason;
   const LandmarkCloud small = scaled(landmark_cloud(pair.source), 1.0 / 3.0);
-  const PlacementResult inside = place(small, target, options);
+  const Alignment inside = place(small, target, options);
   EXPECT_EQ(inside.verdict, Verdict::kAligned) << inside.reason;
-  EXPECT_NEAR(inside.alignment.scale, 3.0, 0.03);
+  EXPECT_NEAR(inside.registration.scale, 3.0, 0.03);
   ASSERT_FALSE(inside.candidates.empty());
-  for (const PlacementResult& result : {outside, inside}) {
+  for (const Alignment& result : {outside, inside}) {
     for (const PlacementCandidate& candidate : result.candidates) {
       EXPECT_GT(candidate.scale, 1.9);
       EXPECT_LT(candidate.scale, 4.2);
@@ -246,7 +246,7 @@ TEST(Place, LooksForScalesInTheRangeOnly) {
   }
   // Lengths are in the target's unit.
   options.scale = ScaleRange{200.0, 400.0};
-  const PlacementResult large = place(small, scaled(target, 100.0), options);
+  const Alignment large = place(small, scaled(target, 100.0), options);
   EXPECT_NEAR(large.radius, 100.0 * inside.radius, inside.radius);
   // Of an end of the range, where no scale is found exactly, too.
   options.scale = ScaleRange{3.0, 3.0};
@@ -254,10 +254,10 @@ TEST(Place, LooksForScalesInTheRangeOnly) {
 }
 
 TEST(Place, RejectsMapsOfDifferentScenesAtAnyScale) {
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.effort = 0.25;
   options.scale = ScaleRange();
-  const PlacementResult result =
+  const Alignment result =
       place(scaled(landmark_cloud(synthetic_map({.seed = 101, .landmarks = 1500})), 0.3),
             landmark_cloud(synthetic_map({.seed = 201, .landmarks = 1500})), options);
   EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
@@ -301,8 +301,9 @@ std::pair<LandmarkCloud, LandmarkCloud> clouds_with_descriptors(const SyntheticP
   return {std::move(source), std::move(target)};
 }
 
-void expect_same(const PlacementResult& one, const PlacementResult& two) {
-  EXPECT_EQ(one.alignment.target_from_source.matrix(), two.alignment.target_from_source.matrix());
+void expect_same(const Alignment& one, const Alignment& two) {
+  EXPECT_EQ(one.registration.target_from_source.matrix(),
+            two.registration.target_from_source.matrix());
   EXPECT_EQ(one.reason, two.reason);
   ASSERT_EQ(one.candidates.size(), two.candidates.size());
   for (std::size_t i = 0; i < one.candidates.size(); ++i) {
@@ -354,13 +355,13 @@ TEST(Place, OfPosesThatFitAlikeKeepsTheOneThatLooksRight) {
           if (random.chance(changed)) byte = static_cast<std::uint8_t>(byte ^ bit);
         }
       }
-      PlaceOptions options = two_threads();
+      AlignOptions options = two_threads();
       options.search = PoseSearch::kAlways;
-      const PlacementResult result = place(source, scene, options);
+      const Alignment result = place(source, scene, options);
       EXPECT_GT(result.probability, 0.95) << result.reason;
       const double angle = 2.0 * std::numbers::pi * static_cast<double>(turned) / kRays;
       const Rigid3 truth(rotation_exp({0, 0, angle}), Eigen::Vector3d::Zero());
-      const Difference error = difference(result.alignment.target_from_source, truth, scene);
+      const Difference error = difference(result.registration.target_from_source, truth, scene);
       EXPECT_LT(error.rotation_deg, 0.1) << turned;
       EXPECT_LT(error.translation, 0.001) << turned;
     }
@@ -371,12 +372,12 @@ TEST(Place, FindsNothingWithoutDescriptorsAndSearch) {
   const SyntheticPair pair = synthetic_pair({.seed = 11, .landmarks = 500});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.search = PoseSearch::kNever;
-  const PlacementResult result = place(source, target, options);
+  const Alignment result = place(source, target, options);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
   EXPECT_FALSE(result.reason.empty());
-  EXPECT_EQ(result.alignment.status, RegistrationStatus::kFailed);
+  EXPECT_EQ(result.registration.status, RegistrationStatus::kFailed);
   EXPECT_TRUE(result.candidates.empty());
   EXPECT_FALSE(result.own);
   EXPECT_NEAR(result.radius, expected_radius(source, target), 1e-9);
@@ -398,9 +399,9 @@ std::vector<Eigen::Vector3d> symmetric_scene(Random& random) {
 }
 
 // Places them, and tells whether it searched.
-std::pair<PlacementResult, bool> placed(const LandmarkCloud& source, const LandmarkCloud& target,
-                                        PoseSearch search) {
-  PlaceOptions options = two_threads();
+std::pair<Alignment, bool> placed(const LandmarkCloud& source, const LandmarkCloud& target,
+                                  PoseSearch search) {
+  AlignOptions options = two_threads();
   options.search = search;
   bool searched = false;
   options.execution.progress = [&](double) { searched = true; };
@@ -452,7 +453,7 @@ TEST(Place, DoesNotSearchWhereDescriptorsDecide) {
   const auto [result, searched] = placed(source, target, PoseSearch::kWhereNeeded);
   EXPECT_FALSE(searched);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-  EXPECT_LT(result.alignment.target_from_source.angle(), 1e-3);
+  EXPECT_LT(result.registration.target_from_source.angle(), 1e-3);
   ASSERT_EQ(result.candidates.size(), 2U);
   EXPECT_GE(result.candidates[0].support.agreement->spread, kDecisiveAgreement);
   EXPECT_LT(result.candidates[1].support.agreement->spread, kDecisiveAgreement);
@@ -464,23 +465,23 @@ TEST(Place, SearchesBesideWhatDescriptorsPropose) {
   const SyntheticPair pair = synthetic_pair({.seed = 12, .landmarks = 4000, .overlap = 0.9});
   const auto [all, target] = clouds_with_descriptors(pair);
   LandmarkCloud source = scaled(part_near(all, centroid(all.positions), 0.12), kUnit);
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.search = PoseSearch::kAlways;
   options.effort = 1.0 / 16.0;
   options.scale = ScaleRange();
-  const PlacementResult result = place(source, target, options);
+  const Alignment result = place(source, target, options);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-  EXPECT_NEAR(result.alignment.scale * kUnit, 1.0, 0.02);
+  EXPECT_NEAR(result.registration.scale * kUnit, 1.0, 0.02);
   source.descriptors.reset();
-  const PlacementResult searched = place(source, target, options);
-  EXPECT_NE(searched.verdict, Verdict::kAligned) << searched.alignment.scale;
+  const Alignment searched = place(source, target, options);
+  EXPECT_NE(searched.verdict, Verdict::kAligned) << searched.registration.scale;
 }
 
 TEST(Place, LooksAtDescriptorsEitherWay) {
   const SyntheticPair pair = synthetic_pair({.seed = 11});
   const auto [source, target] = clouds_with_descriptors(pair);
   for (const bool there : {true, false}) {
-    const PlacementResult result =
+    const Alignment result =
         there ? place(source, target, two_threads()) : place(target, source, two_threads());
     ASSERT_EQ(result.verdict, Verdict::kAligned) << result.reason;
     const auto& likeness = result.candidates.front().support.likeness;
@@ -503,14 +504,15 @@ TEST(Place, FindsASmallMapInALargeOneAndTheOtherWayRound) {
     part.covariances.push_back(all.covariances[i]);
   }
   ASSERT_GT(part.size(), 100U);
-  const PlacementResult there = place(part, whole, two_threads());
+  const Alignment there = place(part, whole, two_threads());
   EXPECT_LT(
-      difference(there.alignment.target_from_source, pair.target_from_source, part).translation,
+      difference(there.registration.target_from_source, pair.target_from_source, part).translation,
       0.01);
-  const PlacementResult back = place(whole, part, two_threads());
-  EXPECT_LT(difference(back.alignment.target_from_source.inverse(), pair.target_from_source, part)
-                .translation,
-            0.01);
+  const Alignment back = place(whole, part, two_threads());
+  EXPECT_LT(
+      difference(back.registration.target_from_source.inverse(), pair.target_from_source, part)
+          .translation,
+      0.01);
 }
 
 TEST(Place, KeepsToGravity) {
@@ -521,21 +523,21 @@ TEST(Place, KeepsToGravity) {
   const LandmarkCloud tilted = moved(landmark_cloud(pair.source), turned);
   const LandmarkCloud upright = landmark_cloud(pair.target);
   const Rigid3 truth = pair.target_from_source * turned.inverse();
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   GravityPrior gravity;
   gravity.source = truth.quaternion().inverse() * gravity.target;
   options.gravity = gravity;
-  const PlacementResult result = place(tilted, upright, options);
+  const Alignment result = place(tilted, upright, options);
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-  EXPECT_LT(difference(result.alignment.target_from_source, truth, tilted).translation, 0.005);
+  EXPECT_LT(difference(result.registration.target_from_source, truth, tilted).translation, 0.005);
   options.gravity = GravityPrior{.source = gravity.target, .target = gravity.source};
-  const PlacementResult back = place(upright, tilted, options);
+  const Alignment back = place(upright, tilted, options);
   EXPECT_EQ(back.verdict, Verdict::kAligned) << back.reason;
-  EXPECT_LT(difference(back.alignment.target_from_source, truth.inverse(), upright).translation,
+  EXPECT_LT(difference(back.registration.target_from_source, truth.inverse(), upright).translation,
             0.005);
   // A gravity that is wrong admits no pose near the truth.
   options.gravity = GravityPrior{.source = -gravity.source, .target = gravity.target};
-  const PlacementResult wrong = place(tilted, upright, options);
+  const Alignment wrong = place(tilted, upright, options);
   EXPECT_NE(wrong.verdict, Verdict::kAligned) << wrong.reason;
 }
 
@@ -546,7 +548,7 @@ TEST(Place, SaysWhyAPoseIsNotAllowed) {
                                   Eigen::AngleAxisd(2.0, Eigen::Vector3d::UnitZ())),
                {1.0, 2.0, 3.0}));
   };
-  PlaceOptions options;
+  AlignOptions options;
   EXPECT_FALSE(forbidden(tilted(90.0), options));
   options.gravity = GravityPrior{.max_tilt_rad = radians(10.0)};
   EXPECT_FALSE(forbidden(tilted(9.9), options));
@@ -571,18 +573,18 @@ TEST(Place, SaysWhyAPoseIsNotAllowed) {
 TEST(Place, KeepsToTheRangeOfScalesInTheLastRefinement) {
   const SyntheticPair pair = synthetic_pair({.seed = 11, .landmarks = 2000});
   const auto [source, target] = clouds_with_descriptors(pair);
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.search = PoseSearch::kNever;
   options.scale = ScaleRange();
-  const PlacementResult free = place(source, target, options);
+  const Alignment free = place(source, target, options);
   ASSERT_EQ(free.verdict, Verdict::kAligned) << free.reason;
   int found = 0;
   for (int step = -20; step <= 20; ++step) {
-    options.scale = ScaleRange{(1.0 + 1e-5 * step) * 1.03 * free.alignment.scale, 4.0};
-    const PlacementResult result = place(source, target, options);
+    options.scale = ScaleRange{(1.0 + 1e-5 * step) * 1.03 * free.registration.scale, 4.0};
+    const Alignment result = place(source, target, options);
     if (result.candidates.empty()) continue;
     ++found;
-    EXPECT_FALSE(forbidden(result.alignment.similarity(), options)) << step;
+    EXPECT_FALSE(forbidden(result.registration.similarity(), options)) << step;
   }
   EXPECT_GT(found, 0);
   EXPECT_LT(found, 41);
@@ -590,7 +592,7 @@ TEST(Place, KeepsToTheRangeOfScalesInTheLastRefinement) {
 
 TEST(Place, RejectsMapsOfDifferentScenes) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const PlacementResult result =
+    const Alignment result =
         place(landmark_cloud(synthetic_map({.seed = 100 + seed})),
               landmark_cloud(synthetic_map({.seed = 200 + seed})), two_threads(seed));
     EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
@@ -603,7 +605,7 @@ TEST(Place, CallsASymmetricSceneAmbiguous) {
   LandmarkCloud scene;
   scene.positions = symmetric_scene(random);
   const Rigid3 pose = any_pose(random, 5.0);
-  const PlacementResult result = place(moved(scene, pose), scene, two_threads());
+  const Alignment result = place(moved(scene, pose), scene, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAmbiguous) << result.reason;
   EXPECT_THAT(result.reason, HasSubstr("2 poses"));
   ASSERT_GE(result.candidates.size(), 2U);
@@ -637,7 +639,7 @@ TEST(Place, CallsNoPoseOfARepeatedStructureAligned) {
     }
     const LandmarkCloud target = fence(field, 0, 60, random);
     const LandmarkCloud source = fence(field, 15, 45, random);
-    const PlacementResult result = place(source, target, two_threads(seed));
+    const Alignment result = place(source, target, two_threads(seed));
     EXPECT_NE(result.verdict, Verdict::kAligned) << "seed " << seed << ": " << result.reason;
   }
 }
@@ -648,13 +650,13 @@ TEST(Place, UsesNoCovariancesThatArePlaceholders) {
   LandmarkCloud target = landmark_cloud(pair.target);
   source.covariances.clear();
   target.covariances.clear();
-  const PlacementResult without = place(source, target, two_threads());
+  const Alignment without = place(source, target, two_threads());
   source.covariances.assign(source.size(), Eigen::Matrix3d::Identity());
   target.covariances.assign(target.size(), Eigen::Matrix3d::Identity());
-  const PlacementResult with = place(source, target, two_threads());
+  const Alignment with = place(source, target, two_threads());
   EXPECT_EQ(with.verdict, Verdict::kAligned) << with.reason;
-  EXPECT_EQ(with.alignment.target_from_source.matrix(),
-            without.alignment.target_from_source.matrix());
+  EXPECT_EQ(with.registration.target_from_source.matrix(),
+            without.registration.target_from_source.matrix());
   EXPECT_THAT(with.reason, ::testing::ContainsRegex("the covariances of the source are not used.*"
                                                     "the covariances of the target are not used"));
 }
@@ -674,9 +676,9 @@ TEST(Place, IsNotFooledByAPlaneUpsideDown) {
     }
   }
   const Rigid3 pose = any_pose(random, 5.0);
-  const PlacementResult result = place(moved(seen[0], pose), seen[1], two_threads());
+  const Alignment result = place(moved(seen[0], pose), seen[1], two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
-  EXPECT_LT(difference(result.alignment.target_from_source, pose.inverse(), moved(seen[0], pose))
+  EXPECT_LT(difference(result.registration.target_from_source, pose.inverse(), moved(seen[0], pose))
                 .rotation_deg,
             1.0);
 }
@@ -693,14 +695,14 @@ Similarity3 off_by(const Rigid3& pose, const LandmarkCloud& source, Random& rand
   return {Rigid3(turn, middle + shift * direction - turn * middle) * pose};
 }
 
-bool is_right(const PlacementResult& result, const Rigid3& truth, const LandmarkCloud& source) {
+bool is_right(const Alignment& result, const Rigid3& truth, const LandmarkCloud& source) {
   const auto [rotation_deg, translation] =
-      difference(result.alignment.target_from_source, truth, source);
+      difference(result.registration.target_from_source, truth, source);
   return rotation_deg < 5.0 && translation < 0.05;
 }
 
 PreparedPair prepared_pair(const LandmarkCloud& source, const LandmarkCloud& target,
-                           const PlaceOptions& options = {}) {
+                           const AlignOptions& options = {}) {
   const PrepareOptions preparation{.seed = options.seed, .executor = options.execution.executor};
   return {PreparedMap(source, preparation), PreparedMap(target, preparation), options};
 }
@@ -709,35 +711,35 @@ TEST(PreparedPair, PlacesAsPlaceDoesHoweverOftenAsked) {
   const SyntheticPair pair = synthetic_pair({.seed = 31, .overlap = 0.5});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  const PlacementResult once = place(source, target, two_threads());
+  const Alignment once = place(source, target, two_threads());
   PreparedPair prepared = prepared_pair(source, target, two_threads());
   for (int i = 0; i < 2; ++i) {
-    const PlacementResult again = prepared.place();
+    const Alignment again = prepared.place();
     EXPECT_EQ(again.verdict, once.verdict);
     EXPECT_EQ(again.probability, once.probability);
-    EXPECT_EQ(again.alignment.similarity().matrix(), once.alignment.similarity().matrix());
+    EXPECT_EQ(again.registration.similarity().matrix(), once.registration.similarity().matrix());
     EXPECT_EQ(again.own, 0);
   }
 }
 
-std::pair<PreparedPair, PlacementResult> placed_pair() {
+std::pair<PreparedPair, Alignment> placed_pair() {
   const SyntheticPair pair = synthetic_pair({.seed = 32, .overlap = 0.5});
   PreparedPair prepared =
       prepared_pair(landmark_cloud(pair.source), landmark_cloud(pair.target), two_threads());
-  PlacementResult placed = prepared.place();
+  Alignment placed = prepared.place();
   return {std::move(prepared), std::move(placed)};
 }
 
 TEST(PreparedPair, JudgesWhatWasPlacedAsItWasJudged) {
   auto [prepared, placed] = placed_pair();
   ASSERT_EQ(placed.verdict, Verdict::kAligned) << placed.reason;
-  const PlacementResult judged = prepared.judge(placed.alignment.similarity());
+  const Alignment judged = prepared.judge(placed.registration.similarity());
   EXPECT_EQ(judged.verdict, Verdict::kAligned) << judged.reason;
-  EXPECT_NEAR(judged.probability, placed.probability, 1e-3);
+  EXPECT_NEAR(*judged.probability, *placed.probability, 1e-3);
   // The pose is held: what is returned is what was judged.
-  EXPECT_TRUE(judged.alignment.similarity().matrix().isApprox(
-      placed.alignment.similarity().matrix(), 1e-12));
-  EXPECT_TRUE(judged.alignment.covariance);
+  EXPECT_TRUE(judged.registration.similarity().matrix().isApprox(
+      placed.registration.similarity().matrix(), 1e-12));
+  EXPECT_TRUE(judged.registration.covariance);
   expect_judged_pose(judged);
   EXPECT_EQ(judged.radius, placed.radius);
 }
@@ -746,16 +748,16 @@ TEST(PreparedPair, SaysHowFarAwayABetterPoseIs) {
   auto [prepared, placed] = placed_pair();
   const auto judged_at = [&pair = prepared, &best = placed](double radii) {
     const Rigid3 shift(Eigen::Quaterniond::Identity(), {radii * best.radius, 0.0, 0.0});
-    return pair.judge(shift * best.alignment.target_from_source);
+    return pair.judge(shift * best.registration.target_from_source);
   };
-  const PlacementResult off = judged_at(2.0);
+  const Alignment off = judged_at(2.0);
   EXPECT_EQ(off.verdict, Verdict::kRejected);
   EXPECT_THAT(off.reason, HasSubstr("another pose, 2 matching radii away"));
   EXPECT_FALSE(off.own);
   // So far that a user would call it another.
   EXPECT_THAT(judged_at(30.0).reason, HasSubstr("another pose is likelier"));
   // So near that a user would call it the same.
-  const PlacementResult same = judged_at(0.6);
+  const Alignment same = judged_at(0.6);
   EXPECT_TRUE(same.own) << same.reason;
 }
 
@@ -770,18 +772,18 @@ TEST(PreparedPair, AcceptsNoWrongPoseAndSettlesGuessesInTheTruth) {
   for (int trial = 0; trial < 20; ++trial) {
     const Similarity3 wrong = off_by(pair.target_from_source, source, random,
                                      random.uniform(6, 180), random.uniform(0, 2));
-    const PlacementResult judged = prepared.judge(wrong);
+    const Alignment judged = prepared.judge(wrong);
     EXPECT_EQ(judged.verdict, Verdict::kRejected) << judged.reason;
     EXPECT_THAT(judged.reason,
                 ::testing::AnyOf(HasSubstr("another pose is likelier"), HasSubstr("fits better")));
-    const PlacementResult settled = prepared.settle(wrong);
+    const Alignment settled = prepared.settle(wrong);
     if (settled.verdict == Verdict::kAligned) {
       EXPECT_TRUE(is_right(settled, pair.target_from_source, source)) << settled.reason;
     } else {
       EXPECT_THAT(settled.reason, HasSubstr("another pose is likelier"));
       ++elsewhere;
     }
-    const PlacementResult near =
+    const Alignment near =
         prepared.settle(off_by(pair.target_from_source, source, random, 0.5, 0.02));
     EXPECT_EQ(near.verdict, Verdict::kAligned) << near.reason;
     EXPECT_TRUE(is_right(near, pair.target_from_source, source));
@@ -810,25 +812,24 @@ TEST(PreparedPair, AcceptsNothingBesideASearchThatWasStopped) {
   const LandmarkCloud target = landmark_cloud(pair.target);
   std::stop_source stop;
   stop.request_stop();
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.execution.stop = stop.get_token();
-  const PlacementResult judged =
-      prepared_pair(source, target, options).judge(pair.target_from_source);
+  const Alignment judged = prepared_pair(source, target, options).judge(pair.target_from_source);
   EXPECT_EQ(judged.verdict, Verdict::kRejected);
-  EXPECT_EQ(judged.alignment.status, RegistrationStatus::kCancelled);
+  EXPECT_EQ(judged.registration.status, RegistrationStatus::kCancelled);
 }
 
 TEST(PreparedPair, JudgesByTheBarAskedFor) {
   const SyntheticPair pair = synthetic_pair({.seed = 36, .overlap = 0.3});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.min_probability = 0.9999999999;
   EXPECT_NE(prepared_pair(source, target, options).judge(pair.target_from_source).verdict,
             Verdict::kAligned);
   options.min_probability = 0.4;
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
-              HasSubstr("PlaceOptions.min_probability"));
+              HasSubstr("AlignOptions.min_probability"));
 }
 
 TEST(PreparedPair, KeepsToOneScaleUnlessToldOtherwise) {
@@ -852,10 +853,10 @@ TEST(PreparedPair, RejectsTooFewLandmarks) {
 TEST(Place, RejectsTooFewLandmarks) {
   LandmarkCloud few;
   for (int i = 0; i < 10; ++i) few.positions.emplace_back(i, i * i, -i);
-  const PlacementResult result = place(few, few);
+  const Alignment result = place(few, few);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
   EXPECT_THAT(result.reason, HasSubstr("10 source and 10 target landmarks"));
-  EXPECT_EQ(result.alignment.status, RegistrationStatus::kFailed);
+  EXPECT_EQ(result.registration.status, RegistrationStatus::kFailed);
   EXPECT_EQ(place({}, {}).verdict, Verdict::kRejected);
   for (int i = 10; i < 20; ++i) few.positions.emplace_back(i, i * i, -i);
   EXPECT_THAT(place(few, few).reason, ::testing::Not(HasSubstr("at least 20")));
@@ -868,7 +869,7 @@ TEST(Place, SurvivesLandmarksThatCoincide) {
 }
 
 TEST(Place, TakesOptionsUpToTheirBoundsAndNoFurther) {
-  const auto is_valid = [](const PlaceOptions& options) {
+  const auto is_valid = [](const AlignOptions& options) {
     return testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }).empty();
   };
   const double below = 1.0 - 1e-12;
@@ -878,62 +879,61 @@ TEST(Place, TakesOptionsUpToTheirBoundsAndNoFurther) {
     EXPECT_FALSE(is_valid(of(least * below)) || is_valid(of(most * above)))
         << least << " to " << most;
   };
-  expect_bounds([](double v) { return PlaceOptions{.effort = v}; }, 1.0 / 16.0, 64.0);
-  expect_bounds([](double v) { return PlaceOptions{.prior_odds = v}; }, 1e-6, 1e6);
-  const auto probability = [](double v) { return PlaceOptions{.min_probability = v}; };
+  expect_bounds([](double v) { return AlignOptions{.effort = v}; }, 1.0 / 16.0, 64.0);
+  expect_bounds([](double v) { return AlignOptions{.prior_odds = v}; }, 1e-6, 1e6);
+  const auto probability = [](double v) { return AlignOptions{.min_probability = v}; };
   EXPECT_TRUE(is_valid(probability(0.5)) && is_valid(probability(below)));
   EXPECT_FALSE(is_valid(probability(0.5 * below)) || is_valid(probability(1.0)));
-  const auto seconds = [](double v) { return PlaceOptions{.time_limit_s = v}; };
+  const auto seconds = [](double v) { return AlignOptions{.time_limit_s = v}; };
   EXPECT_TRUE(is_valid(seconds(1e-300)) && is_valid(seconds(1e6)));
   EXPECT_FALSE(is_valid(seconds(0.0)) || is_valid(seconds(1e6 * above)));
   const auto tilt = [](double v) {
-    return PlaceOptions{.gravity = GravityPrior{.max_tilt_rad = v}};
+    return AlignOptions{.gravity = GravityPrior{.max_tilt_rad = v}};
   };
   EXPECT_TRUE(is_valid(tilt(1e-300)) && is_valid(tilt(std::numbers::pi)));
   EXPECT_FALSE(is_valid(tilt(0.0)) || is_valid(tilt(std::numbers::pi * above)));
   const auto scales = [](double least, double most) {
-    return PlaceOptions{.scale = ScaleRange{least, most}};
+    return AlignOptions{.scale = ScaleRange{least, most}};
   };
   EXPECT_TRUE(is_valid(scales(2.0, 2.0)));
   EXPECT_FALSE(is_valid(scales(2.0, 2.0 * below)));
 }
 
 TEST(Place, RefusesInvalidOptionsByName) {
-  const auto refused = [](const PlaceOptions& options, const char* field) {
+  const auto refused = [](const AlignOptions& options, const char* field) {
     EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
                 HasSubstr(field));
   };
-  refused({.effort = 0.0}, "PlaceOptions.effort");
-  refused({.scale = ScaleRange{0.0, 1.0}}, "PlaceOptions.scale.least");
-  refused({.scale = ScaleRange{2.0, 1.0}}, "PlaceOptions.scale.most");
-  refused({.scale = ScaleRange{1.0, HUGE_VAL}}, "PlaceOptions.scale.most");
-  refused({.effort = 1000.0}, "PlaceOptions.effort");
-  refused({.effort = std::nan("")}, "PlaceOptions.effort");
-  refused({.time_limit_s = 0.0}, "PlaceOptions.time_limit_s");
-  refused({.time_limit_s = 1e10}, "PlaceOptions.time_limit_s");
-  refused({.time_limit_s = std::nan("")}, "PlaceOptions.time_limit_s");
+  refused({.effort = 0.0}, "AlignOptions.effort");
+  refused({.scale = ScaleRange{0.0, 1.0}}, "AlignOptions.scale.least");
+  refused({.scale = ScaleRange{2.0, 1.0}}, "AlignOptions.scale.most");
+  refused({.scale = ScaleRange{1.0, HUGE_VAL}}, "AlignOptions.scale.most");
+  refused({.effort = 1000.0}, "AlignOptions.effort");
+  refused({.effort = std::nan("")}, "AlignOptions.effort");
+  refused({.time_limit_s = 0.0}, "AlignOptions.time_limit_s");
+  refused({.time_limit_s = 1e10}, "AlignOptions.time_limit_s");
+  refused({.time_limit_s = std::nan("")}, "AlignOptions.time_limit_s");
   for (const double radius : {-1.0, 0.0, HUGE_VAL}) {
-    refused({.overlap_radius = radius}, "PlaceOptions.overlap_radius");
+    refused({.overlap_radius = radius}, "AlignOptions.overlap_radius");
   }
-  refused({.gravity = GravityPrior{.source = Eigen::Vector3d::Zero()}}, "PlaceOptions.gravity");
-  refused({.gravity = GravityPrior{.max_tilt_rad = 0.0}}, "PlaceOptions.gravity.max_tilt_rad");
+  refused({.gravity = GravityPrior{.source = Eigen::Vector3d::Zero()}}, "AlignOptions.gravity");
+  refused({.gravity = GravityPrior{.max_tilt_rad = 0.0}}, "AlignOptions.gravity.max_tilt_rad");
 }
 
 TEST(Place, ReturnsWhenAskedToStop) {
   std::stop_source stop;
   stop.request_stop();
-  PlaceOptions options;
+  AlignOptions options;
   options.execution.stop = stop.get_token();
   const SyntheticPair pair = synthetic_pair({.seed = 14, .landmarks = 500});
-  const PlacementResult result =
-      place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
-  EXPECT_EQ(result.alignment.status, RegistrationStatus::kCancelled);
+  const Alignment result = place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
+  EXPECT_EQ(result.registration.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
   // That is not the time limit's doing.
   options.time_limit_s = 3600.0;
-  const PlacementResult limited =
+  const Alignment limited =
       place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
-  EXPECT_EQ(limited.alignment.status, RegistrationStatus::kCancelled);
+  EXPECT_EQ(limited.registration.status, RegistrationStatus::kCancelled);
   EXPECT_FALSE(limited.cut_short);
 }
 
@@ -941,23 +941,23 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
   const SyntheticPair pair = synthetic_pair({.seed = 15, .landmarks = 1000});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  PlaceOptions options = two_threads();
+  AlignOptions options = two_threads();
   options.time_limit_s = 3600.0;
-  const PlacementResult ample = place(source, target, options);
+  const Alignment ample = place(source, target, options);
   EXPECT_EQ(ample.verdict, Verdict::kAligned) << ample.reason;
   EXPECT_FALSE(ample.cut_short);
-  EXPECT_LT(
-      difference(ample.alignment.target_from_source, pair.target_from_source, source).rotation_deg,
-      0.5);
+  EXPECT_LT(difference(ample.registration.target_from_source, pair.target_from_source, source)
+                .rotation_deg,
+            0.5);
 
   options.time_limit_s = 1e-6;
   options.effort = 64.0;
-  const PlacementResult hasty = place(source, target, options);
+  const Alignment hasty = place(source, target, options);
   EXPECT_TRUE(hasty.cut_short);
   EXPECT_THAT(hasty.reason, HasSubstr("time limit cut the work short"));
-  EXPECT_EQ(hasty.alignment.stop_reason, StopReason::kTimeLimit);
-  EXPECT_EQ(hasty.alignment.status, RegistrationStatus::kStopped);
-  EXPECT_THAT(hasty.alignment.reason, HasSubstr("stopped at the time limit"));
+  EXPECT_EQ(hasty.registration.stop_reason, StopReason::kTimeLimit);
+  EXPECT_EQ(hasty.registration.status, RegistrationStatus::kStopped);
+  EXPECT_THAT(hasty.registration.reason, HasSubstr("stopped at the time limit"));
   EXPECT_FALSE(hasty.candidates.empty());
   EXPECT_TRUE(prepared_pair(source, target, options).judge(pair.target_from_source).cut_short);
 }
@@ -984,10 +984,10 @@ TEST(Place, FindsOnePoseForTheHalvesOfARealMapNearlyAlways) {
     const LandmarkCloud some = part(source, random);
     const Rigid3 a = any_pose(random, 5.0);
     const Rigid3 b = any_pose(random, 5.0);
-    const PlacementResult result =
+    const Alignment result =
         place(moved(some, a), moved(part(target, random), b), two_threads(seed));
     const Difference error =
-        difference(b.inverse() * result.alignment.target_from_source * a, Rigid3(), some);
+        difference(b.inverse() * result.registration.target_from_source * a, Rigid3(), some);
     EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
     same += error.rotation_deg < 10.0 && error.translation < 0.08 ? 1 : 0;
   }

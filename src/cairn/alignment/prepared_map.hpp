@@ -132,106 +132,6 @@ enum class PoseSearch {
   kNever,  ///< only descriptors propose poses: fast, and finds no pose without them
 };
 
-/// Options of place().
-struct PlaceOptions {
-  std::uint64_t seed = 0;
-  /// Number of rotations tried, as a multiple of the default's; from 1/16 to 64.
-  double effort = 1.0;
-  PoseSearch search = PoseSearch::kWhereNeeded;
-  /// Odds that the maps show the same place, before any evidence: 0.01 if one pair in a hundred does. From
-  /// 1e-6 to 1e6.
-  double prior_odds = 1.0;
-  /// Least probability of an aligned pose; if only several poses together reach it, they are ambiguous. In
-  /// [0.5, 1).
-  double min_probability = 0.99;
-  std::optional<GravityPrior> gravity = {};
-  /// Also estimates the scale, e.g. of maps from a single camera; several times slower if descriptors do
-  /// not decide. std::nullopt: both maps have one scale.
-  std::optional<ScaleRange> scale = {};
-  /// Wall time for the search, which then continues with what it has: half for the search for poses, the
-  /// rest to refine and judge them. The result then depends on the machine and may differ between runs.
-  /// Necessary work (trees, descriptors, overlap) is always done, so the call may take longer. Positive, at
-  /// most 1e6; std::nullopt: no limit.
-  std::optional<double> time_limit_s = {};
-  bool use_covariances = true;  ///< in the final refinement; see RefineOptions
-  /// A landmark of the result overlaps if the other map has one within this distance. std::nullopt: the
-  /// placement's radius.
-  std::optional<double> overlap_radius = {};
-  bool trace = false;  ///< record score and matches of every iteration of the final refinement
-
-  Execution execution = {};
-
-  /// @throws Error (misuse) naming the field, its value and the constraint
-  void validate() const;
-};
-
-struct PlacementResult {
-  Verdict verdict = Verdict::kRejected;
-  std::string reason;  ///< one sentence for people, the decision first
-  /// The best pose, refined with all landmarks, with its covariance and overlap both ways; failed if there
-  /// is none. Its status is that of the refinement; the verdict says whether the pose is right.
-  RegistrationResult alignment;
-  /// Likeliest first. In place(), the first is the refined pose, the second the runner-up.
-  std::vector<PlacementCandidate> candidates;
-  double probability = 0.0;  ///< that the pose is right
-  /// Index of the candidate with this pose; std::nullopt for a judged pose that is near a better candidate.
-  std::optional<std::size_t> own;
-  double radius = 0.0;  ///< landmarks within this distance count as matched
-  /// Free-space check of the landmarks around the matches, at the likeliest candidate.
-  SightCounts around = {};
-  /// The time limit ended the search or the last refinement early. A pose may be missing from the
-  /// candidates, and the probability does not account for it.
-  bool cut_short = false;
-  bool time_limited = false;  ///< there was a time limit, whether or not it had an effect
-  double duration_s = 0.0;    ///< wall time of the whole call
-};
-
-/// Aligns two maps without an initial pose and judges the pose.
-///
-/// Starts from thousands of evenly spread rotations, each with the translations that best overlay parts of
-/// the source and the target. A tournament of robust refinements on samples of both maps leaves a few
-/// distinct poses. With a free scale, this runs at scales a quarter apart around what the extents and
-/// spacings suggest, and the refinements also estimate the scale. The poses are refined with all sampled
-/// landmarks and ranked by probability, from the match distances and descriptors compared with chance
-/// (Support) and the free-space check (SightCounts). The best pose is refined with all landmarks and their
-/// covariances.
-///
-/// Lengths derive from the maps: extents, landmark spacings, covariances. An expected failure (too few
-/// landmarks, no overlap) is a verdict. The same input and seed give the same result for any number of
-/// threads, except with a time limit.
-///
-/// @throws Error (misuse) for invalid options or clouds
-PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
-                      const PlaceOptions& options = {});
-
-/// Finds or judges any number of poses between two maps. Work that all of them share is done once, on first
-/// use. Each pose is compared with the candidates of place().
-class PreparedPair {
- public:
-  /// @throws Error (misuse) for invalid options
-  PreparedPair(const PreparedMap& source, const PreparedMap& target,
-               const PlaceOptions& options = {});
-  ~PreparedPair();
-  PreparedPair(PreparedPair&&) noexcept;
-  PreparedPair& operator=(PreparedPair&&) noexcept;
-
-  /// Same as cairn::place().
-  PlacementResult place();
-
-  /// Judges a given pose without changing it. It is aligned only if gravity and scale range allow it, it is
-  /// likelier than every other pose and no worse than the best pose near it.
-  /// @throws Error (misuse) for a scale other than 1 without PlaceOptions::scale
-  PlacementResult judge(const Similarity3& target_from_source);
-
-  /// Refines a pose to the nearest optimum and judges that.
-  /// @throws Error as judge()
-  PlacementResult settle(const Similarity3& target_from_source);
-
- private:
-  class Work;
-  std::unique_ptr<Work> work_;
-};
-
 /// Options of refine(). Lengths are in the unit of the maps, or of the target if a scale is estimated.
 struct RefineOptions {
   Rigid3 initial = {};  ///< initial target_from_source
@@ -256,7 +156,6 @@ struct RefineOptions {
   /// at least twice as large. ICP converges from larger errors if the maps share most landmarks, else often
   /// to a wrong pose. Not with a scale.
   bool by_icp_too = true;
-  bool use_covariances = true;  ///< weight residuals by the landmarks' covariances, if known
   bool one_to_one = false;   ///< match each target landmark only with its nearest source landmark
   int max_iterations = 100;  ///< of each method; at least 1
   /// A landmark overlaps if the other map has one within this distance. std::nullopt: no overlap is

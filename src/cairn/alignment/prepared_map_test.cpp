@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/alignment/prepared_map.hpp"
-
 #include <algorithm>
 #include <numeric>
 #include <span>
@@ -8,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
@@ -126,12 +125,12 @@ TEST(PreparedMap, GivesThePlacementThatTheMapGives) {
   const SyntheticPair pair = two_maps();
   const PreparedMap source(pair.source);
   const PreparedMap target(pair.target);
-  const PlacementResult plain = place(landmark_cloud(pair.source), landmark_cloud(pair.target));
-  const PlacementResult prepared = PreparedPair(source, target).place();
+  const Alignment plain = place(landmark_cloud(pair.source), landmark_cloud(pair.target));
+  const Alignment prepared = PreparedPair(source, target).place();
   EXPECT_EQ(prepared.verdict, Verdict::kAligned);
   EXPECT_EQ(plain.probability, prepared.probability);
-  EXPECT_EQ(plain.alignment.target_from_source.matrix(),
-            prepared.alignment.target_from_source.matrix());
+  EXPECT_EQ(plain.registration.target_from_source.matrix(),
+            prepared.registration.target_from_source.matrix());
 }
 
 TEST(PreparedMap, AsksForTheInputOfItsConfidence) {

@@ -7,9 +7,9 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/evidence/verdict.hpp"
 #include "cairn/alignment/detail/search/placement.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -46,7 +46,7 @@ double precision(const Finalist& pose) {
 // A placement of the caller's clouds, with the source scaled or the two exchanged if necessary.
 class PreparedPair::Work {
  public:
-  Work(const PreparedMap& source, const PreparedMap& target, const PlaceOptions& options)
+  Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options)
       : source_(source),
         target_(target),
         callers_(options),
@@ -82,13 +82,12 @@ class PreparedPair::Work {
     }
   }
 
-  PlacementResult place() {
-    return timed([&](const TimeLimit& time, PlacementResult& result) {
-      conclude(searched(time), time, result);
-    });
+  Alignment place() {
+    return timed(
+        [&](const TimeLimit& time, Alignment& result) { conclude(searched(time), time, result); });
   }
-  PlacementResult judge(const Similarity3& pose);
-  PlacementResult settle(const Similarity3& pose);
+  Alignment judge(const Similarity3& pose);
+  Alignment settle(const Similarity3& pose);
 
  private:
   struct Placed {
@@ -97,7 +96,7 @@ class PreparedPair::Work {
   };
 
   template <class Stages>
-  PlacementResult timed(const Stages& stages);
+  Alignment timed(const Stages& stages);
   Similarity3 for_caller(const Similarity3& centred) const {
     const Similarity3 pose = placement_->uncentred(centred);
     const Similarity3 direct = inverted_ ? pose.inverse() : pose;
@@ -112,20 +111,20 @@ class PreparedPair::Work {
     return placement_->fine(pose.scale) / (inverted_ ? pose.scale : 1.0);
   }
   RegistrationResult refined(const Finalist& best, bool hold, const TimeLimit& time,
-                             PlacementResult& result) const;
+                             Alignment& result) const;
   const Candidates& searched(const TimeLimit& time);
-  void conclude(Candidates found, const TimeLimit& time, PlacementResult& result) const;
+  void conclude(Candidates found, const TimeLimit& time, Alignment& result) const;
   void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
-                     const TimeLimit& time, PlacementResult& result) const;
-  void judge_best(const Finalist& best, PlacementResult& result) const;
+                     const TimeLimit& time, Alignment& result) const;
+  void judge_best(const Finalist& best, Alignment& result) const;
   Placed beside(Candidates found, const Finalist& pose) const;
-  void report(const std::vector<Finalist>& poses, PlacementResult& result) const;
+  void report(const std::vector<Finalist>& poses, Alignment& result) const;
   void require_scale(const Similarity3& pose) const;
 
   const PreparedMap source_;
   const PreparedMap target_;
-  const PlaceOptions callers_;
-  PlaceOptions options_;  // in the placement's unit
+  const AlignOptions callers_;
+  AlignOptions options_;  // in the placement's unit
   double unit_;           // factor of the source
   bool inverted_;
   std::optional<Placement> placement_;  // std::nullopt if there are too few landmarks
@@ -134,8 +133,7 @@ class PreparedPair::Work {
 
 // The pose of a candidate at the scale where its refinement ended, with all landmarks.
 RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
-                                               const TimeLimit& time,
-                                               PlacementResult& result) const {
+                                               const TimeLimit& time, Alignment& result) const {
   const Similarity3 pose = for_caller(best.similarity());
   RefineOptions refinement;
   refinement.initial = pose.rigid();
@@ -150,7 +148,6 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
   refinement.coarse = refinement.one_to_one ? kernel : kReopened * kernel;
   refinement.fine = refinement.finest = kernel;
   refinement.error_scale = std::min(kErrorScale * kernel, fine(best));
-  refinement.use_covariances = callers_.use_covariances;
   refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
   refinement.execution.executor = callers_.execution.executor;
   refinement.trace = callers_.trace;
@@ -175,7 +172,7 @@ const Candidates& PreparedPair::Work::searched(const TimeLimit& time) {
   return *searched_;
 }
 
-void PreparedPair::Work::report(const std::vector<Finalist>& poses, PlacementResult& result) const {
+void PreparedPair::Work::report(const std::vector<Finalist>& poses, Alignment& result) const {
   for (const Finalist& pose : poses) {
     set_similarity(result.candidates.emplace_back(pose), for_caller(pose.similarity()));
   }
@@ -185,29 +182,29 @@ void PreparedPair::Work::report(const std::vector<Finalist>& poses, PlacementRes
 // then likelier, also refines that one. Keeps a candidate unchanged if it has more evidence than its
 // refinement.
 void PreparedPair::Work::conclude(Candidates found, const TimeLimit& time,
-                                  PlacementResult& result) const {
+                                  Alignment& result) const {
   constexpr int kAttempts = 4;  // at the last refinement
   result.cut_short = found.cut_short;
   if (found.poses.empty()) {
     result.radius = kMatched * placement_->fine(1.0);
     result.verdict = Verdict::kRejected;
     result.reason = detail::judge({}, {}, placement_->landmarks()).reason;
-    result.alignment.reason = result.reason;
+    result.registration.reason = result.reason;
     return;
   }
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const Finalist best = found.poses.front();
     result.radius = kMatched * fine(best);
-    result.alignment = refined(best, false, time, result);
-    if (result.alignment.status == RegistrationStatus::kCancelled) break;
-    const bool failed = result.alignment.status == RegistrationStatus::kFailed;
-    Finalist after = placement_->assessed(centred(result.alignment.similarity()));
+    result.registration = refined(best, false, time, result);
+    if (result.registration.status == RegistrationStatus::kCancelled) break;
+    const bool failed = result.registration.status == RegistrationStatus::kFailed;
+    Finalist after = placement_->assessed(centred(result.registration.similarity()));
     // Evidence at the finer scales can only be lost if there is some.
     const bool worse =
         precision(best) < 1.0 && Placement::merit(after) < kKeptMerit * Placement::merit(best);
     const bool settled = !failed && !worse && placement_->allows(after);
     if (!settled || attempt + 1 == kAttempts) {
-      result.alignment = refined(best, true, time, result);
+      result.registration = refined(best, true, time, result);
       break;
     }
     const Similarity3 pose = after.similarity();
@@ -222,10 +219,11 @@ void PreparedPair::Work::conclude(Candidates found, const TimeLimit& time,
 }
 
 // The verdict on the likeliest candidate.
-void PreparedPair::Work::judge_best(const Finalist& best, PlacementResult& result) const {
+void PreparedPair::Work::judge_best(const Finalist& best, Alignment& result) const {
   result.around = placement_->around(best.similarity());
-  Judgement judgement = detail::judge(result.candidates, result.alignment, placement_->landmarks(),
-                                      callers_.min_probability, result.around);
+  Judgement judgement =
+      detail::judge(result.candidates, result.registration, placement_->landmarks(),
+                    callers_.min_probability, result.around);
   result.verdict = judgement.verdict;
   result.reason = std::move(judgement.reason);
 }
@@ -248,16 +246,16 @@ PreparedPair::Work::Placed PreparedPair::Work::beside(Candidates found,
 // @param better distance to the placed pose, if that is a better one nearby
 void PreparedPair::Work::conclude_held(const Placed& placed, const Finalist& held,
                                        std::optional<double> better, const TimeLimit& time,
-                                       PlacementResult& result) const {
+                                       Alignment& result) const {
   const auto& [found, own] = placed;
   result.cut_short = found.cut_short;
   result.radius = kMatched * fine(held);
-  result.alignment = refined(held, true, time, result);
+  result.registration = refined(held, true, time, result);
   // A stopped search may have missed likelier poses.
   if (callers_.execution.stop.stop_requested()) {
-    result.alignment.status = RegistrationStatus::kCancelled;
-    result.alignment.stop_reason = StopReason::kCancelled;
-    result.alignment.reason = result.reason = "cancelled before the pose was judged";
+    result.registration.status = RegistrationStatus::kCancelled;
+    result.registration.stop_reason = StopReason::kCancelled;
+    result.registration.reason = result.reason = "cancelled before the pose was judged";
     return;
   }
   report(found.poses, result);
@@ -281,21 +279,21 @@ void PreparedPair::Work::conclude_held(const Placed& placed, const Finalist& hel
   if (own > 0) {
     result.reason = fmt::format(
         "another pose is likelier: its probability is {}, that of this pose {}",
-        probability_text(found.poses.front().probability), probability_text(result.probability));
+        probability_text(found.poses.front().probability), probability_text(*result.probability));
     return;
   }
   // Beside an optimum, directions can look open that are determined.
   std::optional<double> off;
-  if (!result.alignment.unobservable.empty()) {
+  if (!result.registration.unobservable.empty()) {
     const RegistrationResult optimum = refined(held, false, time, result);
     if (optimum.covariance) {
       off = placement_->apart(held.similarity(), centred(optimum.similarity()));
-      result.alignment.unobservable.clear();
-      result.alignment.covariance = optimum.covariance;
+      result.registration.unobservable.clear();
+      result.registration.covariance = optimum.covariance;
     }
   }
   judge_best(found.poses.front(), result);
-  if (off) result.alignment.covariance.reset();
+  if (off) result.registration.covariance.reset();
   if (off && result.verdict != Verdict::kRejected) {
     result.verdict = Verdict::kAmbiguous;
     result.reason = fmt::format(
@@ -309,36 +307,39 @@ void PreparedPair::Work::require_scale(const Similarity3& pose) const {
   constexpr double kOne = 1e-9;
   if (callers_.scale || std::abs(pose.scale() - 1.0) <= kOne) return;
   throw Error(ErrorKind::kMisuse, "target_from_source", fmt::format("scale {}", pose.scale()),
-              "1, or PlaceOptions.scale");
+              "1, or AlignOptions.scale");
 }
 
 template <class Stages>
-PlacementResult PreparedPair::Work::timed(const Stages& stages) {
+Alignment PreparedPair::Work::timed(const Stages& stages) {
   const auto start = std::chrono::steady_clock::now();
-  PlacementResult result;
-  result.time_limited = callers_.time_limit_s.has_value();
+  Alignment result;
+  result.verdict = Verdict::kRejected;
+  result.probability = 0.0;
+  result.deterministic = !callers_.time_limit_s;
   if (!placement_) {
     result.reason = fmt::format("{} source and {} target landmarks: at least {} of each are needed",
                                 source_.cloud().size(), target_.cloud().size(), kFewestLandmarks);
-    result.alignment.reason = result.reason;
+    result.registration.reason = result.reason;
   } else {
     stages(TimeLimit(start, callers_), result);
     if (result.cut_short) result.reason += "; the time limit cut the work short";
     for (const auto& [map, name] : {std::pair(&source_, "source"), std::pair(&target_, "target")}) {
-      if (!callers_.use_covariances || !map->cloud().ignores_covariances()) continue;
+      if (!map->cloud().ignores_covariances()) continue;
       result.reason += fmt::format(
           "; the covariances of the {} are not used, because they exceed a tenth of its extent",
           name);
     }
   }
+  take_pose(result);
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }
 
-PlacementResult PreparedPair::Work::judge(const Similarity3& pose) {
+Alignment PreparedPair::Work::judge(const Similarity3& pose) {
   require_scale(pose);
-  return timed([&](const TimeLimit& time, PlacementResult& result) {
+  return timed([&](const TimeLimit& time, Alignment& result) {
     const Candidates& found = searched(time);
     const Finalist held = placement_->assessed(centred(pose));
     const auto [better, off] = placement_->better_near(found.poses, held);
@@ -349,9 +350,9 @@ PlacementResult PreparedPair::Work::judge(const Similarity3& pose) {
   });
 }
 
-PlacementResult PreparedPair::Work::settle(const Similarity3& pose) {
+Alignment PreparedPair::Work::settle(const Similarity3& pose) {
   require_scale(pose);
-  return timed([&](const TimeLimit& time, PlacementResult& result) {
+  return timed([&](const TimeLimit& time, Alignment& result) {
     const Candidates& found = searched(time);
     Finalist settled = placement_->settled(centred(pose), callers_.execution.stop);
     if (const auto better = placement_->better_near(found.poses, settled).first) settled = *better;
@@ -363,34 +364,8 @@ PlacementResult PreparedPair::Work::settle(const Similarity3& pose) {
   });
 }
 
-void PlaceOptions::validate() const {
-  const auto require = [](bool valid, std::string_view field, const auto& value,
-                          std::string_view expected) {
-    detail::require(valid, fmt::format("PlaceOptions.{}", field), value, expected);
-  };
-  constexpr double kLongest = 1e6;  // time limit in seconds
-  require(effort >= 1.0 / 16.0 && effort <= 64.0, "effort", effort, "from 1/16 to 64");
-  require(prior_odds >= 1e-6 && prior_odds <= 1e6, "prior_odds", prior_odds, "from 1e-6 to 1e6");
-  require(min_probability >= 0.5 && min_probability < 1.0, "min_probability", min_probability,
-          "at least 0.5 and below 1");
-  require(!time_limit_s || (*time_limit_s > 0.0 && *time_limit_s <= kLongest), "time_limit_s",
-          time_limit_s.value_or(0.0), "a positive number of at most 1e6");
-  require(!overlap_radius || (*overlap_radius > 0.0 && std::isfinite(*overlap_radius)),
-          "overlap_radius", overlap_radius.value_or(0.0), "a positive number");
-  require(!scale || (scale->least > 0.0 && std::isfinite(scale->least)), "scale.least",
-          scale ? scale->least : 0.0, "a positive number");
-  require(!scale || (scale->most >= scale->least && std::isfinite(scale->most)), "scale.most",
-          scale ? scale->most : 0.0, "a number not below scale.least");
-  if (!gravity) return;
-  for (const Eigen::Vector3d& down : {gravity->source, gravity->target}) {
-    require(down.allFinite() && down.norm() > 0.0, "gravity", "no direction", "a vector downwards");
-  }
-  require(gravity->max_tilt_rad > 0.0 && gravity->max_tilt_rad <= std::numbers::pi,
-          "gravity.max_tilt_rad", gravity->max_tilt_rad, "above 0 and at most pi");
-}
-
 PreparedPair::PreparedPair(const PreparedMap& source, const PreparedMap& target,
-                           const PlaceOptions& options) {
+                           const AlignOptions& options) {
   options.validate();
   work_ = std::make_unique<Work>(source, target, options);
 }
@@ -398,26 +373,26 @@ PreparedPair::~PreparedPair() = default;
 PreparedPair::PreparedPair(PreparedPair&&) noexcept = default;
 PreparedPair& PreparedPair::operator=(PreparedPair&&) noexcept = default;
 
-PlacementResult PreparedPair::place() {
+Alignment PreparedPair::place() {
   return work_->place();
 }
 
-PlacementResult PreparedPair::judge(const Similarity3& target_from_source) {
+Alignment PreparedPair::judge(const Similarity3& target_from_source) {
   return work_->judge(target_from_source);
 }
 
-PlacementResult PreparedPair::settle(const Similarity3& target_from_source) {
+Alignment PreparedPair::settle(const Similarity3& target_from_source) {
   return work_->settle(target_from_source);
 }
 
-PlacementResult place(const LandmarkCloud& source, const LandmarkCloud& target,
-                      const PlaceOptions& options) {
+Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,
+                const AlignOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   options.validate();
   const PrepareOptions preparation{.seed = options.seed, .executor = options.execution.executor};
-  PlacementResult result = PreparedPair(PreparedMap(source, preparation, "source"),
-                                        PreparedMap(target, preparation, "target"), options)
-                               .place();
+  Alignment result = PreparedPair(PreparedMap(source, preparation, "source"),
+                                  PreparedMap(target, preparation, "target"), options)
+                         .place();
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;

@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/alignment/align.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/covariance.hpp"
@@ -138,12 +138,13 @@ TEST(Refine, IsCloserWithCovariances) {
   double with = 0.0;
   double without = 0.0;
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    const Pair pair = noisy(seed, 0.6);
+    Pair pair = noisy(seed, 0.6);
     RefineOptions options;
     options.initial = pair.truth;
     options.coarse = options.fine = 0.02;
     with += distance(refine(pair.source, pair.target, options).target_from_source, pair.truth);
-    options.use_covariances = false;
+    pair.source.covariances.clear();
+    pair.target.covariances.clear();
     without += distance(refine(pair.source, pair.target, options).target_from_source, pair.truth);
   }
   EXPECT_LT(with, without);

@@ -2,12 +2,9 @@
 #include "cairn/atlas/atlas.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <list>
 #include <map>
-#include <ranges>
 #include <set>
-#include <span>
 #include <string_view>
 #include <tuple>
 #include <utility>
@@ -25,10 +22,6 @@
 namespace cairn {
 namespace {
 
-std::string plural(std::size_t count, std::string_view noun) {
-  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
-}
-
 std::string bytes_of(const LandmarkMap& map) {
   std::string bytes;
   write_binary(map, [&](std::string_view more) { bytes += more; });
@@ -45,59 +38,7 @@ AtlasNode described(const LandmarkMap& map) {
   return node;
 }
 
-const AtlasNode& require_node(const AtlasState& state, NodeId id) {
-  const auto found = state.nodes.find(id);
-  if (found != state.nodes.end()) return found->second;
-  throw Error(ErrorKind::kMisuse, "node", fmt::format("{} is not there", id.value),
-              "a map of the atlas");
-}
-
-NodePair pair_of(NodeId a, NodeId b) {
-  return a < b ? NodePair(a, b) : NodePair(b, a);
-}
-
-// The maps of an atlas by index, ascending by their ids. Those that are removed meanwhile keep their index.
-class AtlasMaps : public MapStore {
- public:
-  AtlasMaps(Atlas& atlas, const AtlasState& state) : atlas_(atlas) { add_new(state); }
-
-  // Ids are never reused, so new maps come last.
-  void add_new(const AtlasState& state) {
-    const auto first =
-        nodes_.empty() ? state.nodes.begin() : state.nodes.upper_bound(nodes_.back().id);
-    for (auto one = first; one != state.nodes.end(); ++one) nodes_.push_back(one->second);
-  }
-
-  std::size_t size() const override { return nodes_.size(); }
-  std::string session(std::size_t map) const override { return nodes_[map].session; }
-  std::size_t landmark_count(std::size_t map) const override { return nodes_[map].landmarks; }
-  std::shared_ptr<const LandmarkMap> load(std::size_t map) override {
-    return std::make_shared<const LandmarkMap>(atlas_.map(nodes_[map]));
-  }
-  std::size_t capacity() const override { return 64; }
-
-  NodeId id(std::size_t map) const { return nodes_[map].id; }
-  NodePair ids(const IndexPair& pair) const { return {id(pair.first), id(pair.second)}; }
-  std::size_t index(NodeId id) const {
-    const auto found = std::partition_point(nodes_.begin(), nodes_.end(),
-                                            [&](const AtlasNode& node) { return node.id < id; });
-    return static_cast<std::size_t>(found - nodes_.begin());
-  }
-
- private:
-  Atlas& atlas_;
-  std::vector<AtlasNode> nodes_;
-};
-
 }  // namespace
-
-void AtlasLinkOptions::validate() const {
-  links.validate();
-  if (shards < 1 || shard >= shards) {
-    throw Error(ErrorKind::kMisuse, "AtlasLinkOptions.shard",
-                fmt::format("{} of {}", shard, shards), "a number below that of the shards");
-  }
-}
 
 void Atlas::create(const std::string& location, const AtlasStoreOptions& options) {
   create_store(location, options);
@@ -149,271 +90,6 @@ Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
   });
   if (!added.was_there) added.node = committed.nodes.front();
   return added;
-}
-
-namespace {
-
-// Earlier results of pairs, which decide whether they are tried.
-struct KnownPairs {
-  KnownPairs(const AtlasState& state, bool retry) {
-    for (const auto& [id, link] : state.links) {
-      // Pairs linked by odometry are tried too, because an alignment is more accurate.
-      if (link.kind == LinkKind::kOdometry) continue;
-      const bool again =
-          retry && link.kind == LinkKind::kPlacement && link.verdict != Verdict::kAligned;
-      const NodePair pair = pair_of(link.target, link.source);
-      if (again) {
-        replaced[pair].push_back(id);
-      } else {
-        known.insert(pair);
-      }
-    }
-  }
-
-  std::set<NodePair> known;                          // will not be tried
-  std::map<NodePair, std::vector<LinkId>> replaced;  // links that a new result replaces
-};
-
-LinkOptions without_progress(LinkOptions options) {
-  options.execution = options.execution.without_progress();
-  return options;
-}
-
-// Aligns pairs and stores the results.
-class Linker {
- public:
-  using Commit = std::function<AtlasCommitted(const AtlasStore::Make& make)>;
-
-  Linker(AtlasMaps& maps, const AtlasLinkOptions& options, Commit commit, AtlasLinkResult& result)
-      : maps_(maps),
-        options_(options),
-        commit_(std::move(commit)),
-        result_(result),
-        linker_(maps, without_progress(options.links)) {}
-
-  /// @param expected total number of pairs, for the progress
-  void align(std::span<const NodePair> pairs, const AtlasState& state, const KnownPairs& known,
-             std::size_t expected) {
-    maps_.add_new(state);
-    std::vector<IndexPair> indices;
-    for (const NodePair& pair : pairs) {
-      indices.emplace_back(maps_.index(pair.first), maps_.index(pair.second));
-    }
-    const auto take = [&](Link link) {
-      link.target = maps_.id(link.target.value);
-      link.source = maps_.id(link.source.value);
-      pending_.push_back(std::move(link));
-      // Commits every few seconds: the log stays short, and little is lost if the process is killed.
-      if (std::chrono::steady_clock::now() - last_flush_ > std::chrono::seconds(2)) {
-        flush(state, known);
-      }
-      ++done_;
-      if (options_.links.execution.progress) {
-        options_.links.execution.progress(
-            std::min(1.0, static_cast<double>(done_) / static_cast<double>(expected)));
-      }
-    };
-    try {
-      linker_.link(indices, take);
-    } catch (...) {
-      flush(state, known);  // keeps the results so far
-      throw;
-    }
-    flush(state, known);
-  }
-
- private:
-  void flush(const AtlasState& state, const KnownPairs& known) {
-    if (pending_.empty()) return;
-    std::vector<Link> kept;
-    commit_([&](const AtlasState& now) {
-      AtlasChanges changes;
-      kept.clear();
-      std::set<NodePair> done;  // by another process meanwhile
-      for (const auto& [id, link] : now.links) {
-        if (link.kind == LinkKind::kOdometry || state.links.contains(id)) continue;
-        done.insert(pair_of(link.target, link.source));
-      }
-      // Not only by its id: versions that compacted otherwise may have given it to another map.
-      const auto is_there = [&](NodeId id) {
-        const auto node = now.nodes.find(id);
-        return node != now.nodes.end() && node->second.map == state.nodes.at(id).map;
-      };
-      std::size_t aligned = 0;
-      for (const Link& link : pending_) {
-        const NodePair pair = pair_of(link.target, link.source);
-        if (!is_there(pair.first) || !is_there(pair.second) || done.contains(pair)) continue;
-        const auto replaced = known.replaced.find(pair);
-        if (replaced != known.replaced.end()) {
-          for (const LinkId old : replaced->second) {
-            if (!now.links.contains(old)) continue;
-            changes.removed_links.push_back(old);
-            if (now.agrees.contains(old)) changes.removed_agrees.push_back(old);
-          }
-        }
-        changes.links.push_back(link);
-        kept.push_back(link);
-        if (link.connects()) ++aligned;
-      }
-      changes.text =
-          fmt::format("{} tried, {} aligned", plural(changes.links.size(), "pair"), aligned);
-      return changes;
-    });
-    for (const Link& link : kept) {
-      ++result_.tried;
-      if (link.connects()) ++result_.aligned;
-      if (options_.on_link) options_.on_link(link, state);
-    }
-    pending_.clear();
-    last_flush_ = std::chrono::steady_clock::now();
-  }
-
-  AtlasMaps& maps_;
-  const AtlasLinkOptions& options_;
-  Commit commit_;
-  AtlasLinkResult& result_;
-  PairLinker linker_;  // keeps prepared maps from batch to batch
-  std::vector<Link> pending_;
-  std::chrono::steady_clock::time_point last_flush_ = std::chrono::steady_clock::now();
-  std::size_t done_ = 0;
-};
-
-}  // namespace
-
-AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
-  options.validate();
-  AtlasState state = store_->state();
-  AtlasLinkResult result;
-  KnownPairs known(state, options.retry);
-  const std::set<NodeId> only(options.only.begin(), options.only.end());
-  for (const NodeId id : only) require_node(state, id);
-  AtlasMaps maps(*this, state);
-  const std::vector<IndexPair> likely = pairs_to_link(maps, options.links);
-  auto next = likely.begin();  // in the order of all pairs
-  std::vector<NodePair> pairs;
-  std::size_t number = 0;
-  for (std::size_t source = 0; source < maps.size(); ++source) {
-    for (std::size_t target = 0; target < source; ++target) {
-      const bool is_likely = next != likely.end() && *next == IndexPair(target, source);
-      if (is_likely) ++next;
-      const NodePair pair = maps.ids({target, source});
-      if (!only.empty() && !only.contains(pair.first) && !only.contains(pair.second)) continue;
-      ++result.pairs;
-      if (number++ % options.shards != options.shard) continue;
-      if (known.known.contains(pair)) {
-        ++result.tried_before;
-      } else if (!is_likely) {
-        ++result.not_likely;
-      } else {
-        pairs.push_back(pair);
-      }
-    }
-  }
-
-  Linker linker(
-      maps, options, [this](const AtlasStore::Make& make) { return commit("link", make); }, result);
-  const std::unique_ptr<AtlasPairQueue> queue = store_->share(pairs);
-  if (queue == nullptr) {
-    linker.align(pairs, state, known, pairs.size());
-    return result;
-  }
-  // A few at a time, so that all processes end at about the same time.
-  const std::size_t batch = 2 * std::size_t{options.links.execution.executor.threads()};
-  for (std::vector<NodePair> taken = queue->take(batch); !taken.empty();
-       taken = queue->take(batch)) {
-    // Others may have added maps, and links, since.
-    state = store_->state();
-    known = KnownPairs(state, options.retry);
-    std::erase_if(taken, [&](const NodePair& pair) {
-      return !state.nodes.contains(pair.first) || !state.nodes.contains(pair.second) ||
-             known.known.contains(pair);
-    });
-    linker.align(taken, state, known, pairs.size());
-    queue->done();
-  }
-  return result;
-}
-
-std::size_t Atlas::link_by_odometry(std::span<const Link> links) {
-  const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
-    std::set<NodePair> known;
-    for (const auto& [id, link] : now.links) {
-      if (link.kind == LinkKind::kOdometry) known.insert(pair_of(link.target, link.source));
-    }
-    AtlasChanges changes;
-    for (const Link& stated : links) {
-      require_node(now, stated.target);
-      require_node(now, stated.source);
-      if (!known.insert(pair_of(stated.target, stated.source)).second) continue;
-      Link& odometry = changes.links.emplace_back(stated);
-      odometry.id = {};
-      odometry.kind = LinkKind::kOdometry;
-      odometry.verdict.reset();
-      odometry.probability.reset();
-      odometry.reason = "stated by odometry";
-    }
-    if (changes.links.empty()) return changes;
-    changes.text = fmt::format("{} of odometry", plural(changes.links.size(), "link"));
-    return changes;
-  });
-  return committed.links.size();
-}
-
-LinkId Atlas::link_manually(NodeId target, NodeId source, const Similarity3& target_from_source,
-                            const Matrix7d& covariance, const std::string& reason) {
-  const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
-    Link link;
-    link.target = target;
-    link.source = source;
-    link.kind = LinkKind::kManual;
-    link.reason = reason.empty() ? "stated by a person" : reason;
-    link.target_from_source = target_from_source;
-    if (covariance(6, 6) > 0.0) {
-      link.covariance_with_scale = covariance;
-    } else {
-      link.covariance = covariance.topLeftCorner<6, 6>();
-    }
-    AtlasChanges changes;
-    changes.text = fmt::format("{} <- {} by hand", require_node(now, target).name,
-                               require_node(now, source).name);
-    // Replaces an earlier statement by a person.
-    for (const auto& [id, old] : now.links) {
-      if (old.kind != LinkKind::kManual ||
-          pair_of(old.target, old.source) != pair_of(target, source)) {
-        continue;
-      }
-      changes.removed_links.push_back(id);
-      if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
-    }
-    changes.links.push_back(link);
-    return changes;
-  });
-  return committed.links.front();
-}
-
-void Atlas::unlink(NodeId a, NodeId b, const std::string& reason) {
-  commit("unlink", [&](const AtlasState& now) {
-    AtlasChanges changes;
-    const std::string names =
-        fmt::format("{} and {}", require_node(now, a).name, require_node(now, b).name);
-    for (const auto& [id, link] : now.links) {
-      if (pair_of(link.target, link.source) != pair_of(a, b)) continue;
-      changes.removed_links.push_back(id);
-      if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
-    }
-    if (changes.removed_links.empty()) {
-      throw Error(ErrorKind::kMisuse, store_->name(), "no link between " + names,
-                  "two linked maps");
-    }
-    Link link;
-    std::tie(link.target, link.source) = pair_of(a, b);
-    link.kind = LinkKind::kManual;
-    link.verdict = Verdict::kRejected;
-    link.reason = reason.empty() ? "unlinked by a person" : reason;
-    changes.links.push_back(link);
-    changes.text = names;
-    return changes;
-  });
 }
 
 PoseGraph pose_graph(const AtlasState& state) {
@@ -594,11 +270,12 @@ MergeResult Atlas::merge(const MergePlacedOptions& options, std::optional<NodeId
                          std::optional<CommitId> at) {
   const AtlasState state = store_->state(at);
   const AtlasComponent chosen = component_with(state, frame, store_->name());
-  const AtlasMaps all(*this, state);
+  std::map<NodeId, NodeId> index_of;
   std::list<LandmarkMap> maps;
   std::vector<MergeInput> inputs;
   MergeResult result;
   for (const auto& [id, node] : state.nodes) {
+    index_of[id] = NodeId{inputs.size()};
     MergeInput& input = inputs.emplace_back(MergeInput{node.name, nullptr, node.session});
     MergedMap& merged = result.maps.emplace_back();
     const auto pose = state.poses.find(id);
@@ -616,8 +293,8 @@ MergeResult Atlas::merge(const MergePlacedOptions& options, std::optional<NodeId
   }
   for (const auto& [id, link] : state.links) {
     Link& held = result.links.emplace_back(link);
-    held.target = NodeId{all.index(link.target)};
-    held.source = NodeId{all.index(link.source)};
+    held.target = index_of.at(link.target);
+    held.source = index_of.at(link.source);
     result.used.push_back(is_used(state, link));
   }
   fuse_placed(inputs, options, result);
@@ -712,136 +389,6 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
     return changes;
   });
   return committed.nodes;
-}
-
-namespace {
-
-// Restores an object's earlier value, unless it was changed since.
-template <class Id, class Value, class Equal, class Restore, class Remove>
-void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value>& after,
-              const std::map<Id, Value>& now, const Equal& equal, const Restore& restore,
-              const Remove& remove, const std::string& name, const std::string& what) {
-  const auto then = before.find(id);
-  const auto left = after.find(id);
-  const auto here = now.find(id);
-  const bool same = (left == after.end()) == (here == now.end()) &&
-                    (left == after.end() || equal(left->second, here->second));
-  if (!same) {
-    throw Error(ErrorKind::kMisuse, name, fmt::format("{} was changed again since", what),
-                "to undo the later commands first");
-  }
-  const bool changed = (then == before.end()) != (left == after.end()) ||
-                       (then != before.end() && !equal(then->second, left->second));
-  if (!changed) return;
-  if (then == before.end()) {
-    remove(id);
-  } else {
-    restore(then->second);
-  }
-}
-
-struct Command {
-  AtlasCommit chosen;
-  std::vector<CommitId> commits;  // ascending
-};
-
-// The command of a commit; std::nullopt: the last one that is not undone.
-Command command_to_undo(const std::vector<AtlasCommit>& log, std::optional<CommitId> commit_id,
-                        const std::string& name) {
-  std::map<CommitId, CommitId> runs;  // by commit
-  for (const AtlasCommit& commit : log) runs[commit.id] = commit.run;
-  std::set<CommitId> undone;  // runs
-  for (const AtlasCommit& commit : std::ranges::reverse_view(log)) {
-    // Ignores an undo that was itself undone, and what was undone before the log starts.
-    if (!commit.undoes || undone.contains(commit.run)) continue;
-    const auto run = runs.find(*commit.undoes);
-    if (run != runs.end()) undone.insert(run->second);
-  }
-  const auto chosen = std::find_if(log.rbegin(), log.rend(), [&](const AtlasCommit& commit) {
-    return commit_id ? commit.id == *commit_id : !commit.undoes && !undone.contains(commit.run);
-  });
-  if (chosen == log.rend()) {
-    throw Error(ErrorKind::kMisuse, name,
-                commit_id ? fmt::format("no commit {}", commit_id->value) : "nothing to undo",
-                "a commit of its log");
-  }
-  Command command{*chosen, {}};
-  for (const AtlasCommit& commit : log) {
-    if (commit.run == chosen->run) command.commits.push_back(commit.id);
-  }
-  const CommitId first = command.commits.front();
-  const CommitId last = command.commits.back();
-  if (undone.contains(chosen->run)) {
-    throw Error(ErrorKind::kMisuse, name, fmt::format("commit {} is undone already", last.value),
-                "another commit");
-  }
-  // A run has the id of its first commit.
-  if (first != chosen->run || (first == log.front().id && first.value > 1)) {
-    throw Error(ErrorKind::kMisuse, name,
-                fmt::format("what was before commit {} is compacted", first.value),
-                "a later commit");
-  }
-  return command;
-}
-
-AtlasChanges undoing(const Command& command, AtlasStore& store, const AtlasState& now) {
-  const std::vector<CommitId>& commits = command.commits;
-  const AtlasTouched touched = store.touched(commits);
-  const AtlasState before = store.state(CommitId{commits.front().value - 1});
-  const AtlasState after = store.state(commits.back());
-  AtlasChanges changes;
-  changes.undoes = commits.back();
-  changes.text = commits.size() == 1 ? fmt::format("commit {}: {} {}", command.chosen.id.value,
-                                                   command.chosen.verb, command.chosen.text)
-                                     : fmt::format("commits {} to {}: {}", commits.front().value,
-                                                   commits.back().value, command.chosen.verb);
-  const std::string& name = store.name();
-  const auto same_node = [](const AtlasNode&, const AtlasNode&) { return true; };
-  const auto same_link = [](const Link&, const Link&) { return true; };
-  for (const NodeId id : touched.nodes) {
-    set_back(
-        id, before.nodes, after.nodes, now.nodes, same_node,
-        [&](const AtlasNode& node) { changes.nodes.push_back(node); },
-        [&](NodeId removed) { changes.removed_nodes.push_back(removed); }, name,
-        fmt::format("map {}", id.value));
-  }
-  for (const LinkId id : touched.links) {
-    set_back(
-        id, before.links, after.links, now.links, same_link,
-        [&](const Link& link) { changes.links.push_back(link); },
-        [&](LinkId removed) { changes.removed_links.push_back(removed); }, name,
-        fmt::format("link {}", id.value));
-  }
-  for (const NodeId id : touched.poses) {
-    set_back(
-        id, before.poses, after.poses, now.poses,
-        [](const AtlasPose& a, const AtlasPose& b) { return a == b; },
-        [&](const AtlasPose& pose) { changes.poses.push_back(pose); },
-        [&](NodeId removed) { changes.removed_poses.push_back(removed); }, name,
-        fmt::format("the pose of map {}", id.value));
-  }
-  for (const LinkId id : touched.agrees) {
-    set_back(
-        id, before.agrees, after.agrees, now.agrees, [](bool a, bool b) { return a == b; },
-        [&](bool agrees) { changes.agrees.emplace_back(id, agrees); },
-        [&](LinkId removed) { changes.removed_agrees.push_back(removed); }, name,
-        fmt::format("the agreement of link {}", id.value));
-  }
-  return changes;
-}
-
-}  // namespace
-
-CommitId Atlas::undo(std::optional<CommitId> commit_id) {
-  begin_run();
-  CommitId undone;
-  // Reads the log and the earlier states within the commit, so that no other process drops rows that it restores.
-  commit("undo", [&](const AtlasState& now) {
-    const Command command = command_to_undo(store_->log(), commit_id, store_->name());
-    undone = command.commits.back();
-    return undoing(command, *store_, now);
-  });
-  return undone;
 }
 
 }  // namespace cairn

@@ -18,11 +18,8 @@
 #include <gtest/gtest.h>
 
 #include "cairn/atlas/export.hpp"
-#include "cairn/atlas/merged_world.hpp"
-#include "cairn/atlas/route.hpp"
-#include "cairn/atlas/state_difference.hpp"
+#include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
-#include "cairn/atlas/store/sqlite_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/covariance.hpp"

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/merged_world.hpp"
-
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -11,7 +9,8 @@
 
 #include <unistd.h>
 
-#include "cairn/atlas/store/sqlite_store.hpp"
+#include "cairn/atlas/queries.hpp"
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/hash.hpp"
 #include "cairn/core/version_number.hpp"
@@ -117,7 +116,7 @@ LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, std::uint64_t se
                          const Execution& execution) {
   if (state.nodes.size() == 1) return atlas.map(state.nodes.begin()->second);
   const fs::path location = atlas.store().name();
-  const bool is_file = is_sqlite_store(location);
+  const bool is_file = is_atlas_file(location);
   const fs::path path = merged_world_file(location);
   const std::string key = key_of(state, seed);
   if (is_file) {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/route.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +6,7 @@
 #include <queue>
 #include <utility>
 
+#include "cairn/atlas/queries.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
@@ -29,14 +28,14 @@ double variance_of(const Link& link, const AtlasState& state) {
   return std::isfinite(variance) ? std::max(variance, 0.0) : kUnknown;
 }
 
-}  // namespace
+struct Step {
+  NodeId to;
+  LinkId link;
+  double variance = 0.0;
+};
 
-std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, NodeId source) {
-  struct Step {
-    NodeId to;
-    LinkId link;
-    double variance = 0.0;
-  };
+// By map: the links that agree with the poses, in both directions.
+std::map<NodeId, std::vector<Step>> steps_of(const AtlasState& state) {
   std::map<NodeId, std::vector<Step>> steps;
   for (const auto& [id, link] : state.links) {
     if (!link.connects()) continue;
@@ -46,6 +45,40 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
     steps[link.target].push_back({link.source, id, variance});
     steps[link.source].push_back({link.target, id, variance});
   }
+  return steps;
+}
+
+// Moves the route's end along its next link.
+void extend(AtlasRoute& route, const Link& link, bool forward) {
+  const Similarity3 step = forward ? *link.target_from_source : link.target_from_source->inverse();
+  std::optional<Matrix7d> covariance = link.full_covariance();
+  if (covariance && !forward) {
+    covariance = inverse_covariance(*link.target_from_source, *covariance);
+  }
+  if (!covariance) route.covariance.reset();
+  if (route.covariance) {
+    // With A the way so far and B the step, A·B has t = s_A·R_A·t_B + t_A: δ_AB = J_A·δ_A + J_B·δ_B.
+    const Similarity3& a = route.target_from_source;
+    const Eigen::Vector3d arm = a.linear() * step.translation();
+    using Matrix = Eigen::Matrix<double, 7, 7>;  // aligned
+    Matrix of_a = Matrix::Identity();
+    of_a.block<3, 3>(0, 3) = -skew(arm);
+    of_a.block<3, 1>(0, 6) = arm;
+    Matrix of_b = Matrix::Identity();
+    of_b.block<3, 3>(0, 0) = a.linear();
+    of_b.block<3, 3>(3, 3) = a.rigid().rotation();
+    const Matrix so_far = *route.covariance;
+    const Matrix added = *covariance;
+    const Matrix sum = of_a * so_far * of_a.transpose() + of_b * added * of_b.transpose();
+    route.covariance = 0.5 * (sum + sum.transpose());
+  }
+  route.target_from_source = route.target_from_source * step;
+}
+
+}  // namespace
+
+std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, NodeId source) {
+  std::map<NodeId, std::vector<Step>> steps = steps_of(state);
   // Dijkstra; ties by lower id, so that the result is unique.
   std::map<NodeId, double> sums = {{target, 0.0}};
   std::map<NodeId, std::pair<NodeId, LinkId>> before;
@@ -80,31 +113,7 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
   route.covariance = Matrix7d::Zero();
   for (std::size_t i = 0; i < route.links.size(); ++i) {
     const Link& link = state.links.at(route.links[i]);
-    const bool forward = link.target == route.nodes[i];
-    const Similarity3 step =
-        forward ? *link.target_from_source : link.target_from_source->inverse();
-    std::optional<Matrix7d> covariance = link.full_covariance();
-    if (covariance && !forward) {
-      covariance = inverse_covariance(*link.target_from_source, *covariance);
-    }
-    if (!covariance) route.covariance.reset();
-    if (route.covariance) {
-      // With A the way so far and B the step, A·B has t = s_A·R_A·t_B + t_A: δ_AB = J_A·δ_A + J_B·δ_B.
-      const Similarity3& a = route.target_from_source;
-      const Eigen::Vector3d arm = a.linear() * step.translation();
-      Eigen::Matrix<double, 7, 7> of_a = Eigen::Matrix<double, 7, 7>::Identity();
-      of_a.block<3, 3>(0, 3) = -skew(arm);
-      of_a.block<3, 1>(0, 6) = arm;
-      Eigen::Matrix<double, 7, 7> of_b = Eigen::Matrix<double, 7, 7>::Identity();
-      of_b.block<3, 3>(0, 0) = a.linear();
-      of_b.block<3, 3>(3, 3) = a.rigid().rotation();
-      const Eigen::Matrix<double, 7, 7> so_far = *route.covariance;
-      const Eigen::Matrix<double, 7, 7> added = *covariance;
-      const Eigen::Matrix<double, 7, 7> sum =
-          of_a * so_far * of_a.transpose() + of_b * added * of_b.transpose();
-      route.covariance = 0.5 * (sum + sum.transpose());
-    }
-    route.target_from_source = route.target_from_source * step;
+    extend(route, link, link.target == route.nodes[i]);
   }
   const auto pose_of_target = state.poses.find(target);
   const auto pose_of_source = state.poses.find(source);

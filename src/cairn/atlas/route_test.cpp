@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/route.hpp"
-
 #include <cmath>
 #include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "cairn/atlas/queries.hpp"
 
 #include "support/atlas_state.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/state_difference.hpp"
+#include "cairn/atlas/queries.hpp"
 
 namespace cairn {
 namespace {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/state_difference.hpp"
-
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "cairn/atlas/queries.hpp"
 
 #include "support/atlas_state.hpp"
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/atlas/world_difference.hpp"
-
 #include <algorithm>
 #include <deque>
 #include <optional>
 
 #include <fmt/format.h>
 
+#include "cairn/atlas/queries.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/merging/fusion/fuse_maps.hpp"
 

@@ -290,9 +290,10 @@ HandEyeResult Solver::run() {
   const Vector14 root = normal.diagonal().cwiseSqrt();
   const Matrix14 scaled =
       root.cwiseInverse().asDiagonal() * normal * root.cwiseInverse().asDiagonal();
-  constexpr double kLeast = 1e-5;
+  constexpr double kLeast = 1e-5;  // eigenvalue
   const bool determined =
-      scaled.allFinite() && symmetric_eigenvalues<kUnknowns>(scaled)[0] > kLeast;
+      scaled.allFinite() &&
+      solve_positive_definite<kUnknowns>(scaled - kLeast * Matrix14::Identity(), Vector14::Zero());
   if (!determined) {
     result.reason =
         "the motion does not determine the hand-eye offset: it needs turns about two axes or more";

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/evaluation/map_defects.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "cairn/core/execution.hpp"
-#include "cairn/experiments/result_table.hpp"
 #include "cairn/experiments/run.hpp"
 
 /// The paper's experiments: as published, and on another pair of maps.

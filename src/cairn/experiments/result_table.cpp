@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/experiments/result_table.hpp"
-
 #include <fmt/format.h>
 
 #include "cairn/core/detail/csv.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/experiments/run.hpp"
 
 namespace cairn {
 namespace {

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/prepared_map.hpp"
+#include "cairn/alignment/align.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
@@ -16,19 +16,19 @@ namespace cairn {
 namespace {
 
 RegistrationResult placed(const PairPoints& points, std::uint64_t seed, const IcpOptions& options) {
-  PlaceOptions placement;
+  AlignOptions placement;
   placement.seed = seed;
   placement.execution = options.execution.without_progress();
-  PlacementResult result = place(points.source_cloud, points.target_cloud, placement);
-  const bool cancelled = result.alignment.status == RegistrationStatus::kCancelled;
+  Alignment result = place(points.source_cloud, points.target_cloud, placement);
+  const bool cancelled = result.registration.status == RegistrationStatus::kCancelled;
   if (!cancelled && result.verdict != Verdict::kAligned) {
     // The score of a pose that is not aligned has no meaning.
-    result.alignment.status = RegistrationStatus::kFailed;
-    result.alignment.score.reset();
-    result.alignment.initial_score.reset();
+    result.registration.status = RegistrationStatus::kFailed;
+    result.registration.score.reset();
+    result.registration.initial_score.reset();
   }
-  result.alignment.duration_s = result.duration_s;
-  return std::move(result.alignment);
+  result.registration.duration_s = result.duration_s;
+  return std::move(result.registration);
 }
 
 RegistrationResult found(const Trial& trial, const PairPoints& points, IcpOptions options,

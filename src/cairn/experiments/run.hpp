@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "cairn/alignment/prepared_map.hpp"
@@ -163,5 +164,26 @@ struct Agreement {
 std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> poses,
                                         std::span<const Eigen::Vector3d> source,
                                         const PoseTolerance& tolerance = {});
+
+/// A table for display: as CSV in full, or as Markdown with rounded numbers.
+struct ResultTable {
+  struct Column {
+    std::string name;
+    std::string unit = {};  ///< empty: none
+    int digits = 4;         ///< significant, of numbers in Markdown
+  };
+  using Cell = std::variant<std::monostate, double, std::string>;  ///< unknown, number, text
+
+  std::string name;   ///< of its file, e.g. "table1_scores"
+  std::string title;  ///< a sentence
+  std::vector<Column> columns;
+  std::vector<std::vector<Cell>> rows;
+
+  /// Rounds numbers to 15 digits: what a conversion of units added in the last digit, such as 4.5849899999999995, goes.
+  void round();
+
+  std::string csv() const;
+  std::string markdown() const;
+};
 
 }  // namespace cairn

@@ -16,7 +16,6 @@
 
 #include "cairn/core/executor.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/experiments/result_table.hpp"
 #include "cairn/experiments/run.hpp"
 
 /// Studies: many pairs of maps, each aligned from many initial poses by several methods.

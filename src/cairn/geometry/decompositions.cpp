@@ -10,70 +10,87 @@
 
 namespace cairn {
 
-template <int kSize>
-SymmetricEigen<kSize> symmetric_eigen(const Eigen::Matrix<double, kSize, kSize>& matrix) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kSize, kSize>> solver(matrix);
-  return {solver.eigenvalues(), solver.eigenvectors()};
-}
-
-template SymmetricEigen<3> symmetric_eigen(const Eigen::Matrix<double, 3, 3>&);
-template SymmetricEigen<6> symmetric_eigen(const Eigen::Matrix<double, 6, 6>&);
-template SymmetricEigen<7> symmetric_eigen(const Eigen::Matrix<double, 7, 7>&);
-
-template <int kSize>
-Eigen::Matrix<double, kSize, 1> symmetric_eigenvalues(
-    const Eigen::Matrix<double, kSize, kSize>& matrix) {
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, kSize, kSize>>(matrix,
-                                                                            Eigen::EigenvaluesOnly)
-      .eigenvalues();
-}
-
-template Eigen::Matrix<double, 3, 1> symmetric_eigenvalues(const Eigen::Matrix<double, 3, 3>&);
-template Eigen::Matrix<double, 6, 1> symmetric_eigenvalues(const Eigen::Matrix<double, 6, 6>&);
-template Eigen::Matrix<double, 7, 1> symmetric_eigenvalues(const Eigen::Matrix<double, 7, 7>&);
-template Eigen::Matrix<double, 14, 1> symmetric_eigenvalues(const Eigen::Matrix<double, 14, 14>&);
-
-template <int kSize>
-Eigen::Matrix<double, kSize, 1> solve_symmetric(const Eigen::Matrix<double, kSize, kSize>& matrix,
-                                                const Eigen::Matrix<double, kSize, 1>& vector) {
-  return matrix.ldlt().solve(vector);
-}
-
-template Eigen::Matrix<double, 6, 1> solve_symmetric(const Eigen::Matrix<double, 6, 6>&,
-                                                     const Eigen::Matrix<double, 6, 1>&);
-template Eigen::Matrix<double, 7, 1> solve_symmetric(const Eigen::Matrix<double, 7, 7>&,
-                                                     const Eigen::Matrix<double, 7, 1>&);
-template Eigen::Matrix<double, 14, 1> solve_symmetric(const Eigen::Matrix<double, 14, 14>&,
-                                                      const Eigen::Matrix<double, 14, 1>&);
-
 namespace {
 
-template <class Solver>
-bool is_positive_definite(const Solver& solver) {
-  return solver.info() == Eigen::Success && (solver.vectorD().array() > 0.0).all();  // NaN is not
+template <int kSize>
+using Square = Eigen::Matrix<double, kSize, kSize>;
+template <int kSize>
+using Column = Eigen::Matrix<double, kSize, 1>;
+
+// A solver takes the compiler seconds for each function that it becomes part of, so it stays in these.
+
+template <int kSize>
+[[gnu::noinline]] Eigen::SelfAdjointEigenSolver<Square<kSize>> decomposed(
+    const Square<kSize>& matrix, int options) {
+  return Eigen::SelfAdjointEigenSolver<Square<kSize>>(matrix, options);
+}
+
+template <int kSize>
+[[gnu::noinline]] Eigen::LDLT<Square<kSize>> factored(const Square<kSize>& matrix) {
+  return matrix.ldlt();
+}
+
+template <int kSize>
+[[gnu::noinline]] Column<kSize> solved(const Eigen::LDLT<Square<kSize>>& factors,
+                                       const Column<kSize>& vector) {
+  return factors.solve(vector);
+}
+
+template <class Factors>
+bool is_positive_definite(const Factors& factors) {
+  return factors.info() == Eigen::Success && (factors.vectorD().array() > 0.0).all();  // NaN is not
 }
 
 }  // namespace
 
 template <int kSize>
+SymmetricEigen<kSize> symmetric_eigen(const Eigen::Matrix<double, kSize, kSize>& matrix) {
+  const auto solver = decomposed<kSize>(matrix, Eigen::ComputeEigenvectors);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+template SymmetricEigen<3> symmetric_eigen(const Square<3>&);
+template SymmetricEigen<6> symmetric_eigen(const Square<6>&);
+template SymmetricEigen<7> symmetric_eigen(const Square<7>&);
+
+template <int kSize>
+Eigen::Matrix<double, kSize, 1> symmetric_eigenvalues(
+    const Eigen::Matrix<double, kSize, kSize>& matrix) {
+  return decomposed<kSize>(matrix, Eigen::EigenvaluesOnly).eigenvalues();
+}
+
+template Column<3> symmetric_eigenvalues(const Square<3>&);
+template Column<6> symmetric_eigenvalues(const Square<6>&);
+template Column<7> symmetric_eigenvalues(const Square<7>&);
+
+template <int kSize>
+Eigen::Matrix<double, kSize, 1> solve_symmetric(const Eigen::Matrix<double, kSize, kSize>& matrix,
+                                                const Eigen::Matrix<double, kSize, 1>& vector) {
+  return solved<kSize>(factored<kSize>(matrix), vector);
+}
+
+template Column<6> solve_symmetric(const Square<6>&, const Column<6>&);
+template Column<7> solve_symmetric(const Square<7>&, const Column<7>&);
+template Column<14> solve_symmetric(const Square<14>&, const Column<14>&);
+
+template <int kSize>
 std::optional<Eigen::Matrix<double, kSize, 1>> solve_positive_definite(
     const Eigen::Matrix<double, kSize, kSize>& matrix,
     const Eigen::Matrix<double, kSize, 1>& vector) {
-  const Eigen::LDLT<Eigen::Matrix<double, kSize, kSize>> solver(matrix);
-  if (!is_positive_definite(solver)) return std::nullopt;
-  return solver.solve(vector);
+  const auto factors = factored<kSize>(matrix);
+  if (!is_positive_definite(factors)) return std::nullopt;
+  return solved<kSize>(factors, vector);
 }
 
-template std::optional<Eigen::Matrix<double, 6, 1>> solve_positive_definite(
-    const Eigen::Matrix<double, 6, 6>&, const Eigen::Matrix<double, 6, 1>&);
-template std::optional<Eigen::Matrix<double, 12, 1>> solve_positive_definite(
-    const Eigen::Matrix<double, 12, 12>&, const Eigen::Matrix<double, 12, 1>&);
+template std::optional<Column<6>> solve_positive_definite(const Square<6>&, const Column<6>&);
+template std::optional<Column<12>> solve_positive_definite(const Square<12>&, const Column<12>&);
+template std::optional<Column<14>> solve_positive_definite(const Square<14>&, const Column<14>&);
 
 std::optional<Eigen::Matrix<double, 6, 6>> inverse_of_positive_definite(
     const Eigen::Matrix<double, 6, 6>& matrix) {
-  const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(matrix);
-  if (!is_positive_definite(solver)) return std::nullopt;
-  return solver.solve(Eigen::Matrix<double, 6, 6>::Identity());
+  const auto factors = factored<6>(matrix);
+  if (!is_positive_definite(factors)) return std::nullopt;
+  return factors.solve(Square<6>::Identity());
 }
 
 SingularValues3 singular_values(const Eigen::Matrix3d& matrix) {

@@ -23,7 +23,7 @@ struct SymmetricEigen {
 template <int kSize>
 SymmetricEigen<kSize> symmetric_eigen(const Eigen::Matrix<double, kSize, kSize>& matrix);
 
-/// Eigenvalues alone, ascending. Reads the lower triangle. For sizes 3, 6, 7, 14.
+/// Eigenvalues alone, ascending. Reads the lower triangle. For sizes 3, 6, 7.
 template <int kSize>
 Eigen::Matrix<double, kSize, 1> symmetric_eigenvalues(
     const Eigen::Matrix<double, kSize, kSize>& matrix);
@@ -33,7 +33,7 @@ template <int kSize>
 Eigen::Matrix<double, kSize, 1> solve_symmetric(const Eigen::Matrix<double, kSize, kSize>& matrix,
                                                 const Eigen::Matrix<double, kSize, 1>& vector);
 
-/// The same; std::nullopt if the matrix is not positive definite. For sizes 6, 12.
+/// The same; std::nullopt if the matrix is not positive definite. For sizes 6, 12, 14.
 template <int kSize>
 std::optional<Eigen::Matrix<double, kSize, 1>> solve_positive_definite(
     const Eigen::Matrix<double, kSize, kSize>& matrix,

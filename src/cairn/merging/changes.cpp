@@ -412,13 +412,16 @@ Rigid3 rigid_fit(const std::vector<Eigen::Vector3d>& from, const std::vector<Eig
   return Rigid3::from_matrix(least_squares_similarity(from, to, false), 1e-6);
 }
 
-// The rigid motion that explains most of the similar landmarks of two places.
-Motion motion_between(const ChangedPlace& before, const ChangedPlace& after, const Looks& looks,
-                      const std::vector<Eigen::Vector3d>& first,
-                      const std::vector<Eigen::Vector3d>& second, const ChangeOptions& options) {
-  Motion best;
+// Positions of the landmarks of two places that are each other's most similar.
+struct SimilarLandmarks {
   std::vector<Eigen::Vector3d> from;
   std::vector<Eigen::Vector3d> to;
+};
+
+SimilarLandmarks similar_landmarks(const ChangedPlace& before, const ChangedPlace& after,
+                                   const Looks& looks, const std::vector<Eigen::Vector3d>& first,
+                                   const std::vector<Eigen::Vector3d>& second) {
+  SimilarLandmarks similar;
   const auto nearest_to = [&](const auto& difference, std::size_t count) {
     std::pair<std::size_t, double> nearest = {count, kLikeShare};
     for (std::size_t j = 0; j < count; ++j) {
@@ -436,9 +439,18 @@ Motion motion_between(const ChangedPlace& before, const ChangedPlace& after, con
       return looks.difference(before.landmarks[k].value, after.landmarks[j].value);
     };
     if (nearest_to(to_first, before.landmarks.size()) != i) continue;
-    from.push_back(first[before.landmarks[i].value]);
-    to.push_back(second[after.landmarks[j].value]);
+    similar.from.push_back(first[before.landmarks[i].value]);
+    similar.to.push_back(second[after.landmarks[j].value]);
   }
+  return similar;
+}
+
+// The rigid motion that explains most of the similar landmarks of two places.
+Motion motion_between(const ChangedPlace& before, const ChangedPlace& after, const Looks& looks,
+                      const std::vector<Eigen::Vector3d>& first,
+                      const std::vector<Eigen::Vector3d>& second, const ChangeOptions& options) {
+  Motion best;
+  const auto [from, to] = similar_landmarks(before, after, looks, first, second);
   if (from.size() < kMovedLeast) return best;
   Random random(options.seed);
   for (std::size_t attempt = 0; attempt < kMotions; ++attempt) {
@@ -475,6 +487,38 @@ Motion motion_between(const ChangedPlace& before, const ChangedPlace& after, con
   }
   best.after_from_before = rigid_fit(inliers_from, inliers_to);
   return best;
+}
+
+struct PlacePair {
+  std::size_t before;
+  std::size_t after;
+  Motion motion;
+};
+
+// Places that one motion explains: first the pairs with the most landmarks that it explains.
+std::vector<PlacePair> moved_pairs(const std::vector<OneSide::Group>& before,
+                                   const std::vector<OneSide::Group>& after, const Looks& looks,
+                                   const PlacedMap& first, const PlacedMap& second,
+                                   const ChangeOptions& options) {
+  const std::vector<Eigen::Vector3d> first_positions = in_world(first);
+  const std::vector<Eigen::Vector3d> second_positions = in_world(second);
+  std::vector<PlacePair> pairs;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    for (std::size_t j = 0; j < after.size(); ++j) {
+      const Motion motion = motion_between(before[i].place, after[j].place, looks, first_positions,
+                                           second_positions, options);
+      const std::size_t lesser =
+          std::min(before[i].place.landmarks.size(), after[j].place.landmarks.size());
+      const bool agrees =
+          motion.explained >= kMovedLeast &&
+          static_cast<double>(motion.explained) >= kMovedShare * static_cast<double>(lesser);
+      if (agrees) pairs.push_back({i, j, motion});
+    }
+  }
+  std::stable_sort(pairs.begin(), pairs.end(), [](const PlacePair& a, const PlacePair& b) {
+    return a.motion.explained > b.motion.explained;
+  });
+  return pairs;
 }
 
 }  // namespace
@@ -548,35 +592,12 @@ ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
   const std::vector<OneSide::Group> before = vanished.groups();
   const std::vector<OneSide::Group> after = appeared.groups();
 
-  // Moved objects: first the pairs with the most landmarks that one motion explains.
-  struct Pair {
-    std::size_t before;
-    std::size_t after;
-    Motion motion;
-  };
-  std::vector<Pair> pairs;
-  if (looks.known()) {
-    const std::vector<Eigen::Vector3d> first_positions = in_world(first);
-    const std::vector<Eigen::Vector3d> second_positions = in_world(second);
-    for (std::size_t i = 0; i < before.size(); ++i) {
-      for (std::size_t j = 0; j < after.size(); ++j) {
-        const Motion motion = motion_between(before[i].place, after[j].place, looks,
-                                             first_positions, second_positions, options);
-        const std::size_t lesser =
-            std::min(before[i].place.landmarks.size(), after[j].place.landmarks.size());
-        const bool agrees =
-            motion.explained >= kMovedLeast &&
-            static_cast<double>(motion.explained) >= kMovedShare * static_cast<double>(lesser);
-        if (agrees) pairs.push_back({i, j, motion});
-      }
-    }
-  }
-  std::stable_sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
-    return a.motion.explained > b.motion.explained;
-  });
   std::vector<bool> before_taken(before.size(), false);
   std::vector<bool> after_taken(after.size(), false);
-  for (const Pair& pair : pairs) {
+  const std::vector<PlacePair> pairs =
+      looks.known() ? moved_pairs(before, after, looks, first, second, options)
+                    : std::vector<PlacePair>();
+  for (const PlacePair& pair : pairs) {
     if (before_taken[pair.before] || after_taken[pair.after]) continue;
     before_taken[pair.before] = true;
     after_taken[pair.after] = true;

@@ -12,15 +12,15 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/limits.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/detail/coarse_to_fine.hpp"
 #include "cairn/registration/detail/match_history.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp_loop.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/registration/score/fitness.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn {
 namespace {

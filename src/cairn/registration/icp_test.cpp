@@ -24,8 +24,8 @@
 #include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp_loop.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
+#include "cairn/registration/stages.hpp"
 
 #include "support/brute_force_search.hpp"
 #include "support/refusal.hpp"

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/registration/concepts.hpp"
-#include "cairn/registration/estimation/pose_covariance.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn {
 

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/experiment_sections.hpp"
-
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -8,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "cairn/geometry/angles.hpp"
+#include "cairn/report/sections.hpp"
 
 namespace cairn::report {
 namespace {

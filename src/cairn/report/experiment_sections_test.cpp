@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/experiment_sections.hpp"
-
 #include <set>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "cairn/report/sections.hpp"
 
 namespace cairn::report {
 namespace {

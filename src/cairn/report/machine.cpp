@@ -7,7 +7,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/report/writer.hpp"
+#include "cairn/report/report.hpp"
 
 namespace cairn::report {
 namespace {

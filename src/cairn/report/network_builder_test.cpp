@@ -13,8 +13,8 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
+#include "cairn/report/report.hpp"
 #include "cairn/report/sections.hpp"
-#include "cairn/report/writer.hpp"
 
 namespace cairn::report {
 namespace {

@@ -4,8 +4,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -13,10 +15,11 @@
 #include <Eigen/Core>
 
 #include "cairn/alignment/align.hpp"
+#include "cairn/core/file.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-/// Content of a report. The types mirror docs/report_format.md, which defines each field for readers; a
+/// A report: its content, and writing it as a page. The types mirror docs/report_format.md, which defines each field for readers; a
 /// value absent there is an empty optional, text or list here. Invalid UTF-8 in texts is shown as U+FFFD.
 namespace cairn::report {
 
@@ -379,5 +382,27 @@ struct Report {
   std::vector<Map> maps = {};
   std::vector<Section> sections = {};
 };
+
+/// Writes a report as one self-contained HTML page (docs/report_format.md). The same report and page give
+/// the same bytes.
+/// @param page the viewer: HTML that contains `<!--CAIRN:TITLE-->` and `<!--CAIRN:DATA-->` once each
+/// @throws Error (input) if the page lacks a mark; (misuse) naming the part of the report that is invalid
+///        by its types: ids, sizes, maps named by scenes
+void write_report(const Report& report, std::string_view page, const ByteSink& sink);
+
+/// Writes a report with this build's viewer to a file, atomically.
+/// @throws Error (misuse) if this build has no viewer; also as write_report and write_file
+void save_report(const Report& report, const std::filesystem::path& path);
+
+/// Whether this build contains the viewer (CMake option CAIRN_WITH_VIEWER), which reports need.
+bool has_viewer();
+
+/// The viewer's page, for write_report().
+/// @throws Error (misuse) if this build has none
+std::string_view viewer_page();
+
+/// The machine that runs this program; texts are empty if the system does not provide them.
+/// @param threads available to the work
+Machine this_machine(unsigned threads);
 
 }  // namespace cairn::report

@@ -8,11 +8,13 @@
 #include <vector>
 
 #include "cairn/alignment/align.hpp"
+#include "cairn/experiments/paper.hpp"
+#include "cairn/experiments/study.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/registration/point_set.hpp"
 #include "cairn/report/report.hpp"
 
-/// Results as sections of a report: one map, a pair of maps and its alignments, several maps and their links.
+/// Results as sections of a report: one map, a pair of maps and its alignments, several maps and their links, experiments.
 namespace cairn::report {
 
 /// One alignment of a pair of maps.
@@ -94,5 +96,16 @@ inline constexpr std::size_t kShownLandmarks = 400000;
 void add_network(Report& report, std::span<const NetworkMap> maps,
                  std::span<const NetworkEdge> edges, std::vector<NetworkThing> things = {},
                  std::size_t shown_landmarks = kShownLandmarks);
+
+Section table_section(const ResultTable& source);
+
+/// The paper's Figures 3 to 5 for these results and the published ones, score versus pose error if the
+/// truth is known, and all tables.
+std::vector<Section> paper_sections(const PaperResults& results, const PoseTolerance& tolerance);
+
+/// Success by strategy, kind of place and pair, basins of convergence, score versus pose error, and all tables.
+/// @param runs those of the summary
+std::vector<Section> study_sections(const Study& study, const StudySummary& summary,
+                                    std::span<const TrialResult> runs);
 
 }  // namespace cairn::report

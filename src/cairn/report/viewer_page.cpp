@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/error.hpp"
-#include "cairn/report/writer.hpp"
+#include "cairn/report/report.hpp"
 
 #ifdef CAIRN_VIEWER_PAGE
 

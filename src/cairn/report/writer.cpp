@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/writer.hpp"
-
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <concepts>
 #include <cstring>
 #include <deque>
 #include <optional>
@@ -22,6 +22,7 @@
 #include "cairn/core/version_number.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/report/detail/gzip_base64.hpp"
+#include "cairn/report/report.hpp"
 
 namespace cairn::report {
 namespace {
@@ -118,16 +119,20 @@ Json to_json(double number) {
   return number;
 }
 
+template <std::integral Integer>
+Json to_json(Integer number) {
+  return number;
+}
+
 Json to_json(const std::string& text) {
   return text;
 }
 
-Json to_json(const std::array<double, 2>& values) {
-  return {to_json(values[0]), to_json(values[1])};
-}
-
-Json to_json(const std::array<double, 3>& values) {
-  return {to_json(values[0]), to_json(values[1]), to_json(values[2])};
+template <std::size_t kSize>
+Json to_json(const std::array<double, kSize>& values) {
+  Json list = Json::array();
+  for (const double value : values) list.push_back(to_json(value));
+  return list;
 }
 
 Json to_json(const Eigen::Vector3d& vector) {
@@ -151,41 +156,81 @@ Json to_json(AxisScale scale) {
   return scale == AxisScale::kLog ? "log" : "linear";
 }
 
+template <class Enum, std::size_t kSize>
+Json name_of(Enum value, const std::array<const char*, kSize>& names) {
+  return names[static_cast<std::size_t>(value)];
+}
+
 Json to_json(CellType type) {
-  switch (type) {
-    case CellType::kNumber:
-      return "number";
-    case CellType::kCommand:
-      return "command";
-    case CellType::kText:
-      break;
-  }
-  return "text";
+  return name_of(type, std::array{"text", "number", "command"});
 }
 
 Json to_json(ImageType type) {
-  return type == ImageType::kPng ? "image/png" : "image/jpeg";
+  return name_of(type, std::array{"image/png", "image/jpeg"});
 }
 
 Json to_json(LinkUse use) {
-  switch (use) {
-    case LinkUse::kUsed:
-      return "used";
-    case LinkUse::kContradicted:
-      return "contradicted";
-    case LinkUse::kUndecided:
-      return "undecided";
-    case LinkUse::kAmbiguous:
-      return "ambiguous";
-    case LinkUse::kRejected:
-      break;
-  }
-  return "rejected";
+  return name_of(use, std::array{"used", "contradicted", "undecided", "ambiguous", "rejected"});
 }
 
-Json to_json(const Threshold& threshold) {
-  return {{"value", to_json(threshold.value)}, {"label", threshold.label}};
+Json to_json(LengthUnit unit) {
+  return unit == LengthUnit::kMetres ? "m" : "mapunits";
 }
+
+Json to_json(Best best) {
+  if (best == Best::kNone) return nullptr;
+  return best == Best::kLow ? "low" : "high";
+}
+
+template <class Value>
+Json to_json(const std::optional<Value>& value);
+template <class Value>
+Json to_json(const std::vector<Value>& values);
+
+// Labels of values, and the numbers of trials behind those of a heat map: null if unknown.
+Json to_json(const std::vector<std::string>& labels) {
+  return labels.empty() ? Json(nullptr) : Json(labels);
+}
+
+Json to_json(const std::vector<std::vector<double>>& rows) {
+  if (rows.empty()) return nullptr;
+  Json list = Json::array();
+  for (const std::vector<double>& row : rows) list.push_back(to_json(row));
+  return list;
+}
+
+// Of a struct whose members are written as they are, under their own names.
+#define CAIRN_REPORT_MEMBER(member) json[#member] = to_json(one.member);
+#define CAIRN_REPORT_STRUCT(Struct, ...)                                        \
+  Json to_json(const Struct& one) {                                             \
+    Json json = Json::object();                                                 \
+    NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(CAIRN_REPORT_MEMBER, __VA_ARGS__)) \
+    return json;                                                                \
+  }
+
+CAIRN_REPORT_STRUCT(Machine, system, processor, threads)
+CAIRN_REPORT_STRUCT(Frustum, half_width, half_height)
+CAIRN_REPORT_STRUCT(Threshold, value, label)
+CAIRN_REPORT_STRUCT(Distribution, name, values, labels)
+CAIRN_REPORT_STRUCT(DistributionChart, x_label, y_label, y_scale, threshold, groups)
+CAIRN_REPORT_STRUCT(Line, name, x, y)
+CAIRN_REPORT_STRUCT(LinesChart, x_label, y_label, y_scale, series)
+CAIRN_REPORT_STRUCT(HeatmapPanel, name, values, counts)
+CAIRN_REPORT_STRUCT(HeatmapChart, x_label, y_label, value_label, x, y, panels, range)
+CAIRN_REPORT_STRUCT(IntervalItem, name, value, low, high)
+CAIRN_REPORT_STRUCT(IntervalSeries, name, items)
+CAIRN_REPORT_STRUCT(IntervalsChart, x_label, x_scale, series)
+CAIRN_REPORT_STRUCT(ScatterSeries, name, x, y, labels)
+CAIRN_REPORT_STRUCT(ScatterChart, x_label, y_label, x_scale, y_scale, x_threshold, y_threshold,
+                    series)
+CAIRN_REPORT_STRUCT(Span, name, start, end, marks)
+CAIRN_REPORT_STRUCT(SpanSeries, name, spans)
+CAIRN_REPORT_STRUCT(SpansChart, x_label, series)
+CAIRN_REPORT_STRUCT(TableColumn, name, unit, type, digits)
+CAIRN_REPORT_STRUCT(NetworkGroup, frame, up)
+CAIRN_REPORT_STRUCT(NetworkLink, target, source, use, kind, probability, reason, residual,
+                    residual_deg)
+CAIRN_REPORT_STRUCT(AnswerDirection, translation, rotation, log_scale)
 
 template <class Value>
 Json to_json(const std::optional<Value>& value) {
@@ -204,6 +249,10 @@ Json list_or_null(const std::vector<Value>& values) {
   return values.empty() ? Json(nullptr) : to_json(values);
 }
 
+Json text_or_null(const std::string& text) {
+  return text.empty() ? Json(nullptr) : Json(text);
+}
+
 Json parsed(const std::string& text, std::string_view where) {
   if (text.empty()) return nullptr;
   std::optional<Json> json = cairn::detail::parse_json<Json>(text, where);
@@ -213,13 +262,8 @@ Json parsed(const std::string& text, std::string_view where) {
 
 Json to_json(const Provenance& provenance) {
   Json json = {{"command", list_or_null(provenance.command)},
-               {"seed", provenance.seed ? Json(*provenance.seed) : Json(nullptr)}};
-  json["machine"] = nullptr;
-  if (const auto& machine = provenance.machine) {
-    json["machine"] = {{"system", machine->system},
-                       {"processor", machine->processor},
-                       {"threads", machine->threads}};
-  }
+               {"seed", to_json(provenance.seed)},
+               {"machine", to_json(provenance.machine)}};
   json["inputs"] = Json::array();
   for (const Input& input : provenance.inputs) {
     json["inputs"].push_back({{"role", input.role},
@@ -348,7 +392,7 @@ Json Document::map_json(const Map& map) {
   if (!map.colors.empty()) require_size(map.colors.size(), 3 * map.count, where, "colors");
   Json json = {{"id", map.id},
                {"name", map.name},
-               {"length_unit", map.length_unit == LengthUnit::kMetres ? "m" : "mapunits"},
+               {"length_unit", to_json(map.length_unit)},
                {"count", map.count},
                {"origin", to_json(map.origin)},
                {"step", to_json(map.step)},
@@ -380,11 +424,7 @@ Json Document::frames_json(const Frames& frames, const std::string& where) {
                {"ids", frames.ids.empty() ? Json(nullptr) : buffers_.keep(words_of(frames.ids))},
                {"timestamps",
                 frames.timestamps_s.empty() ? Json(nullptr) : buffers_.add(frames.timestamps_s)}};
-  json["frustum"] = nullptr;
-  if (frames.frustum) {
-    json["frustum"] = {{"half_width", to_json(frames.frustum->half_width)},
-                       {"half_height", to_json(frames.frustum->half_height)}};
-  }
+  json["frustum"] = to_json(frames.frustum);
   json["images"] = nullptr;
   std::set<std::size_t> seen;
   for (const FrameImage& image : frames.images) {
@@ -491,135 +531,63 @@ void require_labels(const std::vector<std::string>& labels, std::size_t count,
   if (!labels.empty()) require_size(labels.size(), count, where, "labels");
 }
 
-void add_chart(Json& json, const DistributionChart& chart, const std::string& where) {
-  json["chart"] = "violin";
-  json["x_label"] = chart.x_label;
-  json["y_label"] = chart.y_label;
-  json["y_scale"] = to_json(chart.y_scale);
-  json["threshold"] = to_json(chart.threshold);
-  json["groups"] = Json::array();
+// Sizes of lists that belong together.
+void check(const auto& /*chart*/, const std::string& /*where*/) {}
+
+void check(const DistributionChart& chart, const std::string& where) {
   for (const Distribution& group : chart.groups) {
     require_labels(group.labels, group.values.size(), where);
-    json["groups"].push_back({{"name", group.name},
-                              {"values", to_json(group.values)},
-                              {"labels", list_or_null(group.labels)}});
   }
 }
 
-void add_chart(Json& json, const LinesChart& chart, const std::string& where) {
-  json["chart"] = "lines";
-  json["x_label"] = chart.x_label;
-  json["y_label"] = chart.y_label;
-  json["y_scale"] = to_json(chart.y_scale);
-  json["series"] = Json::array();
+void check(const LinesChart& chart, const std::string& where) {
   for (const Line& line : chart.series) {
     require_size(line.y.size(), line.x.size(), where, "Line.y");
-    json["series"].push_back({{"name", line.name}, {"x", to_json(line.x)}, {"y", to_json(line.y)}});
   }
 }
 
-void require_grid(const std::vector<std::vector<double>>& rows, const HeatmapChart& chart,
-                  const std::string& where) {
-  require_size(rows.size(), chart.y.size() - 1, where, "rows of a heat map");
-  for (const auto& row : rows) require_size(row.size(), chart.x.size() - 1, where, "a row");
-}
-
-void add_chart(Json& json, const HeatmapChart& chart, const std::string& where) {
-  require(chart.x.size() >= 2 && chart.y.size() >= 2, where, "no bins", "edges of at least one");
-  json["chart"] = "heatmap";
-  json["x_label"] = chart.x_label;
-  json["y_label"] = chart.y_label;
-  json["value_label"] = chart.value_label;
-  json["x"] = to_json(chart.x);
-  json["y"] = to_json(chart.y);
-  json["panels"] = Json::array();
-  for (const HeatmapPanel& panel : chart.panels) {
-    require_grid(panel.values, chart, where);
-    if (!panel.counts.empty()) require_grid(panel.counts, chart, where);
-    json["panels"].push_back({{"name", panel.name},
-                              {"values", to_json(panel.values)},
-                              {"counts", list_or_null(panel.counts)}});
-  }
-  json["range"] = to_json(chart.range);
-}
-
-void add_chart(Json& json, const IntervalsChart& chart, const std::string& /*where*/) {
-  json["chart"] = "intervals";
-  json["x_label"] = chart.x_label;
-  json["x_scale"] = to_json(chart.x_scale);
-  json["series"] = Json::array();
-  for (const IntervalSeries& series : chart.series) {
-    Json items = Json::array();
-    for (const IntervalItem& item : series.items) {
-      items.push_back({{"name", item.name},
-                       {"value", to_json(item.value)},
-                       {"low", to_json(item.low)},
-                       {"high", to_json(item.high)}});
-    }
-    json["series"].push_back({{"name", series.name}, {"items", std::move(items)}});
-  }
-}
-
-void add_chart(Json& json, const ScatterChart& chart, const std::string& where) {
-  json["chart"] = "scatter";
-  json["x_label"] = chart.x_label;
-  json["y_label"] = chart.y_label;
-  json["x_scale"] = to_json(chart.x_scale);
-  json["y_scale"] = to_json(chart.y_scale);
-  json["x_threshold"] = to_json(chart.x_threshold);
-  json["y_threshold"] = to_json(chart.y_threshold);
-  json["series"] = Json::array();
+void check(const ScatterChart& chart, const std::string& where) {
   for (const ScatterSeries& series : chart.series) {
     require_size(series.y.size(), series.x.size(), where, "ScatterSeries.y");
     require_labels(series.labels, series.x.size(), where);
-    json["series"].push_back({{"name", series.name},
-                              {"x", to_json(series.x)},
-                              {"y", to_json(series.y)},
-                              {"labels", list_or_null(series.labels)}});
   }
 }
 
-void add_chart(Json& json, const SpansChart& chart, const std::string& /*where*/) {
-  json["chart"] = "spans";
-  json["x_label"] = chart.x_label;
-  json["series"] = Json::array();
-  for (const SpanSeries& series : chart.series) {
-    Json spans = Json::array();
-    for (const Span& span : series.spans) {
-      spans.push_back({{"name", span.name},
-                       {"start", to_json(span.start)},
-                       {"end", to_json(span.end)},
-                       {"marks", to_json(span.marks)}});
-    }
-    json["series"].push_back({{"name", series.name}, {"spans", std::move(spans)}});
+void check(const HeatmapChart& chart, const std::string& where) {
+  require(chart.x.size() >= 2 && chart.y.size() >= 2, where, "no bins", "edges of at least one");
+  const auto require_grid = [&](const std::vector<std::vector<double>>& rows) {
+    require_size(rows.size(), chart.y.size() - 1, where, "rows of a heat map");
+    for (const auto& row : rows) require_size(row.size(), chart.x.size() - 1, where, "a row");
+  };
+  for (const HeatmapPanel& panel : chart.panels) {
+    require_grid(panel.values);
+    if (!panel.counts.empty()) require_grid(panel.counts);
   }
 }
 
 void Document::add(Json& json, const Chart& chart, const std::string& where) {
-  std::visit([&](const auto& one) { add_chart(json, one, where); }, chart);
+  static constexpr const char* kKinds[] = {"violin",    "lines",   "heatmap",
+                                           "intervals", "scatter", "spans"};
+  static_assert(std::size(kKinds) == std::variant_size_v<Chart>);
+  json["chart"] = kKinds[chart.index()];
+  std::visit(
+      [&](const auto& one) {
+        check(one, where);
+        json.update(to_json(one));
+      },
+      chart);
 }
 
 void Document::add(Json& json, const Table& table, const std::string& where) {
-  json["columns"] = Json::array();
-  for (const TableColumn& column : table.columns) {
-    json["columns"].push_back({{"name", column.name},
-                               {"unit", to_json(column.unit)},
-                               {"type", to_json(column.type)},
-                               {"digits", column.digits ? Json(*column.digits) : Json(nullptr)}});
-  }
-  json["rows"] = Json::array();
   for (const auto& row : table.rows) {
     require_size(row.size(), table.columns.size(), where, "a row");
-    json["rows"].push_back(to_json(row));
   }
-  json["best"] = nullptr;
-  if (table.best.empty()) return;
-  require_size(table.best.size(), table.columns.size(), where, "Table.best");
-  json["best"] = Json::array();
-  for (const Best best : table.best) {
-    json["best"].push_back(best == Best::kNone ? Json(nullptr)
-                                               : Json(best == Best::kLow ? "low" : "high"));
+  if (!table.best.empty()) {
+    require_size(table.best.size(), table.columns.size(), where, "Table.best");
   }
+  json["columns"] = to_json(table.columns);
+  json["rows"] = to_json(table.rows);
+  json["best"] = list_or_null(table.best);
 }
 
 void Document::add(Json& json, const Text& /*text*/, const std::string& where) {
@@ -636,12 +604,12 @@ Json Document::node_json(const NetworkNode& node, const Network& network,
                "group_from_node");
   Json json = {{"name", node.name},
                {"map", to_json(node.map)},
-               {"session", node.session.empty() ? Json(nullptr) : Json(node.session)},
-               {"reason", node.reason.empty() ? Json(nullptr) : Json(node.reason)},
-               {"group", node.group ? Json(*node.group) : Json(nullptr)},
+               {"session", text_or_null(node.session)},
+               {"reason", text_or_null(node.reason)},
+               {"group", to_json(node.group)},
                {"landmarks", node.landmarks},
                {"keyframes", node.keyframes},
-               {"fused", node.fused ? Json(*node.fused) : Json(nullptr)},
+               {"fused", to_json(node.fused)},
                {"centre", to_json(node.centre)},
                {"poses", nullptr},
                {"scales", nullptr}};
@@ -654,12 +622,9 @@ Json Document::node_json(const NetworkNode& node, const Network& network,
 
 void Document::add(Json& json, const Network& network, const std::string& where) {
   require(!network.stages.empty(), where, "no stage", "at least one");
-  json["length_unit"] = network.length_unit == LengthUnit::kMetres ? "m" : "mapunits";
+  json["length_unit"] = to_json(network.length_unit);
   json["stages"] = to_json(network.stages);
-  json["groups"] = Json::array();
-  for (const NetworkGroup& group : network.groups) {
-    json["groups"].push_back({{"frame", group.frame}, {"up", to_json(group.up)}});
-  }
+  json["groups"] = to_json(network.groups);
   json["nodes"] = Json::array();
   for (const NetworkNode& node : network.nodes) {
     json["nodes"].push_back(node_json(node, network, where + ", map " + node.name));
@@ -668,14 +633,9 @@ void Document::add(Json& json, const Network& network, const std::string& where)
   for (const NetworkLink& link : network.links) {
     require(link.target < network.nodes.size() && link.source < network.nodes.size(), where,
             "a link of a map that is not there", "one of the maps");
-    json["links"].push_back({{"target", link.target},
-                             {"source", link.source},
-                             {"use", to_json(link.use)},
-                             {"kind", link.kind.empty() ? Json(nullptr) : Json(link.kind)},
-                             {"probability", to_json(link.probability)},
-                             {"reason", link.reason.empty() ? Json(nullptr) : Json(link.reason)},
-                             {"residual", to_json(link.residual)},
-                             {"residual_deg", to_json(link.residual_deg)}});
+    Json& one = json["links"].emplace_back(to_json(link));
+    one["kind"] = text_or_null(link.kind);
+    one["reason"] = text_or_null(link.reason);
   }
   json["things"] = Json::array();
   for (const NetworkThing& thing : network.things) {
@@ -722,12 +682,7 @@ Json alignment_json(const AlignmentAnswer& alignment) {
                           {"rotation_deg", to_json(deviations->rotation_rad * degrees(1.0))},
                           {"log_scale", to_json(deviations->log_scale)}};
   }
-  json["open"] = Json::array();
-  for (const AnswerDirection& direction : alignment.open) {
-    json["open"].push_back({{"translation", to_json(direction.translation)},
-                            {"rotation", to_json(direction.rotation)},
-                            {"log_scale", to_json(direction.log_scale)}});
-  }
+  json["open"] = to_json(alignment.open);
   json["candidates"] = Json::array();
   for (const AnswerCandidate& candidate : alignment.candidates) {
     json["candidates"].push_back(candidate_json(candidate));
@@ -742,7 +697,7 @@ void Document::add(Json& json, const Answer& answer, const std::string& where) c
         return section.id == *answer.scene && std::holds_alternative<Scene>(section.content);
       });
   require(known, where, "no scene '" + answer.scene.value_or("") + "'", "one of the report's");
-  json["length_unit"] = answer.length_unit == LengthUnit::kMetres ? "m" : "mapunits";
+  json["length_unit"] = to_json(answer.length_unit);
   json["scene"] = to_json(answer.scene);
   json["alignments"] = Json::array();
   for (const AlignmentAnswer& alignment : answer.alignments) {

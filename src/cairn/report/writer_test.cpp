@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/report/writer.hpp"
-
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -15,6 +13,7 @@
 #include "cairn/report/detail/gzip_base64.hpp"
 #include "cairn/report/detail/map_builder.hpp"
 #include "cairn/report/detail/run_builder.hpp"
+#include "cairn/report/report.hpp"
 
 #include "support/maps.hpp"
 #include "support/refusal.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, download, h } from "../dom";
+import { button, chooser, download, h } from "../dom";
 import { messageOf } from "../document/errors";
 import type { Chart, ChartSection, LinesChart } from "../document/report";
 import { csvBlob, svgText, svgToPng } from "../export";
@@ -116,24 +116,17 @@ export function chartFigure(section: ChartSection): HTMLElement {
       height: Number(svg.getAttribute("height")),
     };
   };
-  const saved = (name: string) => announce(`${name} saved.`);
+  const save = (ending: string, content: Blob) => download(`${section.id}.${ending}`, content);
 
   const exports = h(
     "div",
     { class: "exports", role: "group", "aria-label": `Export “${section.title}”` },
-    button("SVG", () => {
-      download(`${section.id}.svg`, new Blob([exported().text], { type: "image/svg+xml" }));
-      saved(`${section.id}.svg`);
-    }),
+    button("SVG", () => save("svg", new Blob([exported().text], { type: "image/svg+xml" }))),
     button("PNG", async () => {
       const { text, width, height } = exported();
-      download(`${section.id}.png`, await svgToPng(text, width, height));
-      saved(`${section.id}.png`);
+      save("png", await svgToPng(text, width, height));
     }),
-    button("CSV", () => {
-      download(`${section.id}.csv`, csvBlob(chartRows(section.chart)));
-      saved(`${section.id}.csv`);
-    }),
+    button("CSV", () => save("csv", csvBlob(chartRows(section.chart)))),
   );
   const remark = h("p", { class: "muted" });
   const say = () => {
@@ -143,17 +136,12 @@ export function chartFigure(section: ChartSection): HTMLElement {
   say();
   const foot = h("div", { class: "figure-foot" });
   if (given.chart === "lines") {
-    const chooser = h(
-      "select",
-      { "aria-label": `Vertical axis of “${section.title}”` },
-      ...kCurveAxes.map(([value, label]) => h("option", { value, selected: value === axis }, label)),
-    );
-    chooser.addEventListener("change", () => {
-      axis = chooser.value as CurveAxis;
+    const axes = chooser(`Vertical axis of “${section.title}”`, kCurveAxes, axis, (chosen) => {
+      axis = chosen;
       say();
       draw();
     });
-    foot.append(h("label", { class: "check axis-choice" }, "Vertical axis", chooser));
+    foot.append(h("label", { class: "check axis-choice" }, "Vertical axis", axes));
   }
   foot.append(remark, exports);
   figure.append(foot);

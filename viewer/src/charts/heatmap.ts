@@ -4,21 +4,13 @@ import { interpolateViridis } from "d3-scale-chromatic";
 import { s } from "../dom";
 import type { HeatmapChart } from "../document/report";
 import { formatNumber } from "../math/format";
-import { compose, fitText, kFont, kFontSize, plotStyle, textWidth, type DrawOptions } from "./shared";
-
-interface HeatCell {
-  column: number;
-  row: number;
-  panel: string;
-  x1: number;
-  x2: number;
-  y1: number;
-  y2: number;
-  value: number;
-  count: number | null;
-}
+import { compose, fitText, kFont, kFontSize, plotStyle, quietAxis, textWidth, type DrawOptions } from "./shared";
 
 const kPanelWidth = 250;
+/** Tips say what a cell is of by its own channels. */
+const kNoPlaces = Object.fromEntries(
+  ["x", "y", "fx", "fy", "x1", "y1", "x2", "y2", "fill"].map((name) => [name, false]),
+);
 let gradients = 0;
 
 export function heatmapRange(chart: HeatmapChart): [number, number] {
@@ -36,7 +28,7 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
   const { colors } = options;
   const columns = Math.max(1, Math.min(chart.panels.length, Math.floor(options.width / kPanelWidth)));
   const rows = Math.ceil(chart.panels.length / columns);
-  const cells: HeatCell[] = chart.panels.flatMap((panel, p) =>
+  const cells = chart.panels.flatMap((panel, p) =>
     panel.values.flatMap((line, j) =>
       line.map((value, i) => ({
         column: p % columns,
@@ -51,6 +43,7 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
       })),
     ),
   );
+  type HeatCell = (typeof cells)[number];
   const [low, high] = heatmapRange(chart);
   const shade = (value: number) => interpolateViridis(Math.min(1, Math.max(0, (value - low) / (high - low || 1))));
   const marginLeft = 64;
@@ -80,22 +73,8 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
     x: { domain: [chart.x[0], chart.x[chart.x.length - 1]], label: null },
     y: { domain: [chart.y[0], chart.y[chart.y.length - 1]], label: null },
     marks: [
-      Plot.axisY({
-        label: chart.yLabel,
-        ticks: 5,
-        tickSize: 0,
-        color: colors.muted,
-        labelArrow: "none",
-        labelAnchor: "center",
-      }),
-      Plot.axisX({
-        label: chart.xLabel,
-        ticks: 5,
-        tickSize: 0,
-        color: colors.muted,
-        labelArrow: "none",
-        labelAnchor: "center",
-      }),
+      Plot.axisY({ ...quietAxis(colors), label: chart.yLabel, ticks: 5 }),
+      Plot.axisX({ ...quietAxis(colors), label: chart.xLabel, ticks: 5 }),
       Plot.rect(cells, { ...facets, ...box, fill: colors.fill }),
       Plot.text(
         cells.filter((cell) => !Number.isFinite(cell.value)),
@@ -113,19 +92,7 @@ export function drawHeatmap(chart: HeatmapChart, options: DrawOptions): SVGSVGEl
         fill: (d: HeatCell) => shade(d.value),
         ...(options.interactive
           ? {
-              tip: {
-                format: {
-                  x: false,
-                  y: false,
-                  fx: false,
-                  fy: false,
-                  x1: false,
-                  y1: false,
-                  x2: false,
-                  y2: false,
-                  fill: false,
-                },
-              },
+              tip: { format: kNoPlaces },
               channels: {
                 Panel: { value: "panel" },
                 X: { value: (d: HeatCell) => `${formatNumber(d.x1)} to ${formatNumber(d.x2)}` },

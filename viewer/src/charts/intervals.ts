@@ -3,19 +3,23 @@ import * as Plot from "@observablehq/plot";
 import type { IntervalsChart } from "../document/report";
 import { formatNumber } from "../math/format";
 import { seriesColor, seriesSymbol } from "../series_style";
-import { compose, drawable, extent, fitText, plotStyle, textWidth, tickFormat, type DrawOptions } from "./shared";
+import {
+  compose,
+  drawable,
+  extent,
+  fitText,
+  plotStyle,
+  quietAxis,
+  seriesKeys,
+  textWidth,
+  tickFormat,
+  type DrawOptions,
+} from "./shared";
 
 const kRow = 19;
 const kGap = 16;
 
-interface IntervalRow {
-  key: string;
-  item: string;
-  value: number;
-  low: number;
-  high: number;
-  y: number;
-}
+type IntervalRow = IntervalsChart["series"][number]["items"][number] & { key: string; y: number };
 
 /** Dots with intervals; rows of one item stand together, one row per series. */
 export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGSVGElement {
@@ -29,7 +33,7 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
     const start = y;
     for (const series of chart.series) {
       for (const item of series.items.filter((candidate) => candidate.name === name)) {
-        rows.push({ ...item, key: single ? name : series.name, item: name, y: y + kRow / 2 });
+        rows.push({ ...item, key: single ? name : series.name, y: y + kRow / 2 });
         y += kRow;
       }
     }
@@ -65,13 +69,10 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
     marks: [
       Plot.gridX({ stroke: colors.rule, strokeOpacity: 1 }),
       Plot.axisX({
+        ...quietAxis(colors),
         label: chart.xLabel,
-        tickSize: 0,
         tickFormat: tickFormat(chart.xScale, domain),
-        color: colors.muted,
         ticks: narrow ? 4 : 7,
-        labelArrow: "none",
-        labelAnchor: "center",
       }),
       Plot.text(labels, {
         y: "y",
@@ -105,13 +106,5 @@ export function drawIntervals(chart: IntervalsChart, options: DrawOptions): SVGS
           ]),
     ],
   });
-  const legend = single
-    ? []
-    : keys.map((key) => ({
-        label: key,
-        color: seriesColor(key, colors),
-        mark: "line" as const,
-        symbol: seriesSymbol(key),
-      }));
-  return compose(plot, legend, options);
+  return compose(plot, single ? [] : seriesKeys(keys, colors, "line"), options);
 }

@@ -10,6 +10,9 @@ import {
   extent,
   extentFromZero,
   plotStyle,
+  pointerTip,
+  quietAxis,
+  seriesKeys,
   thresholdMarks,
   tickFormat,
   type DrawOptions,
@@ -56,9 +59,9 @@ function axes(
   colors: Palette,
   { xTicks, xTickSize = 6 }: { xTicks: number; xTickSize?: number },
 ): Plot.Markish[] {
-  const style = { color: colors.muted, labelArrow: "none", labelAnchor: "center" } as const;
+  const style = quietAxis(colors);
   return [
-    Plot.axisY({ ...style, label: chart.yLabel, ticks: 7, tickSize: 0, tickFormat: tickFormat(chart.yScale, yDomain) }),
+    Plot.axisY({ ...style, label: chart.yLabel, ticks: 7, tickFormat: tickFormat(chart.yScale, yDomain) }),
     Plot.axisX({
       ...style,
       label: chart.xLabel,
@@ -117,20 +120,11 @@ export function drawLines(chart: LinesChart, options: DrawOptions): SVGSVGElemen
         ),
       ),
       Plot.dot(marked, { x: "x", y: "y", fill: color, symbol: "name", r: 3.5 }),
-      ...(options.interactive
-        ? [
-            Plot.tip(
-              inX.filter((point) => Number.isFinite(point.y)),
-              Plot.pointer({
-                x: "x",
-                y: "y",
-                stroke: color,
-                fill: colors.background,
-                title: (point: LinePoint) => `${point.name}\n${formatNumber(point.x)}: ${formatNumber(point.y, 5)}`,
-              }),
-            ),
-          ]
-        : []),
+      ...pointerTip(
+        inX.filter((point) => Number.isFinite(point.y)),
+        options,
+        (point) => `${point.name}\n${formatNumber(point.x)}: ${formatNumber(point.y, 5)}`,
+      ),
     ],
   });
   return compose(
@@ -181,31 +175,13 @@ export function drawScatter(chart: ScatterChart, options: DrawOptions): SVGSVGEl
         fillOpacity: 0.75,
         fill: (d) => seriesColor(d.name, colors),
       }),
-      ...(options.interactive
-        ? [
-            Plot.tip(
-              points,
-              Plot.pointer({
-                x: "x",
-                y: "y",
-                fill: colors.background,
-                stroke: (d) => seriesColor(d.name, colors),
-                title: (d) =>
-                  `${d.name}${d.label ? ` · ${d.label}` : ""}\n${formatNumber(d.x, 5)}, ${formatNumber(d.y, 5)}`,
-              }),
-            ),
-          ]
-        : []),
+      ...pointerTip(
+        points,
+        options,
+        (d) => `${d.name}${d.label ? ` · ${d.label}` : ""}\n${formatNumber(d.x, 5)}, ${formatNumber(d.y, 5)}`,
+      ),
     ],
   });
-  return compose(
-    plot,
-    chart.series.map((series) => ({
-      label: series.name,
-      color: seriesColor(series.name, colors),
-      mark: "dot" as const,
-      symbol: seriesSymbol(series.name),
-    })),
-    options,
-  );
+  const names = chart.series.map(({ name }) => name);
+  return compose(plot, seriesKeys(names, colors, "dot"), options);
 }

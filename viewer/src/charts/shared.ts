@@ -3,6 +3,7 @@ import * as Plot from "@observablehq/plot";
 import { s } from "../dom";
 import { formatNumber } from "../math/format";
 import type { Scale, Threshold } from "../document/report";
+import { seriesColor, seriesSymbol } from "../series_style";
 import type { Palette } from "../theme";
 
 export const kFont = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif';
@@ -27,6 +28,11 @@ export interface LegendItem {
 
 export function plotStyle(colors: Palette): Partial<CSSStyleDeclaration> {
   return { background: "none", color: colors.ink, fontFamily: kFont, fontSize: `${kFontSize}px`, overflow: "visible" };
+}
+
+/** An axis whose label stands at its middle, without marks at its ticks. */
+export function quietAxis(colors: Palette) {
+  return { tickSize: 0, color: colors.muted, labelArrow: "none", labelAnchor: "center" } as const;
 }
 
 let measuring: CanvasRenderingContext2D | null = null;
@@ -102,6 +108,23 @@ export function extent(values: Iterable<number>, scale: Scale, includeZeroNear =
   const air = (high - low || Math.abs(high) || 1) * 0.05;
   const fromZero = includeZeroNear && low >= 0 && low < 0.6 * high;
   return [fromZero ? 0 : low - air, high + air];
+}
+
+/** A tip at the point nearest to the pointer; none in exports. */
+export function pointerTip<Point extends { name: string; x: number; y: number }>(
+  points: Point[],
+  { colors, interactive }: DrawOptions,
+  title: (point: Point) => string,
+): Plot.Markish[] {
+  const stroke = (point: Point) => seriesColor(point.name, colors);
+  return interactive
+    ? [Plot.tip(points, Plot.pointer({ x: "x", y: "y", stroke, fill: colors.background, title }))]
+    : [];
+}
+
+/** Keys of series by their names. */
+export function seriesKeys(names: string[], colors: Palette, mark: LegendItem["mark"]): LegendItem[] {
+  return names.map((name) => ({ label: name, color: seriesColor(name, colors), mark, symbol: seriesSymbol(name) }));
 }
 
 export function drawable(value: number, scale: Scale): boolean {

@@ -3,20 +3,12 @@ import * as Plot from "@observablehq/plot";
 import type { SpansChart } from "../document/report";
 import { durationText, formatCount } from "../math/format";
 import { seriesColor } from "../series_style";
-import { compose, fitText, plotStyle, textWidth, type DrawOptions } from "./shared";
+import { compose, fitText, plotStyle, quietAxis, textWidth, type DrawOptions } from "./shared";
 
 const kRow = 26;
 /** Seconds since any start are below this, those since 1970 above: 1980. */
 const kCalendarFrom = 315_532_800;
 const kShortestBar = 3;
-
-interface Bar {
-  series: string;
-  row: string;
-  x1: Date | number;
-  x2: Date | number;
-  marks: number;
-}
 
 /** Bars over time, a row for each name; marks are ticks within a bar. */
 export function drawSpans(chart: SpansChart, options: DrawOptions): SVGSVGElement {
@@ -31,24 +23,22 @@ export function drawSpans(chart: SpansChart, options: DrawOptions): SVGSVGElemen
   const inner = options.width - nameWidth - 14 - 16;
   const air = 0.01 * (high - low || 1);
   const perPixel = (high - low + 2 * air) / Math.max(1, inner);
-  const bars: Bar[] = spans.map((span) => ({
+  const bars = spans.map((span) => ({
     series: span.series,
     row: span.name,
     x1: at(span.start),
     x2: at(Math.max(span.end, span.start + kShortestBar * perPixel)),
     marks: span.marks.length,
+    seconds: span.end - span.start,
   }));
+  type Bar = (typeof bars)[number];
   const ticks = spans.flatMap((span) =>
     (span.end - span.start) / perPixel > 2 * span.marks.length
       ? span.marks.map((mark) => ({ row: span.name, x: at(mark) }))
       : [],
   );
   const color = (bar: Bar) => seriesColor(bar.series, colors);
-  const times = new Map(spans.map((span) => [`${span.series}\n${span.name}`, span.end - span.start]));
-  const title = (bar: Bar) => {
-    const seconds = durationText(times.get(`${bar.series}\n${bar.row}`) ?? 0);
-    return `${bar.series}\n${seconds}, ${formatCount(bar.marks)} keyframes`;
-  };
+  const title = (bar: Bar) => `${bar.series}\n${durationText(bar.seconds)}, ${formatCount(bar.marks)} keyframes`;
   const plot = Plot.plot({
     width: options.width,
     height: rows.length * kRow + 64,
@@ -62,12 +52,9 @@ export function drawSpans(chart: SpansChart, options: DrawOptions): SVGSVGElemen
     marks: [
       Plot.gridX({ stroke: colors.rule, strokeOpacity: 1 }),
       Plot.axisX({
+        ...quietAxis(colors),
         label: calendar ? `${chart.xLabel ?? "Time"} (UTC)` : `${chart.xLabel ?? "Time"} (s)`,
-        tickSize: 0,
-        color: colors.muted,
         ticks: options.width < 560 ? 3 : 7,
-        labelArrow: "none",
-        labelAnchor: "center",
         labelOffset: 46,
       }),
       Plot.text(rows, {

@@ -11,6 +11,7 @@ import {
   fitText,
   plainThreshold,
   plotStyle,
+  quietAxis,
   textWidth,
   thresholdKey,
   tickFormat,
@@ -24,12 +25,6 @@ const kBoxHalfWidth = 0.07;
 const kPointsLeft = -0.42;
 const kPointsSpread = 0.1;
 const kMinBand = 58;
-
-interface OutlinePoint {
-  group: number;
-  y: number;
-  half: number;
-}
 
 /** The outline of a group's density, scaled to the widest half of 1; empty if the values do not vary. */
 export function violinOutline(
@@ -69,9 +64,10 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
     shown: group.values.filter((value) => drawable(value, scale)),
   }));
   const summaries = groups.map((group) => summarise(group.shown));
-  const outline: OutlinePoint[] = groups.flatMap((group) =>
+  const outline = groups.flatMap((group) =>
     violinOutline(group.shown, scale, most).map((point) => ({ group: group.index, ...point })),
   );
+  type OutlinePoint = (typeof outline)[number];
   const points = groups.flatMap((group) =>
     group.values.flatMap((value, i) =>
       drawable(value, scale)
@@ -108,25 +104,16 @@ export function drawViolin(chart: ViolinChart, options: DrawOptions): SVGSVGElem
     y: { type: scale, domain, label: null, grid: true },
     marks: [
       Plot.gridY({ stroke: colors.rule, strokeOpacity: 1 }),
-      Plot.axisY({
-        label: chart.yLabel,
-        tickFormat: tickFormat(scale, domain),
-        ticks: 7,
-        tickSize: 0,
-        color: colors.muted,
-        labelArrow: "none",
-        labelAnchor: "center",
-      }),
+      Plot.axisY({ ...quietAxis(colors), label: chart.yLabel, tickFormat: tickFormat(scale, domain), ticks: 7 }),
       Plot.axisX(
         groups.map((group) => group.index),
         {
+          ...quietAxis(colors),
+          color: colors.ink,
           tickFormat: (i: number) => fitText(groups[i]?.name ?? "", slanted ? 96 : band - 8),
           tickRotate: slanted ? -32 : 0,
-          tickSize: 0,
           label: chart.xLabel,
           labelOffset: slanted ? 86 : 46,
-          labelArrow: "none",
-          labelAnchor: "center",
         },
       ),
       Plot.areaX(outline, {

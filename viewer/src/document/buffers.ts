@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { ReportError } from "./errors";
-import type { Field } from "./field";
+import { count as readCount, oneOf, type Field, type Reader } from "./field";
 
 const kTypes = {
   u8: Uint8Array,
@@ -32,9 +32,9 @@ export class Buffers {
 
   /** The array that `field` names, which must be of one of `types` and of `count` elements. */
   read<T extends BufferType>(field: Field, types: readonly T[], count?: number): BufferArray<T> {
-    const type = field.get("type").oneOf(...types);
-    const offset = field.get("offset").count();
-    const size = field.get("count").count();
+    const type = oneOf(...types)(field.get("type"));
+    const offset = readCount(field.get("offset"));
+    const size = readCount(field.get("count"));
     if (count !== undefined && size !== count) {
       throw new ReportError(`${field.path}: expected ${count} elements, found ${size}.`);
     }
@@ -51,7 +51,7 @@ export class Buffers {
     return new kTypes[type](this.#bytes, offset, size) as BufferArray<T>;
   }
 
-  readOrNull<T extends BufferType>(field: Field, types: readonly T[], count?: number): BufferArray<T> | null {
-    return field.isNull ? null : this.read(field, types, count);
+  reader<T extends BufferType>(types: readonly T[], count?: number): Reader<BufferArray<T>> {
+    return (field) => this.read(field, types, count);
   }
 }

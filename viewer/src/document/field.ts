@@ -19,37 +19,16 @@ export class Field {
   }
 
   get(key: string): Field {
+    const path = this.path ? `${this.path}.${key}` : key;
+    const members = this.object();
+    return new Field(Object.prototype.hasOwnProperty.call(members, key) ? members[key] : undefined, path);
+  }
+
+  object(): Record<string, unknown> {
     if (typeof this.value !== "object" || this.value === null || Array.isArray(this.value)) {
       this.fail("an object");
     }
-    const path = this.path ? `${this.path}.${key}` : key;
-    const own = Object.prototype.hasOwnProperty.call(this.value, key);
-    return new Field(own ? (this.value as Record<string, unknown>)[key] : undefined, path);
-  }
-
-  text(): string {
-    return typeof this.value === "string" ? this.value : this.fail("text");
-  }
-
-  textOrNull(): string | null {
-    return this.isNull ? null : this.text();
-  }
-
-  number(): number {
-    return typeof this.value === "number" ? this.value : this.fail("a number");
-  }
-
-  numberOrNull(): number | null {
-    return this.isNull ? null : this.number();
-  }
-
-  truth(): boolean {
-    return typeof this.value === "boolean" ? this.value : this.fail("true or false");
-  }
-
-  count(): number {
-    const value = this.value;
-    return typeof value === "number" && Number.isSafeInteger(value) && value >= 0 ? value : this.fail("a count");
+    return this.value as Record<string, unknown>;
   }
 
   list(length?: number): Field[] {
@@ -61,37 +40,53 @@ export class Field {
     }
     return this.value.map((item, index) => new Field(item, `${this.path}[${index}]`));
   }
+}
 
-  listOrEmpty(): Field[] {
-    return this.isNull ? [] : this.list();
-  }
+/** Reads a value, or fails with its path. The types of the report are those of its readers. */
+export type Reader<T> = (field: Field) => T;
 
-  /** Numbers, where null stands for one that is not finite. */
-  numbers(length?: number): number[] {
-    return this.list(length).map((item) => (item.value === null ? NaN : item.number()));
-  }
+export const text: Reader<string> = (field) => (typeof field.value === "string" ? field.value : field.fail("text"));
+export const number: Reader<number> = (field) =>
+  typeof field.value === "number" ? field.value : field.fail("a number");
+export const truth: Reader<boolean> = (field) =>
+  typeof field.value === "boolean" ? field.value : field.fail("true or false");
+export const anything: Reader<unknown> = (field) => field.value ?? null;
+export const count: Reader<number> = (field) =>
+  Number.isSafeInteger(field.value) && (field.value as number) >= 0 ? (field.value as number) : field.fail("a count");
 
-  finiteNumbers(length: number): number[] {
-    return this.list(length).map((item) => item.number());
-  }
+export function oneOf<T extends string>(...choices: T[]): Reader<T> {
+  return (field) =>
+    choices.find((choice) => choice === field.value) ?? field.fail(choices.map((choice) => `"${choice}"`).join(" or "));
+}
 
-  texts(): string[] {
-    return this.list().map((item) => item.text());
-  }
+export function orElse<T, Other>(read: Reader<T>, other: Other): Reader<T | Other> {
+  return (field) => (field.isNull ? other : read(field));
+}
 
-  textsOrNull(length: number): string[] | null {
-    return this.isNull ? null : this.list(length).map((item) => item.text());
-  }
+export function orNull<T>(read: Reader<T>): Reader<T | null> {
+  return orElse(read, null);
+}
 
-  oneOf<T extends string>(...choices: T[]): T {
-    const found = choices.find((choice) => choice === this.value);
-    return found ?? this.fail(choices.map((choice) => `"${choice}"`).join(" or "));
-  }
+export function list<T>(read: Reader<T>, length?: number): Reader<T[]> {
+  return (field) => field.list(length).map(read);
+}
 
-  object(): Record<string, unknown> {
-    if (typeof this.value !== "object" || this.value === null || Array.isArray(this.value)) {
-      this.fail("an object");
-    }
-    return this.value as Record<string, unknown>;
-  }
+export function listOrEmpty<T>(read: Reader<T>): Reader<T[]> {
+  return orElse(list(read), []);
+}
+
+/** Numbers, where null stands for one that is not finite. */
+export function numbers(length?: number): Reader<number[]> {
+  return list(orElse(number, NaN), length);
+}
+
+type Shape = Record<string, Reader<unknown>>;
+type Read<S extends Shape> = { [Key in keyof S]: ReturnType<S[Key]> };
+
+/** An object; `xLabel` is read from the field `x_label`. */
+export function object<S extends Shape>(shape: S): Reader<Read<S>> {
+  const readers = Object.entries(shape).map(
+    ([key, read]) => [key, key.replace(/[A-Z]/g, (letter) => `_${letter.toLowerCase()}`), read] as const,
+  );
+  return (field) => Object.fromEntries(readers.map(([key, name, read]) => [key, read(field.get(name))])) as Read<S>;
 }

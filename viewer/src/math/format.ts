@@ -1,22 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 const kMinus = "\u2212";
-const kSuperscript: Record<string, string> = {
-  "-": "⁻",
-  "0": "⁰",
-  "1": "¹",
-  "2": "²",
-  "3": "³",
-  "4": "⁴",
-  "5": "⁵",
-  "6": "⁶",
-  "7": "⁷",
-  "8": "⁸",
-  "9": "⁹",
-};
 
 export function superscript(value: number): string {
-  return [...String(value)].map((digit) => kSuperscript[digit] ?? digit).join("");
+  return String(value).replace(/[-0-9]/g, (digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]);
 }
 
 /** A number for people: `digits` significant ones, powers of ten only where zeros would mislead. */
@@ -130,6 +117,11 @@ export function labelOf(name: string): { label: string; unit: string | null } {
   }
   const words = rest.replace(/_/g, " ").trim();
   return { label: words ? words[0].toUpperCase() + words.slice(1) : name, unit };
+}
+
+/** "1.5, 2, 3": a position, or any few numbers. */
+export function positionText(p: readonly number[], digits = 4): string {
+  return p.map((value) => formatNumber(value, digits)).join(", ");
 }
 
 export function idText(ids: Uint32Array | null, index: number): string {

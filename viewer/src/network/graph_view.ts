@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { fitText } from "../charts/shared";
-import { h, s } from "../dom";
+import { h, pressable, redrawn, s } from "../dom";
 import { formatProbability } from "../math/format";
 import type { Palette } from "../theme";
 import { fromAbove, spread, type Place } from "./graph_layout";
@@ -17,7 +17,6 @@ export class GraphView {
   readonly element = h("div", { class: "network-graph" });
   readonly #model: NetworkModel;
   readonly #onSelect: (selection: Selection | null) => void;
-  #rejected = true;
 
   constructor(model: NetworkModel, onSelect: (selection: Selection | null) => void) {
     this.#model = model;
@@ -41,7 +40,7 @@ export class GraphView {
       const share = (width * Math.sqrt(members.length)) / total;
       const above = fromAbove(
         members.map((index) => model.centreOf(index, model.lastStage)),
-        group.up ?? model.orbit.up,
+        group.up ?? model.extent.orbit.up,
       );
       const edge = Math.min(kEdge, share / 4);
       const inside = spread(above, share - 2 * edge, height - band - 2 * kEdge, gap);
@@ -58,7 +57,6 @@ export class GraphView {
   }
 
   draw(colors: Palette, selected: Selection | null, rejected: boolean): void {
-    this.#rejected = rejected;
     const model = this.#model;
     const width = Math.max(240, this.element.clientWidth);
     const count = model.nodes.length;
@@ -77,23 +75,18 @@ export class GraphView {
     });
     const shown = model.links
       .map((link, index) => ({ link, index }))
-      .filter(({ link }) => counts(link) || this.#rejected)
+      .filter(({ link }) => counts(link) || rejected)
       .sort((a, b) => Number(counts(a.link)) - Number(counts(b.link)));
     const stops = shown.length <= kTabStops;
     for (const { link, index } of shown) {
       const [a, b] = [places[link.target], places[link.source]];
       const isSelected = selected?.kind === "link" && selected.index === index;
       const ends = { x1: a.x, y1: a.y, x2: b.x, y2: b.y };
-      const group = s(
-        "g",
-        {
-          class: "graph-link",
-          role: "button",
-          tabindex: stops ? 0 : -1,
-          "aria-pressed": isSelected ? "true" : "false",
-          "aria-label": linkLabel(model, index),
-          "data-use": link.use,
-        },
+      const group = pressable(
+        linkLabel(model, index),
+        isSelected,
+        () => this.#onSelect(isSelected ? null : { kind: "link", index }),
+        { class: "graph-link", tabindex: stops ? 0 : -1, "data-use": link.use },
         s("title", null, linkLabel(model, index)),
         s("line", {
           ...ends,
@@ -104,7 +97,6 @@ export class GraphView {
         }),
         s("line", { ...ends, stroke: "transparent", "stroke-width": count > 60 ? 6 : 16 }),
       );
-      this.#press(group, { kind: "link", index }, isSelected);
       svg.append(group);
     }
     model.nodes.forEach((node, index) => {
@@ -112,15 +104,11 @@ export class GraphView {
       const isSelected = selected?.kind === "node" && selected.index === index;
       const r = radius(index);
       const color = model.nodeColor(index, colors);
-      const group = s(
-        "g",
-        {
-          class: "graph-node",
-          role: "button",
-          tabindex: 0,
-          "aria-pressed": isSelected ? "true" : "false",
-          "aria-label": `${node.name}${node.group === null ? ", left out" : ""}`,
-        },
+      const group = pressable(
+        `${node.name}${node.group === null ? ", left out" : ""}`,
+        isSelected,
+        () => this.#onSelect(isSelected ? null : { kind: "node", index }),
+        { class: "graph-node" },
         s("title", null, node.name),
         s("circle", {
           cx: x,
@@ -151,34 +139,9 @@ export class GraphView {
           ),
         );
       }
-      this.#press(group, { kind: "node", index }, isSelected);
       svg.append(group);
     });
-    const focus = this.#focusedLabel();
-    this.element.replaceChildren(svg);
-    if (focus) {
-      const again = [...svg.querySelectorAll<SVGElement>("[aria-label]")].find(
-        (item) => item.getAttribute("aria-label") === focus,
-      );
-      again?.focus({ preventScroll: true });
-    }
-  }
-
-  /** Drawing anew must not lose the reader's place. */
-  #focusedLabel(): string | null {
-    const active = document.activeElement;
-    return active && this.element.contains(active) ? active.getAttribute("aria-label") : null;
-  }
-
-  #press(element: SVGElement, selection: Selection, isSelected: boolean): void {
-    const choose = () => this.#onSelect(isSelected ? null : selection);
-    element.addEventListener("click", choose);
-    element.addEventListener("keydown", (event) => {
-      if (event.key === "Enter" || event.key === " ") {
-        event.preventDefault();
-        choose();
-      }
-    });
+    redrawn(this.element, svg);
   }
 }
 

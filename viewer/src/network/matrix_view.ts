@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { fitText, textWidth } from "../charts/shared";
-import { h, s } from "../dom";
+import { h, pressable, redrawn, s } from "../dom";
 import { formatNumber } from "../math/format";
 import type { Palette } from "../theme";
 import { linkLabel } from "./graph_view";
@@ -81,15 +81,11 @@ export class MatrixView {
       const isSelected = selected?.kind === "link" && selected.index === index;
       const [x, y] = [names + j * size, top + i * size];
       const color = linkColor(link, colors);
-      const group = s(
-        "g",
-        {
-          class: "matrix-cell",
-          role: "button",
-          tabindex: stops ? 0 : -1,
-          "aria-pressed": isSelected ? "true" : "false",
-          "aria-label": linkLabel(model, index),
-        },
+      const group = pressable(
+        linkLabel(model, index),
+        isSelected,
+        () => this.#onSelect(isSelected ? null : { kind: "link", index }),
+        { class: "matrix-cell", tabindex: stops ? 0 : -1 },
         s("title", null, linkLabel(model, index)),
         this.#rect(x, y, size, color),
         counts(link) ? null : this.#rect(x, y, size, `url(#${pattern})`),
@@ -125,24 +121,9 @@ export class MatrixView {
           }),
         );
       }
-      const choose = () => this.#onSelect(isSelected ? null : { kind: "link", index });
-      group.addEventListener("click", choose);
-      group.addEventListener("keydown", (event) => {
-        if (event.key === "Enter" || event.key === " ") {
-          event.preventDefault();
-          choose();
-        }
-      });
       svg.append(group);
     });
-    const active = document.activeElement;
-    const focus = active && this.element.contains(active) ? active.getAttribute("aria-label") : null;
-    this.element.replaceChildren(svg);
-    if (focus) {
-      [...svg.querySelectorAll<SVGElement>("[role=button]")]
-        .find((item) => item.getAttribute("aria-label") === focus)
-        ?.focus({ preventScroll: true });
-    }
+    redrawn(this.element, svg);
   }
 
   #rect(x: number, y: number, size: number, fill: string): SVGElement {

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, download, h, s } from "../dom";
+import { announce, button, chooser, download, glyph, h, s } from "../dom";
 import type { NetworkSection } from "../document/report";
 import { canvasToPng } from "../export";
 import { formatCount } from "../math/format";
-import { rampColor } from "../scene/coloring";
+import { paintRamp } from "../scene/legend";
 import {
   kHardwareBudget,
-  kSettleMs,
-  kSmoothUpTo,
   kSoftwareBudget,
   layerChip,
   listenToView,
@@ -17,11 +15,12 @@ import {
   standardViews,
   toolGroup,
 } from "../scene/controls";
+import { Drawing } from "../scene/drawing";
 import { KeyframeControls, type EnterableMap } from "../scene/keyframe_controls";
 import { keyframeText, type Keyframe } from "../scene/keyframes";
 import { listenForKeys } from "../scene/keyboard";
 import type { OrbitState, StandardView } from "../scene/orbit";
-import { RenderService } from "../scene/render_service";
+import type { Quality } from "../scene/view3d";
 import { isPrinting, onPaper } from "../paper";
 import { onThemeChange, palette } from "../theme";
 import { GraphView, linkLabel } from "./graph_view";
@@ -46,9 +45,9 @@ const kLayers: [NetworkLayer, string][] = [
 ];
 
 class NetworkFigure {
-  readonly element: HTMLElement;
+  readonly element = h("figure", { class: "card scene network", tabindex: -1 });
   readonly #model: NetworkModel;
-  readonly #service = RenderService.shared();
+  readonly #drawing: Drawing;
   readonly #view: NetworkView;
   readonly #stage: NetworkStage;
   readonly #graph: GraphView;
@@ -59,16 +58,11 @@ class NetworkFigure {
   readonly #play: HTMLButtonElement;
   readonly #keyframes: KeyframeControls<number>;
   readonly #stageName = h("output", { class: "iteration stage-name" });
-  #frame = 0;
-  #settleTimer = 0;
   #playing = 0;
-  #moving = false;
-  #near = false;
-  #dirty = true;
-  #settled: (() => void) | null;
 
   constructor(section: NetworkSection, settled: () => void) {
-    this.#settled = settled;
+    this.#drawing = new Drawing(this, settled);
+    const { service } = this.#drawing;
     const model = (this.#model = new NetworkModel(section));
     const notUsed = model.links.filter((link) => !counts(link)).length;
     this.#view = {
@@ -87,7 +81,7 @@ class NetworkFigure {
       entered: null,
       images: true,
     };
-    const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
+    const budget = service.software ? kSoftwareBudget : kHardwareBudget;
     const choose = (selection: Selection | null) => this.#select(selection);
     this.#stage = new NetworkStage(model, this.#view, palette(), Math.ceil(model.landmarkCount / budget));
     this.#graph = new GraphView(model, choose);
@@ -113,12 +107,12 @@ class NetworkFigure {
       leave: () => this.#leave(),
       showImages: (shown) => {
         this.#view.images = shown;
-        this.#redraw();
+        this.redraw();
       },
     });
 
     const has3d = section.nodes.some((node) => node.cloud && node.group !== null);
-    this.element = h("figure", { class: "card scene network", "data-scene": section.id, tabindex: -1 });
+    this.element.dataset.scene = section.id;
     if (has3d) {
       this.element.append(this.#toolbar());
       const alert = h(
@@ -129,10 +123,10 @@ class NetworkFigure {
       const pane = h(
         "div",
         { class: "pane", role: "group", "aria-label": "Maps in 3D" },
-        this.#service.available ? null : alert,
+        service.available ? null : alert,
         this.#stage.surface,
       );
-      this.element.classList.toggle("no-webgl", !this.#service.available);
+      this.element.classList.toggle("no-webgl", !service.available);
       this.element.append(
         h("div", { class: "scene-body" }, h("div", { class: "stage" }, pane), this.#side()),
         ...(model.lastStage > 0 ? [this.#timeline()] : []),
@@ -156,7 +150,7 @@ class NetworkFigure {
       this.#lookFrom("home");
       this.#drawPlans();
       if (!has3d) {
-        this.#report();
+        this.#drawing.report();
       }
     });
   }
@@ -188,7 +182,7 @@ class NetworkFigure {
       .map(([name, text]) =>
         layerChip(text, name, this.#view.layers, () => {
           this.#stage.moveTo();
-          this.#redraw();
+          this.redraw();
           if (name === "rejected") {
             this.#drawPlans();
           }
@@ -196,26 +190,21 @@ class NetworkFigure {
       );
     more.append(toolGroup("Show", ...chips));
     if (model.section.groups.length > 1) {
-      const chooser = h(
-        "select",
-        { "aria-label": "Group of maps" },
-        ...model.section.groups.map(({ frame }, index) => {
-          const size = model.nodes.filter((node) => node.group === index).length;
-          const text = `${frame}, ${size} ${size === 1 ? "map" : "maps"}`;
-          return h("option", { value: index, selected: index === model.group }, text);
-        }),
-      );
-      chooser.addEventListener("change", () => {
-        this.#showGroup(Number(chooser.value));
+      const groups = model.section.groups.map(({ frame }, index) => {
+        const size = model.nodes.filter((node) => node.group === index).length;
+        return [index, `${frame}, ${size} ${size === 1 ? "map" : "maps"}`] as const;
+      });
+      const group = chooser("Group of maps", groups, model.group, (index) => {
+        this.#showGroup(index);
         this.#refreshSide();
         this.#lookFrom("home");
       });
-      more.append(toolGroup("Group", chooser));
+      more.append(toolGroup("Group", group));
     }
     more.append(
       pointSizes({ min: 0.5, max: 8, step: 0.25 }, this.#view.pointSize, (size) => {
         this.#view.pointSize = size;
-        this.#redraw();
+        this.redraw();
       }),
       standardViews((name) => this.#lookFrom(name)),
       pictureAndHelp(() => this.#savePicture()),
@@ -250,29 +239,12 @@ class NetworkFigure {
   #linkLegend(): HTMLElement {
     const kWidth = 180;
     const ramp = h("canvas", { width: kWidth, height: 10, class: "ramp", "aria-hidden": "true" });
-    const paint = () => {
-      const context = ramp.getContext("2d");
-      for (let x = 0; context && x < kWidth; ++x) {
-        context.fillStyle = rampColor(x / (kWidth - 1), palette().name);
-        context.fillRect(x, 0, 1, 10);
-      }
+    paintRamp(ramp, palette());
+    onThemeChange((colors) => paintRamp(ramp, colors));
+    const line = (dash: string | null) => {
+      const look = { stroke: "currentColor", "stroke-width": 2.5, "stroke-dasharray": dash };
+      return glyph(30, 10, s("line", { x1: 1, x2: 29, y1: 5, y2: 5, ...look }));
     };
-    paint();
-    onThemeChange(paint);
-    const line = (dash: string | null) =>
-      s(
-        "svg",
-        { width: 30, height: 10, "aria-hidden": "true" },
-        s("line", {
-          x1: 1,
-          x2: 29,
-          y1: 5,
-          y2: 5,
-          stroke: "currentColor",
-          "stroke-width": 2.5,
-          "stroke-dasharray": dash,
-        }),
-      );
     return h(
       "div",
       { class: "network-legend small" },
@@ -290,7 +262,7 @@ class NetworkFigure {
     const group = selection?.kind === "node" ? this.#model.nodes[selection.index].group : null;
     if (group !== null && group !== this.#model.group) {
       this.#showGroup(group);
-      this.#redraw();
+      this.redraw();
     }
     this.#refreshSide();
     this.#stage.drawOverlay();
@@ -330,18 +302,10 @@ class NetworkFigure {
     const colors = palette();
     const list = h("ul", { class: "map-list" });
     model.nodes.forEach((node, index) => {
-      const swatch = s("svg", { width: 14, height: 14, "aria-hidden": "true" });
-      swatch.append(
-        s("circle", {
-          cx: 7,
-          cy: 7,
-          r: 5,
-          fill: node.group === null ? "none" : model.nodeColor(index, colors),
-          stroke: model.nodeColor(index, colors),
-          "stroke-width": 1.5,
-          "stroke-dasharray": node.group === null ? "2.5 2" : null,
-        }),
-      );
+      const color = model.nodeColor(index, colors);
+      const look =
+        node.group === null ? { fill: "none", "stroke-dasharray": "2.5 2" } : { fill: color, "stroke-dasharray": null };
+      const dot = s("circle", { cx: 7, cy: 7, r: 5, stroke: color, "stroke-width": 1.5, ...look });
       const pick = button(node.name, () => this.#select({ kind: "node", index }), { class: "quiet record-link" });
       const selected = this.#view.selected;
       pick.setAttribute("aria-pressed", String(selected?.kind === "node" && selected.index === index));
@@ -353,7 +317,7 @@ class NetworkFigure {
         disabled: !model.isShown(index),
       });
       shown.addEventListener("change", () => this.#setShown(index, shown.checked));
-      list.append(h("li", null, shown, swatch, pick, h("span", { class: "muted" }, note)));
+      list.append(h("li", null, shown, glyph(14, 14, dot), pick, h("span", { class: "muted" }, note)));
     });
     return h("div", null, h("div", { class: "legend-title" }, "Maps"), list);
   }
@@ -366,21 +330,10 @@ class NetworkFigure {
     const colors = palette();
     const list = h("ul", { class: "map-list thing-list" });
     things.forEach((thing, index) => {
-      const swatch = s(
-        "svg",
-        { width: 14, height: 14, "aria-hidden": "true" },
-        s("rect", {
-          x: 2,
-          y: 2,
-          width: 10,
-          height: 10,
-          fill: "none",
-          stroke: thingColor(thing.kind, colors),
-          "stroke-width": 2,
-        }),
-      );
+      const look = { fill: "none", stroke: thingColor(thing.kind, colors), "stroke-width": 2 };
+      const box = s("rect", { x: 2, y: 2, width: 10, height: 10, ...look });
       const pick = button(thing.name, () => this.#select({ kind: "thing", index }), { class: "quiet record-link" });
-      list.append(h("li", null, swatch, pick));
+      list.append(h("li", null, glyph(14, 14, box), pick));
     });
     return [h("div", null, h("div", { class: "legend-title" }, "Changes"), list)];
   }
@@ -392,7 +345,7 @@ class NetworkFigure {
       this.#view.hidden.add(index);
     }
     this.#stage.moveTo();
-    this.#redraw();
+    this.redraw();
   }
 
   // Keyframes
@@ -415,7 +368,7 @@ class NetworkFigure {
     this.#keyframes.show(keyframe);
     this.#select({ kind: "node", index: keyframe.role, frame: keyframe.frame });
     this.#stage.moveTo();
-    this.#redraw();
+    this.redraw();
     announce(`Keyframe ${keyframeText(frames, keyframe.frame)} of ${this.#model.nodes[keyframe.role].name} entered.`);
     if (first) {
       this.#stage.hint("Drag to leave");
@@ -437,7 +390,7 @@ class NetworkFigure {
     this.#view.entered = null;
     this.#keyframes.show(null);
     this.#stage.moveTo();
-    this.#redraw();
+    this.redraw();
     announce("Keyframe left.");
   }
 
@@ -455,7 +408,7 @@ class NetworkFigure {
       mark.setAttribute("aria-pressed", String(exact && mark.dataset.stage === String(nearest)));
     });
     this.#stage.moveTo();
-    this.#redraw(true);
+    this.redraw(true);
     if (this.#view.selected) {
       this.#refreshSide();
     }
@@ -497,7 +450,7 @@ class NetworkFigure {
         this.#leave();
       }
       change(stage.orbit);
-      this.#redraw(true);
+      this.redraw(true);
     };
     listenToView(stage, model, {
       turn,
@@ -528,8 +481,8 @@ class NetworkFigure {
           this.#refreshSide();
         }
       },
-      turn: (right, down) => turn((orbit) => model.orbit.rotate(orbit, right, down)),
-      zoom: (factor) => turn((orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      turn: (right, down) => turn((orbit) => model.extent.orbit.rotate(orbit, right, down)),
+      zoom: (factor) => turn((orbit) => model.extent.orbit.zoom(orbit, factor, model.extent.reach)),
       keyframes: this.#keyframes,
       escape: () => {
         if (this.#view.entered) {
@@ -547,9 +500,8 @@ class NetworkFigure {
       stage.setColors(colors);
       this.#refreshSide();
       this.#drawPlans();
-      this.#redraw();
+      this.redraw();
     });
-    this.#service.onRestored(() => this.#redraw());
     new ResizeObserver(() => this.#layOut()).observe(stage.surface);
     onPaper(() => this.#drawNow());
     let plansWidth = 0;
@@ -559,17 +511,6 @@ class NetworkFigure {
         this.#drawPlans();
       }
     }).observe(this.#graph.element);
-    new IntersectionObserver(
-      (entries) => {
-        this.#near = entries.some((entry) => entry.isIntersecting);
-        if (!this.#near) {
-          this.#settle();
-        } else if (this.#dirty) {
-          this.#schedule(false);
-        }
-      },
-      { rootMargin: "400px" },
-    ).observe(this.element);
   }
 
   #layOut(): void {
@@ -577,15 +518,13 @@ class NetworkFigure {
     const tall = Math.max(300, Math.min(620, innerHeight - 260));
     const height = width < 600 ? Math.max(260, Math.min(420, width * 0.9)) : tall;
     this.element.style.setProperty("--pane-height", `${Math.round(height)}px`);
-    this.#redraw();
+    this.redraw();
   }
 
   #lookFrom(name: StandardView): void {
-    const { surface } = this.#stage;
-    const aspect = (surface.clientWidth || 3) / (surface.clientHeight || 2);
-    this.#stage.orbit = this.#model.orbit.view(name, this.#model.half, aspect);
+    this.#stage.orbit = this.#stage.standardOrbit(name);
     this.#leave();
-    this.#redraw();
+    this.redraw();
   }
 
   #drawPlans(): void {
@@ -596,66 +535,31 @@ class NetworkFigure {
 
   // Drawing: only when something changed, cheaply while it changes, in full once it rests
 
-  #redraw(moving = false): void {
-    this.#dirty = true;
-    this.#schedule(moving);
+  redraw(moving = false): void {
+    this.#drawing.schedule(moving);
   }
 
-  #schedule(moving: boolean): void {
-    this.element.dataset.drawn = "pending";
-    if (moving && (this.#service.software || this.#model.landmarkCount > kSmoothUpTo)) {
-      this.#moving = true;
-      clearTimeout(this.#settleTimer);
-      this.#settleTimer = window.setTimeout(() => {
-        this.#moving = false;
-        this.#redraw();
-      }, kSettleMs);
+  drawnLandmarks(): number {
+    return this.#model.landmarkCount;
+  }
+
+  drawFrame(quality: Quality): boolean {
+    if (this.#stage.surface.clientWidth > 0) {
+      this.#stage.draw(this.#drawing.service, quality);
     }
-    if (!this.#service.available) {
-      this.#report();
-    } else if (this.#near && !this.#frame) {
-      this.#frame = requestAnimationFrame(() => {
-        this.#frame = 0;
-        if (isPrinting()) {
-          return;
-        }
-        this.#dirty = false;
-        if (this.#stage.surface.clientWidth > 0) {
-          this.#stage.draw(this.#service, this.#resolution(), this.#moving);
-        }
-        this.#report();
-      });
-    }
+    return false;
   }
 
   /** For paper, which does not wait. */
   #drawNow(): void {
-    if (this.#service.available && this.#stage.surface.clientWidth > 0) {
-      this.#stage.drawForPaper(this.#service);
+    if (this.#drawing.service.available && this.#stage.surface.clientWidth > 0) {
+      this.#stage.drawForPaper(this.#drawing.service);
     }
   }
 
-  #resolution(): number {
-    const smooth = this.#model.landmarkCount <= kSmoothUpTo && !this.#moving ? 2 : 1;
-    return Math.max(smooth, this.#service.software ? 1 : Math.min(window.devicePixelRatio || 1, 2));
-  }
-
-  /** Tells the page that this figure is up, and tests that the picture is the final one. */
-  #report(): void {
-    this.element.dataset.drawn = this.#moving ? "preview" : "full";
-    this.#settle();
-  }
-
-  #settle(): void {
-    this.#settled?.();
-    this.#settled = null;
-  }
-
   async #savePicture(): Promise<void> {
-    const name = `${this.#model.section.id}.png`;
-    download(name, await canvasToPng(this.#stage.picture(this.#service, 2)));
-    this.#redraw();
-    announce(`${name} saved.`);
+    const picture = this.#stage.picture(this.#drawing.service, 2);
+    download(`${this.#model.section.id}.png`, await canvasToPng(picture));
   }
 }
 

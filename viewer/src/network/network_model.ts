@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { interpolateTurbo } from "d3-scale-chromatic";
-import type { Frames, LandmarkCloud, LinkUse, NetworkLink, NetworkNode, NetworkSection } from "../document/report";
+import type { Box, Frames, LandmarkCloud, LinkUse, NetworkLink, NetworkNode, NetworkSection } from "../document/report";
 import { rampColor } from "../scene/coloring";
-import { lowest, rangeAlong } from "../scene/extent";
-import { Orbit } from "../scene/orbit";
-import { apply, kIdentity, meanViews, poseOf, type Affine, type Quaternion } from "../math/pose";
+import { extentOf, type Extent } from "../scene/extent";
+import { apply, kIdentity, poseOf, type Affine, type Quaternion } from "../math/pose";
 import { giveSeriesColor } from "../series_style";
 import type { Palette } from "../theme";
+
+export function middleOf({ low, high }: Box): [number, number, number] {
+  return [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2];
+}
 
 /** What is selected, in every view at once. */
 export type Selection =
@@ -46,12 +49,8 @@ export class NetworkModel {
   readonly nodes: NetworkNode[];
   readonly links: NetworkLink[];
   readonly lastStage: number;
-  /** The shown group's box: its middle, half its sizes and half its diagonal; see SceneModel. */
-  centre: [number, number, number] = [0, 0, 0];
-  half: [number, number, number] = [1, 1, 1];
-  reach = 1;
-  floor = 0;
-  orbit: Orbit = new Orbit([0, 0, 1], null);
+  /** Of the shown group, in its frame. */
+  extent: Extent = extentOf([], null, null);
   #group = 0;
 
   constructor(section: NetworkSection) {
@@ -112,14 +111,7 @@ export class NetworkModel {
       const { cloud } = this.nodes[index];
       return cloud ? [[cloud, this.pose(index, this.lastStage)]] : [];
     });
-    const ranges = [0, 1, 2].map((axis) => rangeAlong(placed, axis));
-    this.centre = ranges.map(([low, high]) => (low + high) / 2) as [number, number, number];
-    this.half = ranges.map(([low, high]) => Math.max(1e-6, (high - low) / 2)) as [number, number, number];
-    this.reach = Math.hypot(...this.half);
-    const frames = placed[0]?.[0].frames;
-    const views = frames ? meanViews(frames) : null;
-    this.orbit = new Orbit(this.section.groups[group]?.up ?? views?.up ?? [0, 0, 1], views?.forward ?? null);
-    this.floor = lowest(placed, this.orbit.up, this.centre) ?? -this.reach;
+    this.extent = extentOf(placed, this.section.groups[group]?.up ?? null, placed[0]?.[0].frames ?? null);
   }
 
   /** group_from_node between two stages, e.g. 1.5; the identity of a map without a pose. */

@@ -1,40 +1,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { button, h } from "../dom";
-import { formatCount, formatLength, formatNumber, formatProbability, idText } from "../math/format";
-import { apply, positionOf } from "../math/pose";
+import { badge, button, facts, h } from "../dom";
+import { formatCount, formatLength, formatNumber, formatProbability, idText, positionText } from "../math/format";
+import { apply, positionOf, subtract } from "../math/pose";
 import type { NetworkLink } from "../document/report";
-import { kUseTexts, type NetworkModel, type Selection } from "./network_model";
+import { kUseTexts, middleOf, type NetworkModel, type Selection } from "./network_model";
 
 type Choose = (selection: Selection) => void;
 
-function facts(...entries: [string, string | HTMLElement | null][]): HTMLElement {
-  return h(
-    "dl",
-    { class: "record-facts" },
-    ...entries
-      .filter(([, value]) => value !== null)
-      .map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))),
-  );
-}
+const recordFacts = (...entries: Parameters<typeof facts>[1]) => facts("record-facts", entries);
 
 function probabilityText(link: NetworkLink): string {
-  if (link.probability === null) {
-    return "not judged";
-  }
-  return formatProbability(link.probability);
+  return link.probability === null ? "not judged" : formatProbability(link.probability);
 }
 
-function badge(link: NetworkLink): HTMLElement {
-  const status = { used: "good", undecided: "good", contradicted: "bad", ambiguous: "doubt", rejected: "bad" }[
-    link.use
-  ];
-  const sign = { good: "✓ ", doubt: "? ", bad: "✕ " }[status];
-  return h("span", { class: "badge", "data-status": status }, `${sign}${kUseTexts[link.use]}`);
-}
-
-function positionText(p: readonly number[]): string {
-  return p.map((value) => formatNumber(value, 4)).join(", ");
-}
+const kUseStatus = {
+  used: "good",
+  undecided: "good",
+  contradicted: "bad",
+  ambiguous: "doubt",
+  rejected: "bad",
+} as const;
+const useBadge = ({ use }: NetworkLink) => badge(kUseStatus[use], kUseTexts[use]);
 
 function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLElement[] {
   const link = model.links[index];
@@ -42,8 +28,8 @@ function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLEle
     button(model.nodes[node].name, () => choose({ kind: "node", index: node }), { class: "quiet record-link" });
   return [
     h("h3", null, model.linkName(index)),
-    badge(link),
-    facts(
+    useBadge(link),
+    recordFacts(
       ["Probability", probabilityText(link)],
       ["Found by", link.kind],
       ["Residual distance", link.residual === null ? null : formatLength(link.residual, model.lengthUnit)],
@@ -68,7 +54,7 @@ function nodeRecord(
     content.push(h("p", { class: "record-reason" }, `Left out: ${node.reason}`));
   }
   content.push(
-    facts(
+    recordFacts(
       ["In the frame of", node.group === null ? "none" : model.section.groups[node.group].frame],
       ["Session", node.session],
       ["Landmarks", formatCount(node.landmarks)],
@@ -81,7 +67,7 @@ function nodeRecord(
     const p = positionOf(cloud, selection.landmark);
     content.push(
       h("h4", null, `Landmark ${idText(cloud.ids, selection.landmark)}`),
-      facts(["In its map", positionText(p)], ["In the view", positionText(apply(pose, p))]),
+      recordFacts(["In its map", positionText(p)], ["In the view", positionText(apply(pose, p))]),
     );
   }
   if (cloud?.frames && selection.frame !== undefined) {
@@ -90,7 +76,7 @@ function nodeRecord(
     const time = timestamps?.[selection.frame];
     content.push(
       h("h4", null, `Keyframe ${idText(ids, selection.frame)}`),
-      facts(
+      recordFacts(
         ["In its map", positionText([poses[at], poses[at + 1], poses[at + 2]])],
         ["In the view", positionText(apply(pose, [poses[at], poses[at + 1], poses[at + 2]]))],
         ["Time", time === undefined || !Number.isFinite(time) ? null : `${time.toFixed(3)} s`],
@@ -110,7 +96,7 @@ function nodeRecord(
           "div",
           { class: "record-row" },
           button(model.nodes[other].name, () => choose({ kind: "link", index }), { class: "quiet record-link" }),
-          badge(link),
+          useBadge(link),
         ),
       );
     }
@@ -124,15 +110,14 @@ function nodeRecord(
 function thingRecord(model: NetworkModel, index: number): HTMLElement[] {
   const thing = model.section.things[index];
   const [from, to] = thing.boxes;
-  const middle = (box: typeof from) => [0, 1, 2].map((i) => (box.low[i] + box.high[i]) / 2);
-  const shift = to ? Math.hypot(...middle(from).map((value, i) => middle(to)[i] - value)) : null;
+  const shift = to ? Math.hypot(...subtract(middleOf(to), middleOf(from))) : null;
   return [
     h("h3", null, thing.name),
-    facts(
-      ["At", positionText(middle(from))],
+    recordFacts(
+      ["At", positionText(middleOf(from))],
       ["Size", from.low.map((value, i) => formatNumber(from.high[i] - value, 2)).join(" × ")],
       ["Moved by", shift === null ? null : formatLength(shift, model.lengthUnit)],
-      ["To", to ? positionText(middle(to)) : null],
+      ["To", to ? positionText(middleOf(to)) : null],
     ),
   ];
 }

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { button, h } from "../dom";
+import { button, h, toggleChip } from "../dom";
 import { showHelp } from "./keyboard";
-import { listenForGestures, type Orbit, type OrbitState, type StandardView } from "./orbit";
+import type { Extent } from "./extent";
+import { listenForGestures, type OrbitState, type StandardView } from "./orbit";
 
 /** Landmarks that can be drawn while things move, without and with a graphics card. */
 export const kSoftwareBudget = 120_000;
 export const kHardwareBudget = 4_000_000;
 /** Up to so many landmarks a picture is drawn with twice the resolution and shrunk, which smooths it. */
 export const kSmoothUpTo = 60_000;
-/** How long a view rests before it is drawn in full. */
-export const kSettleMs = 180;
 /** Of more landmarks, the one below the pointer is looked for only once the pointer rests. */
 export const kHoverUpTo = 200_000;
 const kHoverRestMs = 140;
@@ -41,16 +40,11 @@ export function layerChip<Name extends string>(
   layers: Record<Name, boolean>,
   changed: () => void,
 ): HTMLButtonElement {
-  const chip = button(
-    label,
-    () => {
-      layers[name] = !layers[name];
-      chip.setAttribute("aria-pressed", String(layers[name]));
-      changed();
-    },
-    { class: "chip", "aria-pressed": String(layers[name]), "data-layer": name },
-  );
-  return chip;
+  const toggle = (shown: boolean) => {
+    layers[name] = shown;
+    changed();
+  };
+  return toggleChip(label, layers[name], toggle, { "data-layer": name });
 }
 
 export function pointSizes(
@@ -96,14 +90,14 @@ interface PickedView<Pick> {
 /** Turns, zooms and picks by pointer. */
 export function listenToView<Pick>(
   view: PickedView<Pick>,
-  model: { readonly orbit: Orbit; readonly reach: number; readonly landmarkCount: number },
+  model: { readonly extent: Extent; readonly landmarkCount: number },
   actions: { turn(change: (orbit: OrbitState) => void): void; select(pick: Pick | null): void; wheelZooms(): boolean },
 ): void {
   let hoverTimer = 0;
   listenForGestures(view.overlay, {
-    rotate: (right, down) => actions.turn((orbit) => model.orbit.rotate(orbit, right, down)),
-    pan: (right, down) => actions.turn((orbit) => model.orbit.pan(orbit, right, down)),
-    zoom: (factor) => actions.turn((orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+    rotate: (right, down) => actions.turn((orbit) => model.extent.orbit.rotate(orbit, right, down)),
+    pan: (right, down) => actions.turn((orbit) => model.extent.orbit.pan(orbit, right, down)),
+    zoom: (factor) => actions.turn((orbit) => model.extent.orbit.zoom(orbit, factor, model.extent.reach)),
     press: (x, y, touch) => {
       view.overlay.focus({ preventScroll: true });
       actions.select(view.pick(x, y, touch));

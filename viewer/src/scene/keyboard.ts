@@ -115,18 +115,17 @@ function onKey(event: KeyboardEvent): void {
     End: () => scene.jump("last"),
     " ": () => scene.playPause(),
     r: () => scene.resetView(),
-    R: () => scene.resetView(),
     "+": () => scene.zoom(1 / 1.2),
     "=": () => scene.zoom(1 / 1.2),
     "-": () => scene.zoom(1.2),
     ...(scene.keyframes && {
       c: () => scene.keyframes?.toggle(),
-      C: () => scene.keyframes?.toggle(),
       "[": () => scene.keyframes?.step(-1),
       "]": () => scene.keyframes?.step(1),
     }),
   };
-  const own = Object.prototype.hasOwnProperty.call(actions, event.key) ? actions[event.key] : undefined;
+  const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  const own = Object.prototype.hasOwnProperty.call(actions, key) ? actions[key] : undefined;
   if (own) {
     event.preventDefault();
     own();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import type { Frames } from "../document/report";
-import { button, h } from "../dom";
+import { button, h, toggleChip } from "../dom";
 import { formatCount } from "../math/format";
 import { toolGroup } from "./controls";
 import { keyframeText, type Keyframe } from "./keyframes";
@@ -45,15 +45,8 @@ export class KeyframeControls<R> {
       }
     });
     this.#slider.addEventListener("input", () => this.#enter(Number(this.#slider.value)));
-    this.#image = button(
-      "Image",
-      () => {
-        const shown = this.#image.getAttribute("aria-pressed") !== "true";
-        this.#image.setAttribute("aria-pressed", String(shown));
-        actions.showImages(shown);
-      },
-      { class: "chip", "aria-pressed": "true", title: "Show what the keyframe saw" },
-    );
+    const showImages = (shown: boolean) => actions.showImages(shown);
+    this.#image = toggleChip("Image", true, showImages, { title: "Show what the keyframe saw" });
     this.element = toolGroup(
       "Keyframe",
       this.#maps,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { h, s } from "../dom";
+import { glyph, h, s } from "../dom";
 import { formatCount, formatNumber } from "../math/format";
 import type { Palette } from "../theme";
 import { rampColor, scaleTicks, type ColorScale } from "./coloring";
@@ -8,27 +8,27 @@ import type { ViewState } from "./view_state";
 
 const kRampWidth = 216;
 
-function glyph(draw: SVGElement): SVGSVGElement {
-  return s("svg", { width: 22, height: 14, "aria-hidden": "true" }, draw);
-}
-
 function key(draw: SVGElement, label: string, detail: string | null = null): HTMLElement {
   return h(
     "li",
     null,
-    glyph(draw),
+    glyph(22, 14, draw),
     h("span", null, label),
     detail ? h("span", { class: "muted" }, ` ${detail}`) : null,
   );
 }
 
+export function paintRamp(canvas: HTMLCanvasElement, colors: Palette): void {
+  const context = canvas.getContext("2d");
+  for (let x = 0; context && x < canvas.width; ++x) {
+    context.fillStyle = rampColor(x / (canvas.width - 1), colors.name);
+    context.fillRect(x, 0, 1, canvas.height);
+  }
+}
+
 function ramp(scale: ColorScale, colors: Palette): HTMLElement {
   const canvas = h("canvas", { width: kRampWidth, height: 12, class: "ramp", "aria-hidden": "true" });
-  const context = canvas.getContext("2d");
-  for (let x = 0; context && x < kRampWidth; ++x) {
-    context.fillStyle = rampColor(x / (kRampWidth - 1), colors.name);
-    context.fillRect(x, 0, 1, 12);
-  }
+  paintRamp(canvas, colors);
   const ticks = h("div", { class: "ramp-ticks" });
   for (const { value, t } of scaleTicks(scale)) {
     const tick = h("span", null, formatNumber(value, 3));

@@ -13,6 +13,7 @@ import type { Frames, LandmarkCloud, Vector3 } from "../document/report";
 import { apply, compose, cross, poseAt, subtract, unit, type Affine } from "../math/pose";
 import { niceBelow } from "../math/format";
 import type { Palette } from "../theme";
+import type { Extent } from "./extent";
 import { frustumOf } from "./keyframes";
 import { distanceToSegment } from "./picking";
 import { setMatrix } from "./point_layer";
@@ -63,7 +64,8 @@ export class MatchLayer {
     color: string,
     rgbOf: ((source: number) => readonly number[]) | null,
   ): void {
-    const { source, target, centre } = this.#model;
+    const { source, target } = this.#model;
+    const { centre } = this.#model.extent;
     if (!source) {
       return;
     }
@@ -206,14 +208,14 @@ export class GridLayer {
   readonly cell: number;
   readonly #material = new LineBasicMaterial({ transparent: true, opacity: 0.9, depthWrite: false });
 
-  constructor(model: Pick<SceneModel, "reach" | "orbit" | "floor">) {
-    this.cell = niceBelow(model.reach / 2.2);
-    const { up } = model.orbit;
+  constructor(extent: Extent) {
+    this.cell = niceBelow(extent.reach / 2.2);
+    const { up } = extent.orbit;
     const side = unit(cross(up, Math.abs(up[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0])) ?? [1, 0, 0];
     const other = cross(up, side);
-    const cells = Math.ceil((1.1 * model.reach) / this.cell);
+    const cells = Math.ceil((1.1 * extent.reach) / this.cell);
     const at = (a: number, b: number) =>
-      [0, 1, 2].map((i) => a * this.cell * side[i] + b * this.cell * other[i] + model.floor * up[i]);
+      [0, 1, 2].map((i) => a * this.cell * side[i] + b * this.cell * other[i] + extent.floor * up[i]);
     const lines: number[] = [];
     for (let i = -cells; i <= cells; ++i) {
       lines.push(...at(i, -cells), ...at(i, cells), ...at(-cells, i), ...at(cells, i));

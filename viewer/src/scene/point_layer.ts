@@ -118,24 +118,8 @@ function previewIndex(cloud: LandmarkCloud, stride: number): BufferAttribute {
 }
 
 export function setMatrix(matrix: Matrix4, a: Affine, centre: readonly number[]): Matrix4 {
-  return matrix.set(
-    a[0],
-    a[1],
-    a[2],
-    a[3] - centre[0],
-    a[4],
-    a[5],
-    a[6],
-    a[7] - centre[1],
-    a[8],
-    a[9],
-    a[10],
-    a[11] - centre[2],
-    0,
-    0,
-    0,
-    1,
-  );
+  const row = (i: number) => [a[4 * i], a[4 * i + 1], a[4 * i + 2], a[4 * i + 3] - centre[i]] as const;
+  return matrix.set(...row(0), ...row(1), ...row(2), 0, 0, 0, 1);
 }
 
 /** A cloud's landmarks as points of constant size on the screen. */

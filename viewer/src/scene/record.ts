@@ -1,20 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { h } from "../dom";
-import type { LandmarkCloud } from "../document/report";
-import { formatLength, formatNumber, idText } from "../math/format";
+import { facts, h } from "../dom";
+import { formatLength, formatNumber, idText, positionText } from "../math/format";
 import { positionOf } from "../math/pose";
 import { columnValue } from "./coloring";
 import type { Pane } from "./pane";
 import type { Pick } from "./picking";
 import type { SceneModel } from "./scene_model";
-
-function positionText(p: readonly number[], digits = 5): string {
-  return p.map((value) => formatNumber(value, digits)).join(", ");
-}
-
-function unitText(cloud: LandmarkCloud): string {
-  return cloud.lengthUnit === "m" ? "m" : "map units";
-}
 
 /** One strategy's match, residual and position of a source landmark. */
 function runRows(model: SceneModel, pane: Pane, pick: Pick): HTMLElement {
@@ -37,7 +28,7 @@ function runRows(model: SceneModel, pane: Pane, pick: Pick): HTMLElement {
       h(
         "td",
         { colspan: 3, class: "muted", "data-record": "in-target" },
-        `in target’s frame ${positionText(pane.positionInTarget(pick), 4)}`,
+        `in target’s frame ${positionText(pane.positionInTarget(pick))}`,
       ),
     ),
   );
@@ -49,18 +40,17 @@ export function recordContent(model: SceneModel, panes: Pane[], pick: Pick): HTM
   if (!cloud) {
     return [];
   }
-  const facts = h("dl", { class: "record-facts" });
-  const fact = (name: string, value: string, key: string) =>
-    facts.append(h("div", { "data-record": key }, h("dt", null, name), h("dd", null, value)));
-  fact("Map", cloud.name, "map");
-  fact(`Position (${unitText(cloud)})`, positionText(positionOf(cloud, pick.index)), "position");
-  for (const column of cloud.columns) {
-    const value = formatNumber(columnValue(column, pick.index), 5);
-    fact(column.label, column.unit ? `${value} ${column.unit}` : value, "column");
-  }
+  const unit = cloud.lengthUnit === "m" ? "m" : "map units";
   const content: HTMLElement[] = [
     h("h3", null, `${pick.role === "source" ? "Source" : "Target"} landmark ${idText(cloud.ids, pick.index)}`),
-    facts,
+    facts("record-facts", [
+      ["Map", cloud.name, { "data-record": "map" }],
+      [`Position (${unit})`, positionText(positionOf(cloud, pick.index), 5), { "data-record": "position" }],
+      ...cloud.columns.map((column): [string, string, { "data-record": string }] => {
+        const value = formatNumber(columnValue(column, pick.index), 5);
+        return [column.label, column.unit ? `${value} ${column.unit}` : value, { "data-record": "column" }];
+      }),
+    ]),
   ];
   const runs = panes.filter((pane) => pane.run);
   if (pick.role === "source" && runs.length > 0) {
@@ -81,17 +71,13 @@ export function recordContent(model: SceneModel, panes: Pane[], pick: Pick): HTM
   if (pick.role === "target" && runs.some((pane) => pane.run?.matches)) {
     content.push(
       h("h4", null, "Source landmarks matched with it"),
-      h(
-        "dl",
-        { class: "record-facts" },
-        ...runs.map((pane) =>
-          h(
-            "div",
-            { "data-record": "matched-by" },
-            h("dt", null, pane.run?.name ?? ""),
-            h("dd", null, String(pane.countMatchedWith(pick.index))),
-          ),
-        ),
+      facts(
+        "record-facts",
+        runs.map((pane) => [
+          pane.run?.name ?? "",
+          String(pane.countMatchedWith(pick.index)),
+          { "data-record": "matched-by" },
+        ]),
       ),
     );
   }

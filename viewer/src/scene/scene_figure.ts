@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { announce, button, download, h } from "../dom";
+import { announce, button, chooser, download, h, toggleChip } from "../dom";
 import type { Run, SceneSection } from "../document/report";
 import { canvasToPng } from "../export";
 import { formatNumber, labelOf } from "../math/format";
@@ -10,8 +10,6 @@ import type { ColorMode } from "./coloring";
 import {
   kHardwareBudget,
   kHoverUpTo,
-  kSettleMs,
-  kSmoothUpTo,
   kSoftwareBudget,
   layerChip,
   listenToView,
@@ -21,17 +19,18 @@ import {
   standardViews,
   toolGroup,
 } from "./controls";
+import { Drawing } from "./drawing";
 import { KeyframeControls } from "./keyframe_controls";
 import { keyframeText, type Keyframe } from "./keyframes";
 import { listenForKeys } from "./keyboard";
 import { legendContent } from "./legend";
 import type { OrbitState, StandardView } from "./orbit";
-import { Pane, type Quality } from "./pane";
+import { Pane } from "./pane";
 import type { Pick } from "./picking";
 import { recordContent } from "./record";
-import { RenderService } from "./render_service";
 import { SceneModel, type Role } from "./scene_model";
 import { Timeline } from "./timeline";
+import type { Quality } from "./view3d";
 import type { LayerName, ViewState } from "./view_state";
 
 const kStacksBelow = 700;
@@ -46,10 +45,10 @@ const kLayers: [LayerName, string][] = [
 ];
 
 class SceneFigure {
-  readonly element: HTMLElement;
+  readonly element = h("figure", { class: "card scene", tabindex: -1 });
   readonly #section: SceneSection;
   readonly #model: SceneModel;
-  readonly #service = RenderService.shared();
+  readonly #drawing: Drawing;
   readonly #panes: Pane[];
   readonly #shown = new Set<Pane>();
   readonly #state: ViewState;
@@ -67,17 +66,12 @@ class SceneFigure {
   #solo: Pane | null = null;
   /** The view that had the focus last. */
   #focused: Pane | null = null;
-  #frame = 0;
-  #settleTimer = 0;
-  #moving = false;
-  /** Scenes far from the view wait with drawing until they come near. */
-  #near = false;
   #dirty = new Set<Pane>();
-  #settled: (() => void) | null;
 
   constructor(section: SceneSection, settled: () => void) {
     this.#section = section;
-    this.#settled = settled;
+    this.#drawing = new Drawing(this, settled);
+    const { service } = this.#drawing;
     const model = (this.#model = new SceneModel(section));
     this.#state = {
       iteration: model.maxIterations,
@@ -101,7 +95,7 @@ class SceneFigure {
       images: true,
     };
     const runs: (Run | null)[] = section.runs.length > 0 ? section.runs : [null];
-    const budget = this.#service.software ? kSoftwareBudget : kHardwareBudget;
+    const budget = service.software ? kSoftwareBudget : kHardwareBudget;
     const stride = Math.ceil((model.landmarkCount * runs.length) / budget);
     this.#panes = runs.map(
       (run) => new Pane(model, run, this.#state, palette(), stride, (pane) => this.#enlarge(pane)),
@@ -125,12 +119,12 @@ class SceneFigure {
             leave: () => this.#leave(this.#panes),
             showImages: (shown) => {
               this.#state.images = shown;
-              this.#redraw();
+              this.redraw();
             },
           })
         : null;
 
-    this.element = h("figure", { class: "card scene", "data-scene": section.id, tabindex: -1 });
+    this.element.dataset.scene = section.id;
     this.element.append(
       this.#toolbar(),
       h(
@@ -150,7 +144,7 @@ class SceneFigure {
     }
     this.#stage.append(...this.#panes.map((pane) => pane.element));
     this.#panes.forEach((pane) => this.#listen(pane));
-    if (!this.#service.available) {
+    if (!service.available) {
       this.#stage.prepend(
         h(
           "p",
@@ -160,28 +154,16 @@ class SceneFigure {
       );
       this.element.classList.add("no-webgl");
     }
-    this.#service.onRestored(() => this.#redraw());
     onThemeChange((colors) => {
       this.#panes.forEach((pane) => pane.setColors(colors));
       this.#timeline?.redraw();
       this.#colourChips();
       this.#refreshSide();
-      this.#redraw();
+      this.redraw();
     });
     onPoseShown(section.id, (shown) => this.#showPose(shown));
     onPaper(() => this.#drawNow());
     new ResizeObserver(() => this.#layOut()).observe(this.#stage);
-    new IntersectionObserver(
-      (entries) => {
-        this.#near = entries.some((entry) => entry.isIntersecting);
-        if (!this.#near) {
-          this.#settle();
-        } else if (this.#dirty.size > 0) {
-          this.#schedule(false);
-        }
-      },
-      { rootMargin: "400px" },
-    ).observe(this.element);
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement && this.#solo && this.element.classList.contains("is-fullscreen")) {
         this.#enlarge(this.#solo);
@@ -194,8 +176,9 @@ class SceneFigure {
       playPause: () => this.#timeline?.toggle(),
       resetView: () => this.#view("home"),
       toggleRun: (index) => this.#panes[index] && section.runs.length > 1 && this.#toggle(this.#panes[index]),
-      turn: (right, down) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.rotate(orbit, right, down)),
-      zoom: (factor) => this.#turn(this.#focusedPane(), (orbit) => model.orbit.zoom(orbit, factor, model.reach)),
+      turn: (right, down) => this.#turn(this.#focusedPane(), (orbit) => model.extent.orbit.rotate(orbit, right, down)),
+      zoom: (factor) =>
+        this.#turn(this.#focusedPane(), (orbit) => model.extent.orbit.zoom(orbit, factor, model.extent.reach)),
       ...(this.#keyframes && { keyframes: this.#keyframes }),
       escape: () => this.#escape(),
     });
@@ -251,7 +234,7 @@ class SceneFigure {
         layerChip(model.source || name !== "target" ? label : "Landmarks", name, this.#state.layers, () => {
           this.#panes.forEach((pane) => pane.moveTo());
           this.#refreshSide();
-          this.#redraw();
+          this.redraw();
         }),
       );
     const { toggle, more } = moreTools();
@@ -263,16 +246,16 @@ class SceneFigure {
     more.append(
       pointSizes({ min: 1, max: 10, step: 0.5 }, this.#state.pointSize, (size) => {
         this.#state.pointSize = size;
-        this.#redraw();
+        this.redraw();
       }),
       standardViews((name) => this.#view(name)),
     );
     if (this.#panes.length > 1) {
-      const link = button(
+      const link = toggleChip(
         "Linked",
-        () => {
-          this.#linked = !this.#linked;
-          link.setAttribute("aria-pressed", String(this.#linked));
+        true,
+        (linked) => {
+          this.#linked = linked;
           const from = this.#focusedPane();
           this.#panes.forEach((pane) => (pane.orbit = this.#linked ? from.orbit : copyOrbit(from.orbit)));
           if (this.#linked && this.#state.entered) {
@@ -282,9 +265,9 @@ class SceneFigure {
               this.#leave(this.#panes);
             }
           }
-          this.#redraw();
+          this.redraw();
         },
-        { class: "chip", "aria-pressed": "true", title: "Turn all views together" },
+        { title: "Turn all views together" },
       );
       more.append(toolGroup("Cameras", link));
     }
@@ -294,57 +277,50 @@ class SceneFigure {
 
   #colourChooser(): HTMLSelectElement {
     const model = this.#model;
-    const choices: [string, string, ColorMode][] = [
-      ["role", model.source ? "Source and target" : "One colour", { kind: "role" }],
-    ];
+    // By their names in the list.
+    const choices = new Map<string, [label: string, mode: ColorMode]>();
+    choices.set("role", [model.source ? "Source and target" : "One colour", { kind: "role" }]);
     if (model.hasResiduals) {
-      choices.push(["residual", "Residual", { kind: "residual" }]);
+      choices.set("residual", ["Residual", { kind: "residual" }]);
     }
     for (const { name, label } of model.columns) {
-      choices.push([`column:${name}`, label, { kind: "column", name }]);
+      choices.set(`column:${name}`, [label, { kind: "column", name }]);
     }
     if (model.target.colors ?? model.source?.colors) {
-      choices.push(["own", "Own colours", { kind: "own" }]);
+      choices.set("own", ["Own colours", { kind: "own" }]);
     }
-    const select = h(
-      "select",
-      { "aria-label": "Colour by" },
-      ...choices.map(([value, label]) => h("option", { value, selected: value === this.#state.color.kind }, label)),
-    );
     const apply = () => {
       this.#state.scale = model.colorScale(this.#state.color, this.#state.logScale);
       this.#logBox.checked = this.#state.scale?.log ?? false;
       this.element.classList.toggle("has-scale", this.#state.scale !== null);
       this.#panes.forEach((pane) => pane.recolour());
       this.#refreshSide();
-      this.#redraw();
+      this.redraw();
     };
-    select.addEventListener("change", () => {
-      this.#state.color = choices.find(([value]) => value === select.value)?.[2] ?? { kind: "role" };
-      this.#state.logScale = null;
-      apply();
-    });
     this.#logBox.addEventListener("change", () => {
       this.#state.logScale = this.#logBox.checked;
       apply();
     });
-    return select;
+    const options = [...choices].map(([value, [label]]) => [value, label] as const);
+    return chooser("Colour by", options, this.#state.color.kind, (value) => {
+      this.#state.color = choices.get(value)?.[1] ?? { kind: "role" };
+      this.#state.logScale = null;
+      apply();
+    });
   }
 
   /** What the alignment came to, or a candidate that it was held against. */
   #poseChooser(poses: readonly ShownPose[]): HTMLSelectElement {
     const several = this.#section.runs.length > 1;
-    const select = h(
-      "select",
-      { "aria-label": "Pose shown" },
-      h("option", { value: "" }, "As aligned"),
-      ...poses.map(({ run, label }, index) => h("option", { value: index }, several ? `${run}: ${label}` : label)),
+    const names = poses.map(({ run, label }) => (several ? `${run}: ${label}` : label));
+    const select = chooser(
+      "Pose shown",
+      ["As aligned", ...names].map((name, index) => [index, name]),
+      0,
+      (index) => showPose(this.#section.id, index === 0 ? null : poses[index - 1]),
     );
-    select.addEventListener("change", () => {
-      showPose(this.#section.id, select.value === "" ? null : poses[Number(select.value)]);
-    });
     onPoseShown(this.#section.id, (shown) => {
-      select.value = shown ? String(poses.indexOf(shown)) : "";
+      select.selectedIndex = shown ? 1 + poses.indexOf(shown) : 0;
     });
     return select;
   }
@@ -353,7 +329,7 @@ class SceneFigure {
     this.#state.shown = shown;
     this.#panes.forEach((pane) => pane.moveTo());
     this.#refreshRecord();
-    this.#redraw();
+    this.redraw();
     announce(shown ? `${shown.label} shown.` : "The alignment’s own pose shown.");
   }
 
@@ -374,7 +350,7 @@ class SceneFigure {
       pane.moveTo();
     }
     this.#refreshRecord();
-    this.#redraw(true);
+    this.redraw(true);
   }
 
   #toggle(pane: Pane): void {
@@ -423,7 +399,7 @@ class SceneFigure {
     for (const pane of this.#panes) {
       pane.element.hidden = !visible.includes(pane);
     }
-    this.#redraw();
+    this.redraw();
   }
 
   #enlarge(pane: Pane): void {
@@ -481,7 +457,7 @@ class SceneFigure {
     this.#state.entered = keyframe;
     this.#panes.forEach((other) => (other.inside = this.#linked || other === pane));
     this.#keyframes?.show(keyframe);
-    this.#redraw();
+    this.redraw();
     announce(`Keyframe ${keyframeText(frames, keyframe.frame)} entered.`);
     if (first) {
       pane.hint("Drag to leave");
@@ -503,14 +479,12 @@ class SceneFigure {
       this.#keyframes?.show(null);
       announce("Keyframe left.");
     }
-    this.#redraw();
+    this.redraw();
   }
 
   #view(name: StandardView): void {
-    const model = this.#model;
     const pane = this.#focusedPane();
-    const aspect = (pane.surface.clientWidth || 3) / (pane.surface.clientHeight || 2);
-    const orbit = model.orbit.view(name, model.half, aspect);
+    const orbit = pane.standardOrbit(name);
     const turned = this.#linked || name === "home" ? this.#panes : [pane];
     for (const other of turned) {
       other.orbit = this.#linked ? orbit : copyOrbit(orbit);
@@ -527,10 +501,10 @@ class SceneFigure {
     }
     change(pane.orbit);
     if (this.#linked) {
-      this.#redraw(true);
+      this.redraw(true);
     } else {
       this.#dirty.add(pane);
-      this.#schedule(true);
+      this.#drawing.schedule(true);
     }
   }
 
@@ -584,85 +558,39 @@ class SceneFigure {
 
   // Drawing: only when something changed, cheaply while it changes, in full once it rests
 
-  #redraw(moving = false): void {
+  redraw(moving = false): void {
     this.#visiblePanes().forEach((pane) => this.#dirty.add(pane));
-    this.#schedule(moving);
-  }
-
-  #schedule(moving: boolean): void {
-    this.element.dataset.drawn = "pending";
-    if (moving && this.#isHeavy()) {
-      this.#moving = true;
-      clearTimeout(this.#settleTimer);
-      this.#settleTimer = window.setTimeout(() => {
-        this.#moving = false;
-        this.#redraw();
-      }, kSettleMs);
-    }
-    if (!this.#service.available) {
-      this.#report();
-    } else if (this.#near && !this.#frame) {
-      this.#frame = requestAnimationFrame(() => this.#drawFrame());
-    }
+    this.#drawing.schedule(moving);
   }
 
   /** For paper, which does not wait: every pane in full, seen or not. */
   #drawNow(): void {
     this.element.querySelector<HTMLDetailsElement>(".scene-summary")?.setAttribute("open", "");
-    if (this.#service.available) {
+    if (this.#drawing.service.available) {
       for (const pane of this.#visiblePanes()) {
-        pane.drawForPaper(this.#service);
+        pane.drawForPaper(this.#drawing.service);
       }
     }
   }
 
-  #isHeavy(): boolean {
-    const drawn = this.#model.landmarkCount * this.#visiblePanes().length;
-    return this.#service.software || drawn > kSmoothUpTo;
+  drawnLandmarks(): number {
+    return this.#model.landmarkCount * this.#visiblePanes().length;
   }
 
-  #drawFrame(): void {
-    this.#frame = 0;
-    if (isPrinting()) {
-      return;
-    }
-    const quality = this.#quality();
-    const drawn = this.#model.landmarkCount * this.#visiblePanes().length;
-    const oneAtATime = !quality.preview && drawn > kSoftwareBudget && this.#service.software;
+  drawFrame(quality: Quality): boolean {
+    const { service } = this.#drawing;
+    const oneAtATime = !quality.preview && this.drawnLandmarks() > kSoftwareBudget && service.software;
     for (const pane of this.#visiblePanes()) {
       if (this.#dirty.delete(pane)) {
         if (pane.surface.clientWidth > 0) {
-          pane.draw(this.#service, quality);
+          pane.draw(service, quality);
         }
         if (oneAtATime) {
           break;
         }
       }
     }
-    const left = this.#visiblePanes().some((pane) => this.#dirty.has(pane));
-    if (left) {
-      this.#schedule(false);
-    } else {
-      this.#report();
-    }
-  }
-
-  /** Tells the page that this scene is up, and tests that the picture is the final one. */
-  #report(): void {
-    this.element.dataset.drawn = this.#moving ? "preview" : "full";
-    this.#settle();
-  }
-
-  #settle(): void {
-    this.#settled?.();
-    this.#settled = null;
-  }
-
-  #quality(): Quality {
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    const count = this.#model.landmarkCount * this.#visiblePanes().length;
-    const smooth = count <= kSmoothUpTo && !this.#moving ? 2 : 1;
-    return { resolution: Math.max(smooth, this.#service.software && !smooth ? 1 : ratio), preview: this.#moving };
+    return this.#visiblePanes().some((pane) => this.#dirty.has(pane));
   }
 
   async #savePicture(): Promise<void> {
@@ -688,7 +616,7 @@ class SceneFigure {
     panes.forEach((pane, index) => {
       const x = kGap + (index % columns) * (width + kGap);
       const y = kGap + Math.floor(index / columns) * (height + kCaption + kGap);
-      context.drawImage(pane.picture(this.#service, ratio), x, y + kCaption, width, height);
+      context.drawImage(pane.picture(this.#drawing.service, ratio), x, y + kCaption, width, height);
       context.fillStyle = colors.ink;
       context.font = "600 14px system-ui, sans-serif";
       context.fillText(pane.run?.name ?? this.#model.target.name, x + 4, y + 16);
@@ -696,9 +624,7 @@ class SceneFigure {
       context.font = "12px system-ui, sans-serif";
       context.fillText(pane.caption, x + 4, y + 34);
     });
-    const name = `${this.#section.id}-${this.#state.iteration}.png`;
-    download(name, await canvasToPng(canvas));
-    announce(`${name} saved.`);
+    download(`${this.#section.id}-${this.#state.iteration}.png`, await canvasToPng(canvas));
   }
 }
 

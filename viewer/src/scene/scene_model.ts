@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import type { Frames, LandmarkCloud, Run, SceneSection } from "../document/report";
 import { MatchTimeline } from "../document/matches";
-import { apply, fromRowMajor, kIdentity, meanViews, positionOf, similarityAt, type Affine } from "../math/pose";
+import { apply, fromRowMajor, kIdentity, positionOf, similarityAt, type Affine } from "../math/pose";
 import { quantileSorted } from "../math/statistics";
-import { lowest, rangeAlong } from "./extent";
+import { extentOf, type Extent } from "./extent";
 import { columnScale, type ColorMode, type ColorScale } from "./coloring";
-import { Orbit } from "./orbit";
 
 export type Role = "source" | "target";
 
@@ -17,14 +16,8 @@ export class SceneModel {
   readonly source: LandmarkCloud | null;
   readonly target: LandmarkCloud;
   readonly truth: Affine | null;
-  /** The scene's frame is the target's, moved to this point, so that single precision suffices. */
-  readonly centre: [number, number, number];
-  /** Half the sizes of a box about the centre that holds nearly all landmarks, and half its diagonal. */
-  readonly half: [number, number, number];
-  readonly reach: number;
-  /** Height of the landmarks' floor over the centre, along up. */
-  readonly floor: number;
-  readonly orbit: Orbit;
+  /** In the target's frame. */
+  readonly extent: Extent;
   readonly maxIterations: number;
   readonly #timelines = new Map<Run, MatchTimeline>();
   #residualScale: ColorScale | null | undefined;
@@ -40,13 +33,7 @@ export class SceneModel {
     if (this.source) {
       placed.push([this.source, this.restingPose]);
     }
-    const ranges = [0, 1, 2].map((axis) => rangeAlong(placed, axis));
-    this.centre = ranges.map(([low, high]) => (low + high) / 2) as [number, number, number];
-    this.half = ranges.map(([low, high]) => Math.max(1e-6, (high - low) / 2)) as [number, number, number];
-    this.reach = Math.hypot(...this.half);
-    const views = this.target.frames ? meanViews(this.target.frames) : null;
-    this.orbit = new Orbit(section.up ?? views?.up ?? [0, 0, 1], views?.forward ?? null);
-    this.floor = lowest(placed, this.orbit.up, this.centre) ?? -this.reach;
+    this.extent = extentOf(placed, section.up, this.target.frames);
   }
 
   get lengthUnit(): "m" | "mapunits" {

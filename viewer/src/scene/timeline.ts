@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-import { button, h, s } from "../dom";
+import { button, chooser, h, s, toggleChip } from "../dom";
 import type { Run } from "../document/report";
 import { formatNumber } from "../math/format";
 import { seriesColor, seriesDash } from "../series_style";
@@ -61,23 +61,22 @@ export class Timeline {
       this.#moved(Number(this.#slider.value));
     });
     this.#play = button("Play", () => this.toggle(), { class: "play", "aria-label": "Play the iterations" });
-    const chooser = h("select", { "aria-label": "Curve" });
-    for (const { key, label } of metrics) {
-      chooser.append(h("option", { value: key }, label));
-    }
-    chooser.addEventListener("change", () => {
-      this.#metric = metrics.find(({ key }) => key === chooser.value) ?? null;
-      this.redraw();
-    });
-    const zero = button(
-      "From zero",
-      () => {
-        this.#fromZero = !this.#fromZero;
-        zero.setAttribute("aria-pressed", String(this.#fromZero));
+    const curve = chooser(
+      "Curve",
+      metrics.map(({ label }, index) => [index, label]),
+      0,
+      (index) => {
+        this.#metric = metrics[index];
         this.redraw();
       },
-      { class: "chip", "aria-pressed": "true", title: "Whether the curve’s axis starts at zero or fits the values" },
     );
+    const startAtZero = (fromZero: boolean) => {
+      this.#fromZero = fromZero;
+      this.redraw();
+    };
+    const zero = toggleChip("From zero", true, startAtZero, {
+      title: "Whether the curve’s axis starts at zero or fits the values",
+    });
     this.element = h(
       "div",
       { class: "timeline" },
@@ -93,7 +92,7 @@ export class Timeline {
       h(
         "div",
         { class: "timeline-metric" },
-        metrics.length > 1 ? chooser : h("span", { class: "metric-name" }, metrics[0]?.label ?? ""),
+        metrics.length > 1 ? curve : h("span", { class: "metric-name" }, metrics[0]?.label ?? ""),
         metrics.length > 0 && zero,
         this.#range,
       ),

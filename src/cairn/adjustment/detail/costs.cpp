@@ -8,7 +8,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -105,4 +105,4 @@ bool PosePriorCost::Evaluate(const double* const* parameters, double* residuals,
   return true;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -13,7 +13,7 @@
 #include "cairn/adjustment/detail/seen_point.hpp"
 #include "cairn/map/camera.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A camera's measurement of a point. Blocks: PoseBlock of the camera, point in the world.
 /// @tparam Measure a function std::optional<SeenPoint>(const Eigen::Vector3d& x_in_camera); std::nullopt if
@@ -94,4 +94,4 @@ class PosePriorCost final : public ceres::SizedCostFunction<6, 7> {
   Eigen::Matrix<double, 6, 6> whitening_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

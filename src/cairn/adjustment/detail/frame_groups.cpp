@@ -3,7 +3,7 @@
 
 #include "cairn/core/detail/disjoint_sets.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 std::vector<FrameGroup> frame_groups(const LandmarkMap& map,
                                      std::span<const std::vector<Measurement>> measurements,
@@ -52,4 +52,4 @@ std::vector<FrameGroup> frame_groups(const LandmarkMap& map,
   return groups;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

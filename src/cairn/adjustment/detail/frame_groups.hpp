@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
-#include "cairn/adjustment/measurements.hpp"
+#include "cairn/adjustment/detail/measurements.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Frames that share landmarks, directly or through other frames.
 struct FrameGroup {
@@ -24,4 +24,4 @@ std::vector<FrameGroup> frame_groups(const LandmarkMap& map,
                                      std::span<const std::vector<Measurement>> measurements,
                                      std::size_t min_observations);
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 
-namespace cairn {
+namespace cairn::detail {
 
 PoseBlock to_block(const Rigid3& pose) {
   const Eigen::Quaterniond q = pose.quaternion();
@@ -43,4 +43,4 @@ bool PoseManifold::MinusJacobian(const double* /*x*/, double* jacobian) const {
   return true;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

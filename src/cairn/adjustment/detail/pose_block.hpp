@@ -7,7 +7,7 @@
 
 #include "cairn/geometry/rigid3.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A pose as Ceres parameters: quaternion x y z w, then translation.
 using PoseBlock = std::array<double, 7>;
@@ -28,4 +28,4 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

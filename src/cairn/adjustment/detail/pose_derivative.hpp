@@ -5,7 +5,7 @@
 
 #include "cairn/geometry/rigid3.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Derivative of a residual with respect to the camera's pose (left perturbation δt, δφ of
 /// world_from_camera), from its derivative with respect to the point in the world.
@@ -19,4 +19,4 @@ Eigen::Matrix<double, Rows::RowsAtCompileTime, 6> derivative_by_pose(
   return by_pose;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // `x_in_camera` in front of the camera.
@@ -66,4 +66,4 @@ Eigen::Matrix2Xd pixel_by_parameters(const CameraProjection& projection,
   return result;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -9,7 +9,7 @@
 #include "cairn/map/camera.hpp"
 #include "cairn/map/camera_projection.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Residuals of an observed point in standard deviations, with the derivative with respect to the point in
 /// camera coordinates. Pixel and depth are separate blocks of two rows, because Ceres eliminates points
@@ -36,4 +36,4 @@ Eigen::Matrix2Xd pixel_by_parameters(const CameraProjection& projection,
                                      std::span<const double> parameters,
                                      const Eigen::Vector3d& x_in_camera);
 
-}  // namespace cairn
+}  // namespace cairn::detail

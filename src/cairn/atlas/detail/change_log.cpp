@@ -124,6 +124,17 @@ void check_agreements(const AtlasState& before, const AtlasState& after, const s
   }
 }
 
+const AtlasNode& require_node(const AtlasState& state, NodeId id) {
+  const auto found = state.nodes.find(id);
+  if (found != state.nodes.end()) return found->second;
+  throw Error(ErrorKind::kMisuse, "node", fmt::format("{} is not there", id.value),
+              "a map of the atlas");
+}
+
+std::string plural(std::size_t count, std::string_view noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
 void fail_as_damaged(const std::string& name, std::string_view what) {
   throw Error(ErrorKind::kInput, name, fmt::format("{} is damaged", what), kSound);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -8,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/atlas/store/records.hpp"
+#include "cairn/atlas/store/store.hpp"
 #include "cairn/core/error.hpp"
 
 namespace cairn {
@@ -48,6 +49,12 @@ bool has_poses_of(const AtlasState& state, LinkId link, bool agrees);
 /// Checks that changes do not take away the poses that a link agrees with.
 /// @throws Error (misuse) naming the link
 void check_agreements(const AtlasState& before, const AtlasState& after, const std::string& name);
+
+/// @throws Error (misuse) if it is not there
+const AtlasNode& require_node(const AtlasState& state, NodeId id);
+
+/// "1 map", "2 maps".
+std::string plural(std::size_t count, std::string_view noun);
 
 /// @throws Error (input), always
 [[noreturn]] void fail_as_damaged(const std::string& name, std::string_view what);

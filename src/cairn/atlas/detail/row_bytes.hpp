@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/atlas/store/records.hpp"
+#include "cairn/atlas/store/store.hpp"
 
 namespace cairn {
 

@@ -7,7 +7,7 @@
 #include <pwd.h>
 #include <unistd.h>
 
-#include "cairn/atlas/store/postgres_store.hpp"
+#include "cairn/atlas/detail/stores.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/text.hpp"
 
@@ -27,16 +27,16 @@ void set_author(AtlasStoreOptions& options) {
 
 void create_store(const std::string& location, const AtlasStoreOptions& options) {
   if (is_postgres_url(location)) {
-    create_postgres_store(location, options);
+    detail::create_postgres_store(location, options);
   } else {
-    create_sqlite_store(location, options);
+    detail::create_sqlite_store(location, options);
   }
 }
 
 std::unique_ptr<AtlasStore> open_store(const std::string& location,
                                        const AtlasStoreOptions& options) {
-  return is_postgres_url(location) ? open_postgres_store(location, options)
-                                   : open_sqlite_store(location, options);
+  return is_postgres_url(location) ? detail::open_postgres_store(location, options)
+                                   : detail::open_sqlite_store(location, options);
 }
 
 AtlasSalvage salvage_store(const std::string& from, const std::string& to,
@@ -46,7 +46,7 @@ AtlasSalvage salvage_store(const std::string& from, const std::string& to,
     throw Error(ErrorKind::kMisuse, without_password(location), "is a database",
                 "the path of a file; repair a database with the tools of its server");
   }
-  return salvage_sqlite_store(from, to, options);
+  return detail::salvage_sqlite_store(from, to, options);
 }
 
 }  // namespace cairn

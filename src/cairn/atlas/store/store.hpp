@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -14,9 +15,94 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/atlas/store/records.hpp"
+#include "cairn/core/ids.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
 
 namespace cairn {
+
+/// Commits are numbered from 1 without gaps; 0 is the empty atlas.
+using CommitId = StrongId<struct CommitIdTag, std::uint64_t>;
+
+/// A map in the atlas. Its data are stored once, under the hash of their bytes, and never change.
+struct AtlasNode {
+  NodeId id;            ///< from 1; never reused
+  std::string name;     ///< unique among the present nodes
+  std::string session;  ///< shared by maps of one run; empty if unknown
+  std::string map;      ///< hash of its .cairn bytes, 32 hexadecimal digits
+  LengthUnit length_unit = LengthUnit::kMetres;
+  std::uint64_t frames = 0;
+  std::uint64_t landmarks = 0;
+  std::uint64_t observations = 0;
+  NodeExtent extent;
+};
+
+/// Pose of a map in its component.
+struct AtlasPose {
+  NodeId node;
+  NodeId frame;  ///< the node whose frame its component uses
+  Similarity3 frame_from_node;
+  Matrix7d covariance = Matrix7d::Zero();  ///< left perturbation in the frame, (δt, δφ, δ log s)
+};
+
+/// Equality up to rounding.
+bool operator==(const AtlasPose& a, const AtlasPose& b);
+
+/// Content of an atlas after a commit.
+struct AtlasState {
+  CommitId commit;
+  std::map<NodeId, AtlasNode> nodes;
+  std::map<LinkId, Link> links;
+  std::map<NodeId, AtlasPose> poses;
+  /// For aligned links: whether they agree with the poses; without links added since the last optimisation.
+  std::map<LinkId, bool> agrees;
+
+  /// Null if there is none of that name.
+  const AtlasNode* find(const std::string& name) const;
+};
+
+/// Changes of a commit. Nodes and links with id 0 are new; with another id, removed ones are restored.
+/// Removing a node does not remove its links and poses.
+struct AtlasChanges {
+  std::string text;                ///< description for people
+  std::optional<CommitId> undoes;  ///< last commit of the command that they undo
+  std::vector<AtlasNode> nodes;
+  std::vector<Link> links;
+  std::vector<AtlasPose> poses;  ///< each replaces the node's pose
+  std::vector<std::pair<LinkId, bool>> agrees;
+  std::vector<NodeId> removed_nodes;
+  std::vector<LinkId> removed_links;
+  std::vector<NodeId> removed_poses;
+  std::vector<LinkId> removed_agrees;
+
+  bool empty() const {
+    return nodes.empty() && links.empty() && poses.empty() && agrees.empty() &&
+           removed_nodes.empty() && removed_links.empty() && removed_poses.empty() &&
+           removed_agrees.empty();
+  }
+};
+
+/// A line of the log.
+struct AtlasCommit {
+  CommitId id;
+  std::int64_t time_ms = 0;  ///< since 1970, UTC
+  std::string author;
+  std::string host;
+  std::string verb;  ///< "add" etc.
+  std::string text;
+  std::optional<CommitId> undoes;  ///< last commit of the run that this one undid
+  CommitId run;                    ///< first commit of the command that it belongs to
+};
+
+/// Objects that commits changed.
+struct AtlasTouched {
+  std::vector<NodeId> nodes;
+  std::vector<LinkId> links;
+  std::vector<NodeId> poses;
+  std::vector<LinkId> agrees;
+};
 
 /// Schema of the tables that this version writes; docs/formats.md describes it.
 inline constexpr int kAtlasSchema = 1;

@@ -14,7 +14,7 @@
 #include "cairn/core/statistics.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -127,26 +127,25 @@ class Associator {
 };
 
 void Associator::look_around() {
-  const KdTree tree(first_.positions);
+  const BatchTree tree(first_.positions);
   around_.resize(second_.positions.size());
-  options_.execution.executor.for_blocks(
-      around_.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-        std::array<Neighbor, kSurrounding> nearest;
-        for (std::size_t i = begin; i < end; ++i) {
-          Surroundings& around = around_[i];
-          around.candidates.fill(kNone);
-          const std::size_t found = tree.nearest(second_.positions[i], nearest);
-          if (found > 1) {
-            around.farthest = static_cast<float>(std::sqrt(nearest[found - 1].squared_distance));
-          }
-          for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
-            const std::uint32_t candidate = nearest[j].index;
-            if (!likeness_ || likeness_->may_be_one(candidate, static_cast<std::uint32_t>(i))) {
-              around.candidates[j] = candidate;
+  tree.batch(kSurrounding)
+      .for_each(
+          second_.positions, options_.execution.executor,
+          [&](std::size_t i, const NearestList auto& nearest) {
+            Surroundings& around = around_[i];
+            around.candidates.fill(kNone);
+            const std::size_t found = nearest.size();
+            if (found > 1) {
+              around.farthest = static_cast<float>(std::sqrt(nearest.squared_distance(found - 1)));
             }
-          }
-        }
-      });
+            for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
+              const std::uint32_t candidate = nearest.index(j);
+              if (!likeness_ || likeness_->may_be_one(candidate, static_cast<std::uint32_t>(i))) {
+                around.candidates[j] = candidate;
+              }
+            }
+          });
 }
 
 Hypothesis Associator::hypothesis(std::uint32_t candidate, std::uint32_t second,
@@ -192,14 +191,16 @@ double Associator::nearest_distance(double quantile) const {
 }
 
 double Associator::spacing() const {
-  const KdTree tree(second_.positions);
+  const BatchTree tree(second_.positions);
+  if (tree.size() < 2) return 0.0;
   const std::size_t stride = std::max<std::size_t>(1, around_.size() / kSample);
-  std::vector<double> distances;
-  std::array<Neighbor, 2> nearest;
-  for (std::size_t i = 0; i < around_.size(); i += stride) {
-    if (tree.nearest(second_.positions[i], nearest) < 2) return 0.0;
-    distances.push_back(std::sqrt(nearest[1].squared_distance));
-  }
+  std::vector<Eigen::Vector3d> sample;
+  for (std::size_t i = 0; i < around_.size(); i += stride) sample.push_back(second_.positions[i]);
+  std::vector<double> distances(sample.size());
+  tree.batch(2).for_each(sample, options_.execution.executor,
+                         [&](std::size_t i, const NearestList auto& nearest) {
+                           distances[i] = std::sqrt(nearest.squared_distance(1));
+                         });
   return upper_median(distances);
 }
 

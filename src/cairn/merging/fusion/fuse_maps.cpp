@@ -30,7 +30,7 @@ constexpr std::string_view kStaleColumn = "reprojection_error";
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kBlock = 4096;
+constexpr std::size_t kSlice = 4096;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
@@ -40,7 +40,7 @@ WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
   WorldLandmarks world;
   world.positions.resize(map.landmark_count());
   world.covariances.assign(map.landmark_count(), Matrix3d::Zero());
-  executor.for_blocks(map.landmark_count(), kBlock, [&](std::size_t begin, std::size_t end) {
+  executor.for_blocks(map.landmark_count(), kSlice, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       world.positions[i] = placed.world_from_map * landmarks.positions[i];
       if (landmarks.covariances.empty() || !is_known(landmarks.covariances[i])) continue;
@@ -315,7 +315,7 @@ void Fusion::set_positions() {
   landmarks.positions = std::move(positions_);
   landmarks.covariances.resize(count);
   std::vector<std::uint8_t> known(count, 1);  // whether all of its landmarks have a covariance
-  options_.execution.executor.for_blocks(count, kBlock, [&](std::size_t begin, std::size_t end) {
+  options_.execution.executor.for_blocks(count, kSlice, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto landmark = static_cast<std::uint32_t>(i);
       const Member& last = members_[last_member_[i]];

@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include "cairn/adjustment/measurements.hpp"
+#include "cairn/adjustment/detail/measurements.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/content_uuid.hpp"
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
@@ -24,7 +24,7 @@ std::string adjustment_defect(std::span<const PlacedMap> maps) {
   for (const PlacedMap& placed : maps) {
     if (placed.map->observations().offsets.empty()) continue;
     observed = true;
-    const std::string defect = measurement_defect(*placed.map);
+    const std::string defect = detail::measurement_defect(*placed.map);
     if (!defect.empty()) return placed.name + ": " + defect;
   }
   return observed ? "" : "no map knows its observations";

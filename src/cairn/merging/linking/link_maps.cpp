@@ -64,12 +64,8 @@ PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options)
 
 std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
                                             const LinkOptions& options) {
-  PlaceOptions placement;
-  placement.min_probability = options.min_probability;
-  placement.prior_odds = options.prior_odds;
-  placement.effort = options.effort;
-  placement.scale = scale_range(align_options(options), source.length_unit(), target.length_unit());
-  placement.seed = options.seed;
+  AlignOptions placement = align_options(options);
+  placement.scale = scale_range(placement, source.length_unit(), target.length_unit());
   placement.execution = options.execution.without_progress();
   PartsAlignment parts = place_by_parts(source, target, placement);
   if (!parts.consensus) return std::nullopt;

@@ -63,8 +63,8 @@ using IndexPair = std::pair<std::size_t, std::size_t>;
 
 struct LinkOptions {
   double min_probability = 0.99;  ///< least probability of an aligned pair; see AlignOptions
-  double prior_odds = 1.0;        ///< see PlaceOptions
-  double effort = 1.0;            ///< see PlaceOptions
+  double prior_odds = 1.0;        ///< see AlignOptions
+  double effort = 1.0;            ///< see AlignOptions
   PointSetOptions points = {};
   /// Number of other maps to try each map with, the likeliest by recognition; 0: all. std::nullopt: all of up to
   /// kMapsTriedInFull maps, else kDefaultCandidates.

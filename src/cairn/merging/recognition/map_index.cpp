@@ -220,6 +220,25 @@ std::vector<RecognitionCandidate> MapIndex::find(const LandmarkMap& map, std::si
   return find(words_of(map), most, kNone);
 }
 
+namespace {
+
+std::vector<RecognitionCandidate> best_of(std::span<const double> scores, std::size_t most) {
+  std::vector<RecognitionCandidate> candidates;
+  for (std::size_t map = 0; map < scores.size(); ++map) {
+    if (scores[map] > 0.0) candidates.push_back({map, scores[map]});
+  }
+  const auto better = [](const RecognitionCandidate& a, const RecognitionCandidate& b) {
+    return a.score != b.score ? a.score > b.score : a.map < b.map;
+  };
+  const std::size_t count = std::min(most, candidates.size());
+  std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(count),
+                    candidates.end(), better);
+  candidates.resize(count);
+  return candidates;
+}
+
+}  // namespace
+
 std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> words,
                                                  std::size_t most, std::size_t except) const {
   prepare();
@@ -293,18 +312,7 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
         std::log(static_cast<double>(size() + 1) / static_cast<double>(found.size()));
     for (const std::size_t map : found) scores[map] += weight;
   }
-  std::vector<RecognitionCandidate> candidates;
-  for (std::size_t map = 0; map < scores.size(); ++map) {
-    if (scores[map] > 0.0) candidates.push_back({map, scores[map]});
-  }
-  const auto better = [](const RecognitionCandidate& a, const RecognitionCandidate& b) {
-    return a.score != b.score ? a.score > b.score : a.map < b.map;
-  };
-  const std::size_t count = std::min(most, candidates.size());
-  std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(count),
-                    candidates.end(), better);
-  candidates.resize(count);
-  return candidates;
+  return best_of(scores, most);
 }
 
 std::size_t MapIndex::memory() const {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "cairn/registration/concepts.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn {
 

@@ -12,7 +12,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
-#include "cairn/registration/icp_loop.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -13,7 +13,7 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/icp.hpp"

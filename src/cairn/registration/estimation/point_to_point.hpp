@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
+#include <optional>
 #include <span>
+#include <vector>
 
-#include "cairn/registration/concepts.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn {
 
@@ -37,5 +41,73 @@ class PointToPointEstimation {
 };
 
 static_assert(TransformEstimation<PointToPointEstimation>);
+
+/// A motion of the source that the matches do not determine: it changes none of their distances.
+struct OpenDirection {
+  Eigen::Vector3d translation;  ///< of the matched points' centroid, per unit of the motion
+  Eigen::Vector3d rotation;     ///< about the centroid, axis times angle, per unit of the motion
+  double log_scale = 0.0;       ///< about the centroid, if a scale is estimated
+};
+
+/// Of a small motion, in the parameters of PoseEvidence.
+template <int kFreedoms>
+OpenDirection open_direction(const Eigen::Matrix<double, kFreedoms, 1>& motion, double length) {
+  OpenDirection open = {motion.template head<3>(), motion.template segment<3>(3) / length};
+  if constexpr (kFreedoms == 7) open.log_scale = motion[6] / length;
+  return open;
+}
+
+/// How well matched points determine a pose.
+struct PoseUncertainty {
+  /// Of target_from_source: left perturbation in the target frame, order (δt, δφ), metres (or the map's
+  /// unit) and radians. std::nullopt if a direction is open.
+  std::optional<Matrix6d> covariance;
+  /// The same with the scale, (δt, δφ, δ log s), if one is estimated.
+  std::optional<Matrix7d> covariance_with_scale;
+  std::vector<OpenDirection> unobservable;
+};
+
+/// Normal equations of a small motion of the moved source. Parameters: translation of a pivot, and rotation
+/// about it times a length, so that all six are comparable lengths; with a scale, also its logarithm about
+/// the pivot times that length.
+template <int kFreedoms>
+struct PoseEvidence {
+  using Matrix = Eigen::Matrix<double, kFreedoms, kFreedoms, Eigen::DontAlign>;
+
+  Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< in the target frame
+  double length = 1.0;                              ///< about the spread of the matched points
+  Matrix information = Matrix::Zero();              ///< A = Σ w·JᵀJ
+  /// B = Σ (w·Jᵀr)(w·Jᵀr)ᵀ over independent terms, corrected for their small number.
+  Matrix scatter = Matrix::Zero();
+  /// A direction with a larger standard deviation, as a length, is open, because the evidence extends no
+  /// further.
+  double reach = std::numeric_limits<double>::infinity();
+};
+
+/// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations: a rigid
+/// motion with 6 degrees of freedom or a similarity with 7.
+template <int kFreedoms>
+PoseUncertainty pose_uncertainty(const Similarity3& target_from_source,
+                                 const PoseEvidence<kFreedoms>& evidence);
+extern template PoseUncertainty pose_uncertainty(const Similarity3&, const PoseEvidence<6>&);
+extern template PoseUncertainty pose_uncertainty(const Similarity3&, const PoseEvidence<7>&);
+
+/// Covariance of a point-to-point pose from its residuals: the heteroscedasticity-consistent ("sandwich")
+/// estimator A⁻¹·B·A⁻¹ with A = Σ w·JᵀJ and B = n/(n-2)·Σ (w·Jᵀr)(w·Jᵀr)ᵀ (White 1980; the factor is for 6
+/// parameters from 3n residuals).
+///
+/// Assumes right matches with independent errors; the errors may differ in size and be anisotropic, and no
+/// landmark covariances are needed. Some nearest-neighbour matches are wrong, and neighbouring ones
+/// similarly so. For an ICP result this is therefore a lower bound, and does not reflect convergence to a
+/// wrong optimum.
+///
+/// @param moved_source  source points in the target frame, at the pose
+/// @param matches       at the pose
+/// @param source_weights weights used by the estimate, one per source point; or empty
+PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
+                                 std::span<const Eigen::Vector3d> moved_source,
+                                 std::span<const Eigen::Vector3d> target,
+                                 std::span<const Match> matches,
+                                 std::span<const double> source_weights = {});
 
 }  // namespace cairn

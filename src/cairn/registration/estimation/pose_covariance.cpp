@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/registration/estimation/pose_covariance.hpp"
-
 #include <cmath>
 
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {
 namespace {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/registration/estimation/pose_covariance.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -11,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
-#include "cairn/registration/concepts.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn {
 

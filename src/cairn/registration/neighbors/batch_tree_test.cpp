@@ -11,7 +11,6 @@
 #include <hwy/tests/hwy_gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
 
 #include "support/brute_force_search.hpp"
 
@@ -107,7 +106,8 @@ Answers nearest_of(Answers answers, std::size_t k) {
   return answers;
 }
 
-Answers ask(BatchTree::Batch& batch, const Points& queries, const Executor& executor = Executor()) {
+Answers answers_to(BatchTree::Batch& batch, const Points& queries,
+                   const Executor& executor = Executor()) {
   Answers result(queries.size());
   batch.for_each(queries, executor, [&](std::size_t i, const NearestList auto& nearest) {
     EXPECT_TRUE(result[i].empty()) << "visited twice";
@@ -132,7 +132,7 @@ TEST_P(BatchTreeOnTarget, FindsWhatBruteForceFindsTiesIncluded) {
       for (const std::size_t k : {1UL, 2UL, 3UL, 5UL, 7UL, 10UL, 15UL, 20UL, 23UL, 24UL, 1000UL}) {
         BatchTree::Batch batch = tree.batch(k);
         EXPECT_EQ(batch.count(), std::min(k, size));
-        ASSERT_EQ(ask(batch, queries), nearest_of(all, k))
+        ASSERT_EQ(answers_to(batch, queries), nearest_of(all, k))
             << size << " points, " << cloud.name << ", k = " << k;
       }
     }
@@ -154,7 +154,7 @@ TEST_P(BatchTreeOnTarget, FindsTheSameWhateverItRemembers) {
       }
       const Answers most = brute_force(cloud.points, queries, 20);
       for (BatchTree::Batch& batch : batches) {
-        ASSERT_EQ(ask(batch, queries), nearest_of(most, batch.count()))
+        ASSERT_EQ(answers_to(batch, queries), nearest_of(most, batch.count()))
             << cloud.name << ", k = " << batch.count() << ", motion " << motion;
       }
     }
@@ -182,7 +182,7 @@ TEST_P(BatchTreeOnTarget, OrdersPointsThatSinglePrecisionCannotTellApart) {
         }
         const Answers most = brute_force(points, queries, 20);
         for (BatchTree::Batch& batch : batches) {
-          ASSERT_EQ(ask(batch, queries), nearest_of(most, batch.count()))
+          ASSERT_EQ(answers_to(batch, queries), nearest_of(most, batch.count()))
               << extent << ", " << unequal << ", k = " << batch.count() << ", motion " << motion;
         }
       }
@@ -211,21 +211,32 @@ TEST(BatchTree, FindsWhatBruteForceFindsForOneQuery) {
   }
 }
 
-TEST(BatchTree, FindsWhatTheKdTreeFindsInALargeSet) {
+TEST(BruteForceSearch, OrdersByDistanceThenIndex) {
+  const Points points = {{2, 0, 0}, {-1, 0, 0}, {1, 0, 0}, {0, 0, 0}};
+  std::vector<Neighbor> found(3);
+  EXPECT_EQ(BruteForceSearch(points).nearest({0, 0, 0}, found), 3U);
+  EXPECT_THAT(found, ElementsAre(Neighbor{3, 0.0}, Neighbor{1, 1.0}, Neighbor{2, 1.0}));
+}
+
+TEST(BatchTree, FindsInALargeSetWhatSingleQueriesAndBruteForceFind) {
   Random random(15);
   Points points(70000);
   for (auto& point : points) point = in_cube(random, 10.0);
   Points queries(10000);
   for (auto& query : queries) query = in_cube(random, 12.0);
   const BatchTree tree(points);
-  const KdTree peer(points);
+  const BruteForceSearch brute_force(points);
+  constexpr std::size_t kStride = 100;  // brute force takes long
   for (const std::size_t k : {1UL, 5UL}) {
     BatchTree::Batch batch = tree.batch(k);
     for (int step = 0; step < 3; ++step) {
-      const Answers answers = ask(batch, queries, Executor(2));
+      const Answers answers = answers_to(batch, queries, Executor(2));
       for (std::size_t i = 0; i < queries.size(); ++i) {
         std::vector<Neighbor> expected(k);
-        peer.nearest(queries[i], expected);
+        tree.nearest(queries[i], expected);
+        ASSERT_EQ(answers[i], expected);
+        if (i % kStride != 0) continue;
+        brute_force.nearest(queries[i], expected);
         ASSERT_EQ(answers[i], expected);
       }
       for (auto& query : queries) query.z() += 0.01;
@@ -243,7 +254,7 @@ TEST(BatchTree, FindsTheSameWithAnyNumberOfThreads) {
   BatchTree::Batch one = tree.batch(5);
   BatchTree::Batch several = tree.batch(5);
   for (int step = 0; step < 3; ++step) {
-    ASSERT_EQ(ask(one, queries, Executor(1)), ask(several, queries, Executor(4)));
+    ASSERT_EQ(answers_to(one, queries, Executor(1)), answers_to(several, queries, Executor(4)));
     for (auto& query : queries) query.x() += 0.003;
   }
 }
@@ -252,9 +263,10 @@ TEST(BatchTree, HasNothingToFindInAnEmptySet) {
   const BatchTree tree{Points()};
   std::vector<Neighbor> found(3);
   EXPECT_EQ(tree.nearest({0, 0, 0}, found), 0U);
+  EXPECT_EQ(BatchTree(Points{{1, 1, 1}}).nearest({0, 0, 0}, std::span<Neighbor>()), 0U);
   BatchTree::Batch batch = tree.batch(3);
   EXPECT_EQ(batch.count(), 0U);
-  EXPECT_THAT(ask(batch, {{1, 2, 3}}), ElementsAre(std::vector<Neighbor>()));
+  EXPECT_THAT(answers_to(batch, {{1, 2, 3}}), ElementsAre(std::vector<Neighbor>()));
 }
 
 TEST(BatchTree, LooksAtAllPointsWhereSomeAreBeyondSinglePrecision) {
@@ -266,7 +278,7 @@ TEST(BatchTree, LooksAtAllPointsWhereSomeAreBeyondSinglePrecision) {
   for (const std::size_t k : {1UL, 5UL}) {
     const Answers expected = brute_force(points, queries, k);
     BatchTree::Batch batch = tree.batch(k);
-    EXPECT_EQ(ask(batch, queries), expected);
+    EXPECT_EQ(answers_to(batch, queries), expected);
     for (std::size_t i = 0; i < queries.size(); ++i) {
       std::vector<Neighbor> found(k);
       tree.nearest(queries[i], found);
@@ -278,7 +290,7 @@ TEST(BatchTree, LooksAtAllPointsWhereSomeAreBeyondSinglePrecision) {
 TEST(BatchTree, HasNoAnswersWithoutQueries) {
   const BatchTree tree(Points{{1, 1, 1}});
   BatchTree::Batch batch = tree.batch(1);
-  EXPECT_TRUE(ask(batch, {}).empty());
+  EXPECT_TRUE(answers_to(batch, {}).empty());
   EXPECT_EQ(tree.nearest({0, 0, 0}, std::span<Neighbor>()), 0U);
 }
 
@@ -291,7 +303,7 @@ TEST(BatchTree, TakesOtherQueriesNextTime) {
   for (const std::size_t count : {100UL, 100UL, 37UL, 300UL, 0UL, 5UL}) {
     Points queries(count);
     for (auto& query : queries) query = in_cube(random, 1.0);
-    ASSERT_EQ(ask(batch, queries), brute_force(points, queries, 2));
+    ASSERT_EQ(answers_to(batch, queries), brute_force(points, queries, 2));
   }
 }
 
@@ -308,7 +320,7 @@ TEST(BatchTree, SurvivesQueriesThatAreNoPlaces) {
   for (const std::size_t k : {1UL, 5UL, 100UL}) {
     BatchTree::Batch batch = tree.batch(k);
     for (int i = 0; i < 2; ++i) {
-      const Answers answers = ask(batch, queries);
+      const Answers answers = answers_to(batch, queries);
       for (const auto& answer : answers) {
         ASSERT_EQ(answer.size(), k);
         for (const Neighbor& neighbor : answer) EXPECT_LT(neighbor.index, points.size());

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "cairn/core/executor.hpp"
-#include "cairn/geometry/moved_points.hpp"
-#include "cairn/registration/concepts.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn {
 

@@ -13,7 +13,7 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 #include "cairn/report/detail/map_builder.hpp"
-#include "cairn/report/writer.hpp"
+#include "cairn/report/report.hpp"
 
 #include "support/report_page.hpp"
 

@@ -261,12 +261,8 @@ void Painter::concrete() {
     wander(random.uniform(0.0, w), random.uniform(0.0, h), 0.06, whole(6, 30), 0.4, 0.006,
            gray(random.uniform(0.15, 0.3)));
   }
-  for (double x = 3.0; x < w; x += 3.0) {
-    rectangle(x, 0.0, 0.015, h, gray(0.2));
-  }
-  for (double y = 3.0; y < h; y += 3.0) {
-    rectangle(0.0, y, w, 0.015, gray(0.2));
-  }
+  for (double x = 3.0; x < w; x += 3.0) rectangle(x, 0.0, 0.015, h, gray(0.2));
+  for (double y = 3.0; y < h; y += 3.0) rectangle(0.0, y, w, 0.015, gray(0.2));
   const Paint yellow{0.85F, 0.7F, 0.12F};
   for (int i = 0; i < static_cast<int>(0.12 * area); ++i) {  // stencilled bay numbers
     const double x = random.uniform(0.0, w);

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "cairn/adjustment/covariance_recovery.hpp"
+#include "cairn/adjustment/detail/covariance_recovery.hpp"
 #include "cairn/vision/detail/landmark_graph.hpp"
 
 namespace cairn::detail {

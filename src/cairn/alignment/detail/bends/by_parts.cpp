@@ -89,13 +89,13 @@ struct Side {
   }
 };
 
-Trial trial(const Side& side, const PreparedPart& part, PlaceOptions options) {
+Trial trial(const Side& side, const PreparedPart& part, AlignOptions options) {
   options.search = PoseSearch::kNever;
   options.trace = false;
   const bool of_source = side.role == MapRole::kSource;
-  PlacementResult placed = PreparedPair(of_source ? part.cloud : *side.other,
-                                        of_source ? *side.other : part.cloud, options)
-                               .place();
+  Alignment placed = PreparedPair(of_source ? part.cloud : *side.other,
+                                  of_source ? *side.other : part.cloud, options)
+                         .place();
   Trial result;
   PartPose& pose = result.pose;
   pose.map = side.role;
@@ -103,16 +103,16 @@ Trial trial(const Side& side, const PreparedPart& part, PlaceOptions options) {
   pose.middle = part.part.middle;
   pose.last = part.part.last;
   pose.landmarks = part.part.landmarks.size();
-  if (placed.candidates.empty() || !placed.alignment.has_pose()) return result;
-  pose.verdict = placed.verdict;
-  pose.probability = placed.probability;
-  pose.found = placed.alignment.similarity();
+  if (placed.candidates.empty() || !placed.registration.has_pose()) return result;
+  pose.verdict = *placed.verdict;
+  pose.probability = *placed.probability;
+  pose.found = placed.registration.similarity();
   result.own = side.own(*pose.found);
-  if (placed.alignment.covariance_with_scale) {
-    result.covariance = placed.alignment.covariance_with_scale;
-  } else if (placed.alignment.covariance) {
+  if (placed.registration.covariance_with_scale) {
+    result.covariance = placed.registration.covariance_with_scale;
+  } else if (placed.registration.covariance) {
     result.covariance = Matrix7d(Matrix7d::Zero());
-    result.covariance->topLeftCorner<6, 6>() = *placed.alignment.covariance;
+    result.covariance->topLeftCorner<6, 6>() = *placed.registration.covariance;
   }
   result.decisive = placed.verdict == Verdict::kAligned && is_decided(placed);
   if (placed.probability >= kLeastProbability) result.candidates.push_back(result.own);
@@ -123,7 +123,7 @@ Trial trial(const Side& side, const PreparedPart& part, PlaceOptions options) {
   const std::span<const std::uint32_t> part_of = side.other->parts()->part_of();
   result.shares.resize(side.other->parts()->prepared().size());
   double all = 0.0;
-  for (const Match& match : placed.alignment.matches) {
+  for (const Match& match : placed.registration.matches) {
     const std::uint32_t there = part_of[of_source ? match.target : match.source];
     if (there >= result.shares.size()) continue;
     ++result.shares[there];
@@ -398,7 +398,7 @@ void conclude(Side& side, const Agreement& agree, bool free_scale, PartsAlignmen
 }  // namespace
 
 PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& target,
-                              const PlaceOptions& options) {
+                              const AlignOptions& options) {
   PartsAlignment result;
   const bool described =
       source.cloud().landmarks().descriptors && target.cloud().landmarks().descriptors;
@@ -407,7 +407,7 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
                              {MapRole::kTarget, &target, &source}};
   if (source.parts()->prepared().empty() || target.parts()->prepared().empty()) return result;
   // The parts run in parallel, each on one thread.
-  PlaceOptions of_part = options;
+  AlignOptions of_part = options;
   of_part.execution = {.executor = Executor(), .stop = options.execution.stop, .progress = {}};
   for (Side& side : sides) {
     const auto parts = side.map->parts()->prepared();
@@ -454,18 +454,18 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
 namespace detail {
 
 bool is_aligned_straightened(const PartsAlignment& parts, const PreparedMap& source,
-                             const PreparedMap& target, const PlaceOptions& options) {
+                             const PreparedMap& target, const AlignOptions& options) {
   const MapRole role = parts.bend->map;
   const bool of_source = role == MapRole::kSource;
   const PreparedMap& map = of_source ? source : target;
   const PreparedMap straight(straightened(map.cloud(), straightening(parts, map.parts()->along())),
                              {.seed = options.seed, .executor = options.execution.executor},
                              to_string(role));
-  PlaceOptions placement = options;
+  AlignOptions placement = options;
   placement.search = PoseSearch::kNever;
   placement.trace = false;
   placement.execution = options.execution.without_progress();
-  const PlacementResult placed =
+  const Alignment placed =
       PreparedPair(of_source ? straight : source, of_source ? target : straight, placement)
           .settle(*parts.target_from_source);
   return placed.verdict == Verdict::kAligned && is_decided(placed);

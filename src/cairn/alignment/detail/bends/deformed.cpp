@@ -12,7 +12,7 @@
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
-#include "cairn/registration/neighbors/kd_tree.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
 namespace {
@@ -72,7 +72,7 @@ class LocalDeformations {
 
   const CrossFittedDeformation& pose_;
   const std::vector<Eigen::Vector3d>& from_;
-  KdTree tree_;
+  BatchTree tree_;
   std::vector<Neighbor> near_;
 };
 
@@ -214,16 +214,17 @@ std::optional<DeformedPose> DeformablePair::fit(std::span<const Similarity3> sta
   return described(*best, std::move(deformation));
 }
 
-PlacementResult DeformablePair::judge(const DeformedPose& pose, const PlaceOptions& options) const {
-  PlaceOptions placement = options;
+Alignment DeformablePair::judge(const DeformedPose& pose, const AlignOptions& options) const {
+  AlignOptions placement = options;
   placement.search = PoseSearch::kNever;
   placement.trace = false;
   const PreparedMap source(deformed_by_folds(source_.cloud(), *pose.deformation),
                            {.seed = options.seed, .executor = options.execution.executor},
                            "source");
-  PlacementResult placed = PreparedPair(source, target_, placement).settle(pose.deformation->start);
+  Alignment placed = PreparedPair(source, target_, placement).settle(pose.deformation->start);
   if (placed.verdict == Verdict::kAligned && !(is_decided(placed) && pose.is_small)) {
     placed.verdict = Verdict::kAmbiguous;
+    placed.target_from_source.reset();
   }
   return placed;
 }

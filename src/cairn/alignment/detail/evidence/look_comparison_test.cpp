@@ -15,20 +15,20 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::size_t kBytes = 32;
+constexpr std::size_t kLookBytes = 32;
 constexpr std::size_t kCount = 2000;
 constexpr std::size_t kOthers = Likeness::kOthers;
 constexpr double kChance = Likeness::kChance;
 
 // Landmarks on a wall of 2 m by 2 m that look like nothing else, but for those that are copied.
-LandmarkCloud wall(std::uint64_t seed, const std::string& kind = "ORB") {
+LandmarkCloud looks_of_wall(std::uint64_t seed, const std::string& kind = "ORB") {
   Random random(seed);
   LandmarkCloud cloud;
-  cloud.descriptors = DescriptorColumn{kind, kBytes, std::vector<std::uint8_t>(kCount, 1), {}};
+  cloud.descriptors = DescriptorColumn{kind, kLookBytes, std::vector<std::uint8_t>(kCount, 1), {}};
   for (std::size_t i = 0; i < kCount; ++i) {
     cloud.positions.emplace_back(random.uniform(0, 2), random.uniform(0, 2), 0.0);
   }
-  for (std::size_t i = 0; i < kCount * kBytes; ++i) {
+  for (std::size_t i = 0; i < kCount * kLookBytes; ++i) {
     cloud.descriptors->bytes.push_back(static_cast<std::uint8_t>(random.index(256)));
   }
   return cloud;
@@ -72,19 +72,20 @@ double share_alike(const LandmarkCloud& source, const LandmarkCloud& target, std
 
 TEST(LookComparison, LandmarksThatAreOneLookAlikeAndOthersOnlyByChance) {
   for (const std::string kind : {"ORB", "SIFT"}) {
-    const LandmarkCloud cloud = wall(1, kind);
+    const LandmarkCloud cloud = looks_of_wall(1, kind);
     EXPECT_GT(share_alike(cloud, seen_again(cloud), 0), 0.99) << kind;
     // Five standard deviations.
     EXPECT_NEAR(share_alike(cloud, seen_again(cloud), 1), kChance,
                 5.0 * std::sqrt(kChance / kCount))
         << kind;
-    EXPECT_NEAR(share_alike(cloud, wall(2, kind), 0), kChance, 5.0 * std::sqrt(kChance / kCount))
+    EXPECT_NEAR(share_alike(cloud, looks_of_wall(2, kind), 0), kChance,
+                5.0 * std::sqrt(kChance / kCount))
         << kind;
   }
 }
 
 TEST(LookComparison, OfSeveralPartnersTheOneThatLooksMostAlikeCounts) {
-  const LandmarkCloud cloud = wall(1);
+  const LandmarkCloud cloud = looks_of_wall(1);
   const LandmarkCloud again = seen_again(cloud);
   for (const std::uint32_t partners : {2U, 5U, 8U}) {
     EXPECT_GT(share_alike(cloud, again, kCount + 1 - partners, partners), 0.99) << partners;
@@ -103,12 +104,12 @@ LandmarkCloud with_further(LandmarkCloud cloud, std::size_t count, std::size_t o
   column.further_offsets.push_back(0);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     for (std::size_t k = 0; k < count; ++k) {
-      for (std::size_t j = 0; j < kBytes; ++j) {
+      for (std::size_t j = 0; j < kLookBytes; ++j) {
         const auto byte = static_cast<std::uint8_t>(random.index(256));
-        column.further.push_back(k == own ? column.bytes[i * kBytes + j] : byte);
+        column.further.push_back(k == own ? column.bytes[i * kLookBytes + j] : byte);
       }
     }
-    column.further_offsets.push_back(column.further.size() / kBytes);
+    column.further_offsets.push_back(column.further.size() / kLookBytes);
   }
   return cloud;
 }
@@ -116,9 +117,9 @@ LandmarkCloud with_further(LandmarkCloud cloud, std::size_t count, std::size_t o
 TEST(LookComparison, ComparesTheBestPairOfSeveralDescriptors) {
   for (const std::string kind : {"ORB", "SIFT"}) {
     // What represents the source's landmarks shows something else.
-    const LandmarkCloud cloud = wall(1, kind);
+    const LandmarkCloud cloud = looks_of_wall(1, kind);
     LandmarkCloud source = with_further(cloud, 3, 1);
-    source.descriptors->bytes = wall(9, kind).descriptors->bytes;
+    source.descriptors->bytes = looks_of_wall(9, kind).descriptors->bytes;
     const LandmarkCloud target = with_further(seen_again(cloud), 2, 2);
     EXPECT_GT(share_alike(source, target, 0), 0.97) << kind;
     EXPECT_NEAR(share_alike(source, target, 1), kChance, 5.0 * std::sqrt(kChance / kCount)) << kind;
@@ -126,7 +127,7 @@ TEST(LookComparison, ComparesTheBestPairOfSeveralDescriptors) {
 }
 
 TEST(LookComparison, IsUnknownWhereADescriptorIs) {
-  LandmarkCloud source = wall(1);
+  LandmarkCloud source = looks_of_wall(1);
   LandmarkCloud target = seen_again(source);
   source.descriptors->known[100] = 0;
   target.descriptors->known[200] = 0;
@@ -139,25 +140,25 @@ TEST(LookComparison, IsUnknownWhereADescriptorIs) {
 }
 
 TEST(LookComparison, IsPossibleOnlyWhereMostDescriptorsAreKnownAndOfOneKind) {
-  const LandmarkCloud cloud = wall(1);
+  const LandmarkCloud cloud = looks_of_wall(1);
   const auto expect_possible = [&](const LandmarkCloud& other, bool expected) {
     for (const bool there : {true, false}) {
       const LookComparison looks(there ? cloud : other, there ? other : cloud, kCount, Random(1));
       EXPECT_EQ(looks.possible(), expected) << there;
     }
   };
-  expect_possible(wall(2), true);
-  expect_possible(wall(2, "BRISK"), false);
-  LandmarkCloud without = wall(2);
+  expect_possible(looks_of_wall(2), true);
+  expect_possible(looks_of_wall(2, "BRISK"), false);
+  LandmarkCloud without = looks_of_wall(2);
   without.descriptors.reset();
   expect_possible(without, false);
-  LandmarkCloud few = wall(2);
+  LandmarkCloud few = looks_of_wall(2);
   for (std::size_t i = 0; i < kCount; i += 3) few.descriptors->known[i] = 0;
   expect_possible(few, true);
   for (std::size_t i = 1; i < kCount; i += 3) few.descriptors->known[i] = 0;
   expect_possible(few, false);
   const auto with_known_of_five = [](std::size_t known) {
-    LandmarkCloud part = wall(2);
+    LandmarkCloud part = looks_of_wall(2);
     for (std::size_t i = 0; i < kCount; ++i) part.descriptors->known[i] = i % 5 < known ? 1 : 0;
     return part;
   };
@@ -167,13 +168,13 @@ TEST(LookComparison, IsPossibleOnlyWhereMostDescriptorsAreKnownAndOfOneKind) {
 
 // Of small maps too, where many a partner is among the others that its source is compared with.
 TEST(LookComparison, NeedsMoreDescriptorsThanItComparesWith) {
-  const LandmarkCloud source = wall(1);
+  const LandmarkCloud source = looks_of_wall(1);
   const LandmarkCloud again = seen_again(source);
   const auto with_known = [&](std::size_t count) {
     LandmarkCloud target = again;
     target.positions.resize(count);
     target.descriptors->known.resize(count);
-    target.descriptors->bytes.resize(count * kBytes);
+    target.descriptors->bytes.resize(count * kLookBytes);
     return target;
   };
   EXPECT_FALSE(LookComparison(source, with_known(kOthers), kCount, Random(1)).possible());
@@ -195,13 +196,13 @@ TEST(LookComparison, NeedsMoreDescriptorsThanItComparesWith) {
 
 // The others are drawn from the whole map, not from landmarks that stand one behind another in it.
 TEST(LookComparison, ComparesWithOthersFromTheWholeMap) {
-  LandmarkCloud source = wall(1);
-  LandmarkCloud target = wall(2);
+  LandmarkCloud source = looks_of_wall(1);
+  LandmarkCloud target = looks_of_wall(2);
   for (std::uint8_t& byte : source.descriptors->bytes) byte &= 0x0f;
   // The first half looks somewhat like the source, the second does not.
-  for (std::size_t i = 0; i < kCount * kBytes; ++i) {
+  for (std::size_t i = 0; i < kCount * kLookBytes; ++i) {
     std::uint8_t& byte = target.descriptors->bytes[i];
-    byte = static_cast<std::uint8_t>(i < kCount * kBytes / 2 ? byte & 0x0f : byte | 0xf0);
+    byte = static_cast<std::uint8_t>(i < kCount * kLookBytes / 2 ? byte & 0x0f : byte | 0xf0);
   }
   const LookComparison looks(source, target, kCount, Random(1));
   Likeness likeness;
@@ -214,11 +215,11 @@ TEST(LookComparison, ComparesWithOthersFromTheWholeMap) {
 TEST(LookComparison, AnyPartnerMeetsTheSameOthersAndOnlySoMany) {
   // One landmark more than the partner and the others.
   constexpr std::uint32_t kTargets = kOthers + 2;
-  LandmarkCloud source = wall(1);
+  LandmarkCloud source = looks_of_wall(1);
   source.positions.resize(1);
   source.descriptors->known.resize(1);
-  source.descriptors->bytes.assign(kBytes, 0x00);
-  LandmarkCloud target = wall(2);
+  source.descriptors->bytes.assign(kLookBytes, 0x00);
+  LandmarkCloud target = looks_of_wall(2);
   target.positions.resize(kTargets);
   target.descriptors->known.resize(kTargets);
   // A landmark that looks more like the source than the partner does; the partner wins if it does not meet it.
@@ -226,9 +227,9 @@ TEST(LookComparison, AnyPartnerMeetsTheSameOthersAndOnlySoMany) {
     std::vector<std::uint32_t> result;
     for (std::uint32_t rival = 0; rival < kTargets; ++rival) {
       if (rival == partner) continue;
-      target.descriptors->bytes.assign(kTargets * kBytes, 0xff);
-      std::fill_n(target.descriptors->bytes.begin() + partner * kBytes, kBytes, 0x01);
-      std::fill_n(target.descriptors->bytes.begin() + rival * kBytes, kBytes, 0x00);
+      target.descriptors->bytes.assign(kTargets * kLookBytes, 0xff);
+      std::fill_n(target.descriptors->bytes.begin() + partner * kLookBytes, kLookBytes, 0x01);
+      std::fill_n(target.descriptors->bytes.begin() + rival * kLookBytes, kLookBytes, 0x00);
       const LookComparison looks(source, target, 1, Random(1));
       if (alike(looks, 0, {partner}).value()) result.push_back(rival);
     }
@@ -243,8 +244,8 @@ TEST(LookComparison, AnyPartnerMeetsTheSameOthersAndOnlySoMany) {
 }
 
 TEST(LookComparison, IsDrawnByItsSeedAlone) {
-  const LandmarkCloud one = wall(1);
-  const LandmarkCloud other = wall(2);
+  const LandmarkCloud one = looks_of_wall(1);
+  const LandmarkCloud other = looks_of_wall(2);
   const auto all = [&](std::uint64_t seed) {
     const LookComparison looks(one, other, kCount, Random(seed));
     std::vector<bool> result;

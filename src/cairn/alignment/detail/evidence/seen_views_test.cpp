@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace cairn::detail {

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn::detail {
 namespace {

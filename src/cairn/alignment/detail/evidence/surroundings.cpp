@@ -9,7 +9,7 @@
 #include "cairn/alignment/detail/evidence/support_counter.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn::detail {
 namespace {

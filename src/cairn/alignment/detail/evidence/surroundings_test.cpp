@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/evidence/support_counter.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/random.hpp"
 
 namespace cairn::detail {
@@ -102,11 +102,11 @@ LandmarkCloud scattered_place(std::uint64_t seed, std::uint64_t session) {
 }
 
 TEST(Surroundings, KeepPlacesThatShareOneThingFromBeingAligned) {
-  const PlacementResult other = place(scattered_place(2, 11), scattered_place(3, 12));
+  const Alignment other = place(scattered_place(2, 11), scattered_place(3, 12));
   EXPECT_GE(other.probability, 0.99) << "or this tests nothing: " << other.reason;
   EXPECT_EQ(other.verdict, Verdict::kAmbiguous) << other.reason;
   EXPECT_GT(other.around.in_front, 100U);
-  const PlacementResult same = place(scattered_place(2, 11), scattered_place(2, 12));
+  const Alignment same = place(scattered_place(2, 11), scattered_place(2, 12));
   EXPECT_EQ(same.verdict, Verdict::kAligned) << same.reason;
 }
 

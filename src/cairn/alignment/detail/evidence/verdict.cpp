@@ -113,10 +113,16 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
 
 }  // namespace
 
-bool is_decided(const PlacementResult& placed) {
+bool is_decided(const Alignment& placed) {
   if (placed.candidates.empty()) return false;
   const auto& agreement = placed.candidates.front().support.agreement;
   return agreement && agreement->spread >= kDecisiveAgreement;
+}
+
+void take_pose(Alignment& alignment) {
+  const RegistrationResult& result = alignment.registration;
+  if (result.status != RegistrationStatus::kFailed) alignment.estimate = result.similarity();
+  if (alignment.verdict == Verdict::kAligned) alignment.target_from_source = alignment.estimate;
 }
 
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,

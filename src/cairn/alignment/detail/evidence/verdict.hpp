@@ -15,7 +15,10 @@ namespace cairn::detail {
 inline constexpr std::size_t kDecisiveAgreement = 15;
 
 /// Whether descriptors alone decide for the likeliest candidate.
-bool is_decided(const PlacementResult& placed);
+bool is_decided(const Alignment& placed);
+
+/// Sets the estimate and, if the verdict is aligned, target_from_source to the pose of the registration.
+void take_pose(Alignment& alignment);
 
 /// Probability of each candidate to be the right pose; 1 minus the sum is the probability that none is.
 ///

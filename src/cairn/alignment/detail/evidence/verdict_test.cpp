@@ -28,7 +28,7 @@ Judgement verdict_of(const std::vector<PlacementCandidate>& candidates,
 }
 
 // @param support share of the 3000 landmarks that match, all of them closely
-PlacementCandidate candidate(double probability, double support = 0.4) {
+PlacementCandidate judged_candidate(double probability, double support = 0.4) {
   PlacementCandidate result{.target_from_source = {},
                             .support = {.share = support, .spread_evidence = 2000.0 * support},
                             .contradicted = 0.015,
@@ -38,7 +38,7 @@ PlacementCandidate candidate(double probability, double support = 0.4) {
 }
 
 TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
-  const Judgement judgement = verdict_of({candidate(0.996), candidate(0.001, 0.15)});
+  const Judgement judgement = verdict_of({judged_candidate(0.996), judged_candidate(0.001, 0.15)});
   EXPECT_EQ(judgement.verdict, Verdict::kAligned);
   EXPECT_THAT(judgement.reason, HasSubstr("40.0 %"));
   EXPECT_THAT(judgement.reason, HasSubstr("15.0 %"));
@@ -49,20 +49,26 @@ TEST(Verdict, AlignedIfTheBestIsRightBeyondDoubt) {
 
 TEST(Verdict, AmbiguousIfTheLandmarksMatchAsWellAtAnotherPoseHoweverUnlikelyThat) {
   const auto with = [](const auto& change) {
-    PlacementCandidate other = candidate(0.001, 0.39);
+    PlacementCandidate other = judged_candidate(0.001, 0.39);
     change(other);
-    return verdict_of({candidate(0.996), other});
+    return verdict_of({judged_candidate(0.996), other});
   };
   const Judgement judgement = with([](PlacementCandidate&) {});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, StartsWith("the landmarks match as well at 1 other pose"));
-  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.38), candidate(0.001, 0.5)}).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(0.996), judged_candidate(0.001, 0.38),
+                          judged_candidate(0.001, 0.5)})
+                  .reason,
               StartsWith("the landmarks match as well at 2 other poses"));
-  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.1), candidate(0.001, 0.5)}).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(0.996), judged_candidate(0.001, 0.1),
+                          judged_candidate(0.001, 0.5)})
+                  .reason,
               StartsWith("the landmarks match as well at 1 other pose"));
   // Half as well is as well.
-  EXPECT_EQ(verdict_of({candidate(0.996), candidate(0.001, 0.2)}).verdict, Verdict::kAmbiguous);
-  EXPECT_EQ(verdict_of({candidate(0.996), candidate(0.001, 0.19)}).verdict, Verdict::kAligned);
+  EXPECT_EQ(verdict_of({judged_candidate(0.996), judged_candidate(0.001, 0.2)}).verdict,
+            Verdict::kAmbiguous);
+  EXPECT_EQ(verdict_of({judged_candidate(0.996), judged_candidate(0.001, 0.19)}).verdict,
+            Verdict::kAligned);
   // One kind of evidence that tells them apart is enough.
   using Other = PlacementCandidate;
   EXPECT_EQ(with([](Other& other) { other.support.within[2] = 599; }).verdict, Verdict::kAligned);
@@ -77,9 +83,9 @@ TEST(Verdict, AmbiguousIfTheLandmarksMatchAsWellAtAnotherPoseHoweverUnlikelyThat
 }
 
 TEST(Verdict, BelievesLooksThatTellPosesApartAtWhichLandmarksMatchAsWell) {
-  PlacementCandidate best = candidate(0.996);
+  PlacementCandidate best = judged_candidate(0.996);
   best.support.agreement = DescriptorAgreement{200, 50, 40, 1.25};
-  PlacementCandidate other = candidate(0.001);
+  PlacementCandidate other = judged_candidate(0.001);
   other.support.agreement = DescriptorAgreement{200, 2, 2, 1.25};
   EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAligned);
   other.support.agreement = best.support.agreement;
@@ -89,7 +95,7 @@ TEST(Verdict, BelievesLooksThatTellPosesApartAtWhichLandmarksMatchAsWell) {
 }
 
 TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {
-  PlacementCandidate best = candidate(0.996);
+  PlacementCandidate best = judged_candidate(0.996);
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("similar")));
   best.support.likeness = Likeness{200, 50};
   EXPECT_THAT(
@@ -103,57 +109,58 @@ TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {
 }
 
 TEST(Verdict, AmbiguousIfOneOfSeveralIsRightBeyondDoubt) {
-  const Judgement judgement =
-      verdict_of({candidate(0.4), candidate(0.35), candidate(0.24), candidate(0.005)});
+  const Judgement judgement = verdict_of({judged_candidate(0.4), judged_candidate(0.35),
+                                          judged_candidate(0.24), judged_candidate(0.005)});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, HasSubstr("3 poses"));
 }
 
 TEST(Verdict, CountsAsRivalsThosePosesThatAreATwentiethAsLikely) {
-  const Judgement judgement =
-      verdict_of({candidate(0.5), candidate(0.44), candidate(0.028), candidate(0.024)});
+  const Judgement judgement = verdict_of({judged_candidate(0.5), judged_candidate(0.44),
+                                          judged_candidate(0.028), judged_candidate(0.024)});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, HasSubstr("3 poses"));
 }
 
 TEST(Verdict, TakesTheLeastProbabilityItself) {
-  const std::vector<PlacementCandidate> one = {candidate(0.75)};
+  const std::vector<PlacementCandidate> one = {judged_candidate(0.75)};
   EXPECT_EQ(judge(one, known_pose(), 3000, 0.75).verdict, Verdict::kAligned);
   EXPECT_EQ(judge(one, known_pose(), 3000, 0.7501).verdict, Verdict::kRejected);
-  const std::vector<PlacementCandidate> two = {candidate(0.5), candidate(0.25)};
+  const std::vector<PlacementCandidate> two = {judged_candidate(0.5), judged_candidate(0.25)};
   EXPECT_EQ(judge(two, known_pose(), 3000, 0.75).verdict, Verdict::kAmbiguous);
 }
 
 TEST(Verdict, SaysWhetherThereIsAnotherPose) {
-  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr("no other pose was found"));
-  EXPECT_THAT(verdict_of({candidate(0.996), candidate(0.001, 0.15)}).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(1.0)}).reason, HasSubstr("no other pose was found"));
+  EXPECT_THAT(verdict_of({judged_candidate(0.996), judged_candidate(0.001, 0.15)}).reason,
               HasSubstr("the next pose 15.0 %"));
 }
 
 TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
-  EXPECT_EQ(verdict_of({candidate(0.9), candidate(0.03)}).verdict, Verdict::kRejected);
-  EXPECT_EQ(verdict_of({candidate(1e-7)}).verdict, Verdict::kRejected);
+  EXPECT_EQ(verdict_of({judged_candidate(0.9), judged_candidate(0.03)}).verdict,
+            Verdict::kRejected);
+  EXPECT_EQ(verdict_of({judged_candidate(1e-7)}).verdict, Verdict::kRejected);
   EXPECT_EQ(verdict_of({}).verdict, Verdict::kRejected);
 }
 
 TEST(Verdict, AmbiguousByNameIfADirectionIsOpenHoweverLikelyThePose) {
   RegistrationResult result = known_pose();
   result.unobservable.push_back({{0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), 0.0});
-  const Judgement shift = verdict_of({candidate(1.0)}, result);
+  const Judgement shift = verdict_of({judged_candidate(1.0)}, result);
   EXPECT_EQ(shift.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(shift.reason, HasSubstr("the shift along (0.00, 1.00, 0.00)"));
   result.unobservable = {{Eigen::Vector3d::Zero(), {0.0, 0.0, 1.0}, 0.0}};
-  EXPECT_THAT(verdict_of({candidate(1.0)}, result).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(1.0)}, result).reason,
               HasSubstr("the turn about (0.00, 0.00, 1.00)"));
   result.unobservable = {{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), 1.0}};
-  EXPECT_THAT(verdict_of({candidate(1.0)}, result).reason, HasSubstr("the scale"));
+  EXPECT_THAT(verdict_of({judged_candidate(1.0)}, result).reason, HasSubstr("the scale"));
 }
 
 TEST(Verdict, NamesAnOpenDirectionAfterItsLargestPart) {
   const auto reason = [](std::vector<OpenDirection> open) {
     RegistrationResult result = known_pose();
     result.unobservable = std::move(open);
-    return verdict_of({candidate(1.0)}, result).reason;
+    return verdict_of({judged_candidate(1.0)}, result).reason;
   };
   EXPECT_THAT(reason({{{0.9, 0.0, 0.0}, {0.0, 0.5, 0.0}, -1.0}}), HasSubstr("determine the scale"));
   EXPECT_THAT(reason({{{0.9, 0.0, 0.0}, {0.0, 0.5, 0.0}, 0.7}}),
@@ -167,13 +174,13 @@ TEST(Verdict, NamesAnOpenDirectionAfterItsLargestPart) {
 }
 
 TEST(Verdict, AmbiguousWithoutACovariance) {
-  const Judgement judgement = verdict_of({candidate(1.0)}, RegistrationResult{});
+  const Judgement judgement = verdict_of({judged_candidate(1.0)}, RegistrationResult{});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, HasSubstr("too few places"));
 }
 
 TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
-  PlacementCandidate best = candidate(0.996);
+  PlacementCandidate best = judged_candidate(0.996);
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
   best.support.agreement = DescriptorAgreement{0, 0, 0, 0.0};
   EXPECT_THAT(verdict_of({best}).reason, Not(HasSubstr("descriptor")));
@@ -185,16 +192,16 @@ TEST(Verdict, SaysHowManyDescriptorMatchesAgreeWhereThatIsKnown) {
 }
 
 TEST(Verdict, ReasonLeadsWithTheDecisionAndItsNumber) {
-  EXPECT_THAT(verdict_of({candidate(0.996)}).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(0.996)}).reason,
               StartsWith("probability 99.60 %, at least the required 99 %: "));
-  EXPECT_THAT(verdict_of({candidate(0.123)}).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(0.123)}).reason,
               StartsWith("probability 12.30 %, below the required 99 %: "));
-  EXPECT_THAT(judge({{candidate(0.6)}}, known_pose(), 3000, 0.995).reason,
+  EXPECT_THAT(judge({{judged_candidate(0.6)}}, known_pose(), 3000, 0.995).reason,
               StartsWith("probability 60.00 %, below the required 99.5 %: "));
-  EXPECT_THAT(verdict_of({candidate(0.5), candidate(0.495)}).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(0.5), judged_candidate(0.495)}).reason,
               StartsWith("2 poses fit about equally well; probability 50.00 %, below the "
                          "required 99 %: "));
-  EXPECT_THAT(verdict_of({candidate(0.996)}, RegistrationResult{}).reason,
+  EXPECT_THAT(verdict_of({judged_candidate(0.996)}, RegistrationResult{}).reason,
               StartsWith("the matches lie in too few places to compute a covariance; probability "
                          "99.60 %, at least the required 99 %: "));
 }
@@ -218,12 +225,12 @@ TEST(Verdict, IsNamedInResults) {
 }
 
 TEST(Verdict, NeverSaysThatAPoseIsCertain) {
-  EXPECT_THAT(verdict_of({candidate(1.0)}).reason, HasSubstr(">99.9999 %"));
-  EXPECT_THAT(verdict_of({candidate(0.0)}).reason, HasSubstr("<0.01 %"));
+  EXPECT_THAT(verdict_of({judged_candidate(1.0)}).reason, HasSubstr(">99.9999 %"));
+  EXPECT_THAT(verdict_of({judged_candidate(0.0)}).reason, HasSubstr("<0.01 %"));
 }
 
 TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
-  const std::vector<PlacementCandidate> one = {candidate(0.9999)};
+  const std::vector<PlacementCandidate> one = {judged_candidate(0.9999)};
   const auto with = [&](const SightCounts& around) {
     return judge(one, known_pose(), 3000, 0.99, around);
   };

@@ -233,7 +233,7 @@ void Refinement::follow(const RobustAlignment& alignment, const KernelScales& ke
 
 void Refinement::run(RegistrationResult& result) const {
   const KernelScales scales = kernel();
-  const RobustAlignment alignment(source_, target_, options_.use_covariances, options_.one_to_one,
+  const RobustAlignment alignment(source_, target_, options_.one_to_one,
                                   options_.execution.executor);
   const bool free_scale = options_.scale.has_value();
   const Similarity3 initial =

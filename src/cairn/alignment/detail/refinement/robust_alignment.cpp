@@ -14,8 +14,8 @@
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
-#include "cairn/geometry/moved_points.hpp"
-#include "cairn/registration/icp_loop.hpp"
+#include "cairn/geometry/similarity3.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -116,12 +116,8 @@ Eigen::Matrix<double, 3, kFreedoms> jacobian_at(const Eigen::Vector3d& arm, doub
 }  // namespace
 
 RobustAlignment::RobustAlignment(const PreparedCloud& source, const PreparedCloud& target,
-                                 bool use_covariances, bool one_to_one, const Executor& executor)
-    : source_(source),
-      target_(target),
-      use_covariances_(use_covariances),
-      one_to_one_(one_to_one),
-      executor_(executor) {}
+                                 bool one_to_one, const Executor& executor)
+    : source_(source), target_(target), one_to_one_(one_to_one), executor_(executor) {}
 
 template <int kFreedoms>
 RobustAlignment::Equations<kFreedoms>& RobustAlignment::Equations<kFreedoms>::operator+=(
@@ -167,9 +163,9 @@ std::optional<RobustAlignment::Term> RobustAlignment::term(const Eigen::Vector3d
   const LandmarkCloud& source = source_.landmarks();
   const LandmarkCloud& target = target_.landmarks();
   const Eigen::Matrix3d* const of_source =
-      use_covariances_ && !source.covariances.empty() ? &source.covariances[match.source] : nullptr;
+      !source.covariances.empty() ? &source.covariances[match.source] : nullptr;
   const Eigen::Matrix3d* const of_target =
-      use_covariances_ && !target.covariances.empty() ? &target.covariances[match.target] : nullptr;
+      !target.covariances.empty() ? &target.covariances[match.target] : nullptr;
   const Eigen::Vector3d residual = target.positions[match.target] - moved;
   // Upper bound of the variance in any direction, which suffices to find most negligible matches.
   double variance = scale * scale;

@@ -10,9 +10,9 @@
 
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/registration/concepts.hpp"
-#include "cairn/registration/estimation/pose_covariance.hpp"
+#include "cairn/registration/estimation/point_to_point.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
+#include "cairn/registration/stages.hpp"
 
 namespace cairn::detail {
 
@@ -42,8 +42,8 @@ class RobustAlignment {
     StopReason stop_reason = StopReason::kIterationLimit;
   };
 
-  RobustAlignment(const PreparedCloud& source, const PreparedCloud& target, bool use_covariances,
-                  bool one_to_one, const Executor& executor);
+  RobustAlignment(const PreparedCloud& source, const PreparedCloud& target, bool one_to_one,
+                  const Executor& executor);
 
   /// Moves from a centred pose to the nearest optimum.
   /// @param observe called after each iteration; may be empty
@@ -115,7 +115,6 @@ class RobustAlignment {
 
   PreparedCloud source_;
   PreparedCloud target_;
-  bool use_covariances_;
   bool one_to_one_;
   Executor executor_;
 };

@@ -36,7 +36,7 @@ struct Problem {
     const PreparedCloud to = PreparedCloud::plain(std::move(target));
     positions = from.landmarks().positions;
     truth = centred_pose(from, to, moved);
-    alignment = std::make_unique<RobustAlignment>(from, to, false, true, Executor());
+    alignment = std::make_unique<RobustAlignment>(from, to, true, Executor());
   }
 
   Similarity3 start(double metres, double degrees) const {
@@ -140,7 +140,7 @@ TEST(RobustAlignment, CovarianceHoldsTheErrorAndAPlaneLeavesDirectionsOpen) {
     other.positions.emplace_back(random.uniform(-1, 1), random.uniform(-1, 1),
                                  0.002 * random.normal());
   }
-  const RobustAlignment flat(PreparedCloud::plain(floor), PreparedCloud::plain(other), false, true,
+  const RobustAlignment flat(PreparedCloud::plain(floor), PreparedCloud::plain(other), true,
                              Executor());
   const Similarity3 rest;
   const PoseUncertainty open = flat.uncertainty(rest, 0.1, flat.matches(rest));

@@ -8,7 +8,7 @@
 
 #include "cairn/alignment/detail/cloud_scales.hpp"
 #include "cairn/core/detail/descriptor_kernel.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/distinct_descriptors.hpp"
 
 namespace cairn::detail {

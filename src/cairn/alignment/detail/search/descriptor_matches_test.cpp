@@ -15,19 +15,19 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::size_t kBytes = 32;
+constexpr std::size_t kLookalikeBytes = 32;
 
 // `count` landmarks each, of which the first `shared` look alike and stand where the identity puts them.
-struct Clouds {
+struct LookalikeClouds {
   LandmarkCloud source;
   LandmarkCloud target;
 };
 
-Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind) {
+LookalikeClouds lookalikes(std::size_t shared, std::size_t count, const std::string& kind) {
   Random random(7);
-  Clouds result;
+  LookalikeClouds result;
   result.source.descriptors = result.target.descriptors =
-      DescriptorColumn{kind, kBytes, std::vector<std::uint8_t>(count, 1), {}};
+      DescriptorColumn{kind, kLookalikeBytes, std::vector<std::uint8_t>(count, 1), {}};
   for (std::size_t i = 0; i < count; ++i) {
     const auto somewhere = [&random] {
       return Eigen::Vector3d(random.uniform(0, 4), random.uniform(0, 3), random.uniform(0, 2));
@@ -35,7 +35,7 @@ Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind) {
     const Eigen::Vector3d place = somewhere();
     result.source.positions.push_back(place);
     result.target.positions.push_back(i < shared ? place : somewhere());
-    for (std::size_t j = 0; j < kBytes; ++j) {
+    for (std::size_t j = 0; j < kLookalikeBytes; ++j) {
       const auto one = static_cast<std::uint8_t>(random.index(256));
       const auto other = static_cast<std::uint8_t>(random.index(256));
       result.source.descriptors->bytes.push_back(one);
@@ -48,7 +48,7 @@ Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind) {
 
 TEST(DescriptorMatches, AreTheLandmarksThatLookAlike) {
   for (const std::string kind : {"ORB", "SIFT"}) {
-    const Clouds pair = clouds(40, 300, kind);
+    const LookalikeClouds pair = lookalikes(40, 300, kind);
     const DescriptorMatches matches(pair.source, pair.target);
     EXPECT_TRUE(matches.possible());
     std::size_t right = 0;
@@ -65,7 +65,7 @@ TEST(DescriptorMatches, AreTheLandmarksThatLookAlike) {
 }
 
 TEST(DescriptorMatches, AgreeAtTheRightPoseOnly) {
-  const Clouds pair = clouds(40, 300, "ORB");
+  const LookalikeClouds pair = lookalikes(40, 300, "ORB");
   const DescriptorMatches matches(pair.source, pair.target);
   const DescriptorAgreement right = matches.agreement(Similarity3(), 0.05);
   EXPECT_EQ(right.agreeing, 40U);
@@ -78,7 +78,7 @@ TEST(DescriptorMatches, AgreeAtTheRightPoseOnly) {
 
 TEST(DescriptorMatches, ExpectWhatRandomPartnersWouldGive) {
   // With a radius as large as the room all agree, and all would by chance.
-  const Clouds pair = clouds(40, 300, "ORB");
+  const LookalikeClouds pair = lookalikes(40, 300, "ORB");
   const DescriptorMatches matches(pair.source, pair.target);
   const DescriptorAgreement all = matches.agreement(Similarity3(), 10.0);
   EXPECT_EQ(all.agreeing, matches.all().size());
@@ -86,17 +86,17 @@ TEST(DescriptorMatches, ExpectWhatRandomPartnersWouldGive) {
 }
 
 TEST(DescriptorMatches, OneThingThatStandsInBothPlacesHasNoSpread) {
-  Clouds pair = clouds(40, 300, "ORB");
+  LookalikeClouds pair = lookalikes(40, 300, "ORB");
   // All of it in one corner, closer together than the others are.
   for (std::size_t i = 0; i < 40; ++i) {
     const Eigen::Vector3d corner = 0.01 * pair.source.positions[i];
     pair.source.positions[i] = pair.target.positions[i] = corner;
   }
   for (std::size_t i = 40; i < 300; ++i) {
-    for (std::size_t j = 0; j < kBytes; ++j) {
+    for (std::size_t j = 0; j < kLookalikeBytes; ++j) {
       // So many others match, but nowhere near each other.
-      pair.target.descriptors->bytes[i * kBytes + j] =
-          pair.source.descriptors->bytes[i * kBytes + j];
+      pair.target.descriptors->bytes[i * kLookalikeBytes + j] =
+          pair.source.descriptors->bytes[i * kLookalikeBytes + j];
     }
   }
   const DescriptorAgreement agreement =
@@ -106,7 +106,7 @@ TEST(DescriptorMatches, OneThingThatStandsInBothPlacesHasNoSpread) {
 }
 
 TEST(DescriptorMatches, AreNoneOfDifferentKinds) {
-  Clouds pair = clouds(40, 100, "ORB");
+  LookalikeClouds pair = lookalikes(40, 100, "ORB");
   pair.target.descriptors->kind = "BRISK";
   const DescriptorMatches matches(pair.source, pair.target);
   EXPECT_FALSE(matches.possible());
@@ -202,8 +202,8 @@ TEST(DescriptorMatches, AreByTheBestPairOfSeveralDescriptors) {
 
 TEST(DescriptorMatches, AreTheSameIfTheFurtherDescriptorsRepeatTheFirst) {
   for (const std::string kind : {"ORB", "SIFT"}) {
-    const Clouds pair = clouds(40, 300, kind);
-    Clouds twice = pair;
+    const LookalikeClouds pair = lookalikes(40, 300, kind);
+    LookalikeClouds twice = pair;
     for (LandmarkCloud* const cloud : {&twice.source, &twice.target}) {
       DescriptorColumn& column = *cloud->descriptors;
       column.further = column.bytes;

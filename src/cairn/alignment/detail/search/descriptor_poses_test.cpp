@@ -10,9 +10,9 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::size_t kBytes = 32;
+constexpr std::size_t kPosedBytes = 32;
 
-struct Clouds {
+struct PosedClouds {
   LandmarkCloud source;
   LandmarkCloud target;
   Rigid3 target_from_source;
@@ -20,23 +20,23 @@ struct Clouds {
 
 // Landmarks anywhere in a room; the first `shared` of both maps are one, and look alike but for some
 // bits. All others look like nothing else.
-Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind = "ORB") {
+PosedClouds posed_clouds(std::size_t shared, std::size_t count, const std::string& kind = "ORB") {
   Random random(3);
-  Clouds result;
+  PosedClouds result;
   result.target_from_source =
       Rigid3(rotation_exp({0.3, -1.2, 2.0}), Eigen::Vector3d(1.0, -2.0, 0.5));
   result.source.descriptors = result.target.descriptors =
-      DescriptorColumn{kind, kBytes, std::vector<std::uint8_t>(count, 1), {}};
+      DescriptorColumn{kind, kPosedBytes, std::vector<std::uint8_t>(count, 1), {}};
   const auto anywhere = [&random] {
     return Eigen::Vector3d(random.uniform(-2, 2), random.uniform(-2, 2), random.uniform(0, 2));
   };
-  const auto look = [](LandmarkCloud& cloud, const std::array<std::uint8_t, kBytes>& bytes) {
+  const auto look = [](LandmarkCloud& cloud, const std::array<std::uint8_t, kPosedBytes>& bytes) {
     cloud.descriptors->bytes.insert(cloud.descriptors->bytes.end(), bytes.begin(), bytes.end());
   };
   for (std::size_t i = 0; i < count; ++i) {
-    std::array<std::uint8_t, kBytes> one{};
-    std::array<std::uint8_t, kBytes> other{};
-    for (std::size_t j = 0; j < kBytes; ++j) {
+    std::array<std::uint8_t, kPosedBytes> one{};
+    std::array<std::uint8_t, kPosedBytes> other{};
+    for (std::size_t j = 0; j < kPosedBytes; ++j) {
       one[j] = static_cast<std::uint8_t>(random.index(256));
       other[j] = static_cast<std::uint8_t>(random.index(256));
     }
@@ -44,7 +44,7 @@ Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind = "
     result.source.positions.push_back(place);
     look(result.source, one);
     if (i < shared) {
-      one[random.index(kBytes)] ^= 0x05;
+      one[random.index(kPosedBytes)] ^= 0x05;
       result.target.positions.push_back(result.target_from_source * place);
       look(result.target, one);
     } else {
@@ -55,7 +55,7 @@ Clouds clouds(std::size_t shared, std::size_t count, const std::string& kind = "
   return result;
 }
 
-std::vector<Similarity3> poses(const Clouds& clouds, bool free_scale = false) {
+std::vector<Similarity3> poses(const PosedClouds& clouds, bool free_scale = false) {
   DescriptorPoseOptions options;
   options.tolerance = 0.03;
   options.free_scale = free_scale;
@@ -69,7 +69,7 @@ std::vector<Similarity3> poses(const Clouds& clouds, bool free_scale = false) {
 
 TEST(DescriptorPoses, AreTheTruthForFewLandmarksThatAreOne) {
   for (const std::string kind : {"ORB", "SIFT"}) {
-    const Clouds pair = clouds(15, 400, kind);
+    const PosedClouds pair = posed_clouds(15, 400, kind);
     const std::vector<Similarity3> found = poses(pair);
     ASSERT_FALSE(found.empty()) << kind;
     EXPECT_LT((found.front().rigid().inverse() * pair.target_from_source).angle(), 1e-6) << kind;
@@ -79,7 +79,7 @@ TEST(DescriptorPoses, AreTheTruthForFewLandmarksThatAreOne) {
 
 TEST(DescriptorPoses, FindAFreeScale) {
   for (const double scale : {0.02, 1.0, 7.0}) {
-    Clouds pair = clouds(15, 400, "SIFT");
+    PosedClouds pair = posed_clouds(15, 400, "SIFT");
     for (Eigen::Vector3d& position : pair.source.positions) position /= scale;
     const std::vector<Similarity3> found = poses(pair, true);
     ASSERT_FALSE(found.empty()) << scale;
@@ -90,7 +90,7 @@ TEST(DescriptorPoses, FindAFreeScale) {
 
 TEST(DescriptorPoses, TellSeveralConsensusSetsApart) {
   // The first half of the shared landmarks stands elsewhere in the target, as one.
-  Clouds pair = clouds(40, 400);
+  PosedClouds pair = posed_clouds(40, 400);
   const Rigid3 moved(rotation_exp({0.0, 0.0, 1.0}), Eigen::Vector3d(0.5, 0.5, 0.0));
   for (std::size_t i = 0; i < 18; ++i) {
     pair.target.positions[i] = moved * pair.target.positions[i];
@@ -102,7 +102,7 @@ TEST(DescriptorPoses, TellSeveralConsensusSetsApart) {
 }
 
 TEST(DescriptorPoses, AreDistinctAndFew) {
-  const std::vector<Similarity3> found = poses(clouds(40, 400));
+  const std::vector<Similarity3> found = poses(posed_clouds(40, 400));
   EXPECT_LE(found.size(), DescriptorPoseOptions().poses);
   for (std::size_t i = 0; i < found.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
@@ -112,16 +112,16 @@ TEST(DescriptorPoses, AreDistinctAndFew) {
 }
 
 TEST(DescriptorPoses, AreNoneWhereFewerThanFourMatchesAgree) {
-  EXPECT_TRUE(poses(clouds(3, 400)).empty());
+  EXPECT_TRUE(poses(posed_clouds(3, 400)).empty());
 }
 
 TEST(DescriptorPoses, AreNoneWhereNothingCanBeCompared) {
-  Clouds pair = clouds(15, 100);
+  PosedClouds pair = posed_clouds(15, 100);
   pair.target.descriptors->kind = "BRISK";
   EXPECT_TRUE(poses(pair).empty());
   pair.target.descriptors.reset();
   EXPECT_TRUE(poses(pair).empty());
-  pair = clouds(15, 100);
+  pair = posed_clouds(15, 100);
   pair.target.descriptors->known.assign(100, 0);
   EXPECT_TRUE(poses(pair).empty());
 }

@@ -9,7 +9,7 @@
 #include "cairn/alignment/detail/evidence/verdict.hpp"
 #include "cairn/alignment/detail/refinement/robust_alignment.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/geometry/moved_points.hpp"
+#include "cairn/geometry/similarity3.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -26,7 +26,7 @@ void shuffle(std::vector<Eigen::Quaterniond>& rotations, Random& random) {
   }
 }
 
-std::vector<Eigen::Quaterniond> rotations(const PlaceOptions& options, Random random) {
+std::vector<Eigen::Quaterniond> rotations(const AlignOptions& options, Random random) {
   constexpr double kRotations = 2304;  // at effort 1: about 19 degrees apart
   constexpr double kTurns = 72;        // and about a known vertical: 5 degrees apart
   std::vector<Eigen::Quaterniond> all;
@@ -50,12 +50,12 @@ double tilt(const Rigid3& pose, const GravityPrior& gravity) {
   return std::atan2(down.cross(gravity.target).norm(), down.dot(gravity.target));
 }
 
-bool is_tilted(const Rigid3& pose, const PlaceOptions& options) {
+bool is_tilted(const Rigid3& pose, const AlignOptions& options) {
   return options.gravity && tilt(pose, *options.gravity) > options.gravity->max_tilt_rad;
 }
 
 // Whether a scale is outside the requested range. Its inverse is outside the inverse range then.
-bool has_other_scale(double scale, const PlaceOptions& options) {
+bool has_other_scale(double scale, const AlignOptions& options) {
   constexpr double kScaleMargin = 0.03;  // of the range's ends, because scales are not exact
   if (!options.scale) return false;
   const auto [least, most] = *options.scale;
@@ -65,7 +65,7 @@ bool has_other_scale(double scale, const PlaceOptions& options) {
 }  // namespace
 
 std::optional<std::string> forbidden(const Similarity3& target_from_source,
-                                     const PlaceOptions& options) {
+                                     const AlignOptions& options) {
   if (is_tilted(target_from_source.rigid(), options)) {
     return fmt::format(
         "the pose tilts the source's gravity by {:.1f} deg against the target's: at most {:.1f} "
@@ -87,7 +87,7 @@ void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
 
 Placement::Placement(const PreparedCloud& source, const PreparedCloud& target,
                      std::vector<double> scales, std::optional<double> equal,
-                     const PlaceOptions& options)
+                     const AlignOptions& options)
     : options_(options),
       scales_(std::move(scales)),
       equal_(equal),
@@ -379,7 +379,7 @@ void Placement::refine_all(std::vector<Finalist>& poses, const PairScales& lengt
   // Roughly for many poses, accurately for the remaining few.
   const std::size_t partners = points == PreparedCloud::kSample ? DescriptorMatches::kPartners : 32;
   // The candidates run in parallel, each on one thread.
-  const RobustAlignment alignment(source_, target_, options_.use_covariances, false, Executor());
+  const RobustAlignment alignment(source_, target_, false, Executor());
   options_.execution.executor.for_blocks(poses.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const double fine = lengths.at(poses[i].scale).fine;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/evidence/support_counter.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
@@ -29,7 +30,7 @@ inline constexpr double kKeptMerit = 0.95;
 /// Time limit of a placement, if any.
 class TimeLimit {
  public:
-  TimeLimit(std::chrono::steady_clock::time_point start, const PlaceOptions& options)
+  TimeLimit(std::chrono::steady_clock::time_point start, const AlignOptions& options)
       : start_(start), limit_s_(options.time_limit_s), caller_(options.execution.stop) {}
 
   /// Calls work(stop) and requests a stop when this share of the time is over.
@@ -73,7 +74,7 @@ struct PairScales {
 
 /// Why the gravity or the range of scales of `options` does not allow a pose; std::nullopt if they do.
 std::optional<std::string> forbidden(const Similarity3& target_from_source,
-                                     const PlaceOptions& options);
+                                     const AlignOptions& options);
 
 /// Sets the pose of a candidate.
 void set_similarity(PlacementCandidate& candidate, const Similarity3& pose);
@@ -95,7 +96,7 @@ class Placement {
   /// @param scales of the source that are likely
   /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
   Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
-            std::optional<double> equal, const PlaceOptions& options);
+            std::optional<double> equal, const AlignOptions& options);
 
   /// Fine kernel scale for a source of this scale.
   double fine(double scale) const { return all_.at(scale).fine; }
@@ -182,7 +183,7 @@ class Placement {
   std::vector<Finalist> distinct(std::vector<Finalist> poses, const PairScales& lengths,
                                  std::ptrdiff_t variants) const;
 
-  const PlaceOptions& options_;
+  const AlignOptions& options_;
   std::vector<double> scales_;
   std::optional<double> equal_;
   PreparedCloud source_;

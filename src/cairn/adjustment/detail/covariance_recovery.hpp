@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cairn/adjustment/adjust.hpp"
+#include "cairn/geometry/rigid3.hpp"
+
+namespace cairn::detail {
+
+/// A linearised observation of a landmark: derivatives of its residuals (pixel u, v, and depth; zero if not
+/// measured), in standard deviations.
+struct LinearObservation {
+  std::uint32_t frame = 0;
+  /// Its share of the information; 1 if it is independent of the others.
+  double share = 1.0;
+  Eigen::Matrix3d by_point = Eigen::Matrix3d::Zero();  ///< in the world
+  /// Left perturbation (δt, δφ) of world_from_camera.
+  Eigen::Matrix<double, 3, 6> by_pose = Eigen::Matrix<double, 3, 6>::Zero();
+};
+
+struct LinearLandmark {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  /// Prior information on the position.
+  Eigen::Matrix3d prior = Eigen::Matrix3d::Zero();
+  std::vector<LinearObservation>
+      observations;  ///< of distinct frames; if empty, no covariance is computed
+};
+
+/// A linearised least-squares problem of camera poses and landmarks. Frame 0 is fixed.
+struct LinearProblem {
+  std::vector<Eigen::Vector3d> camera_centres;  ///< one per frame
+  std::vector<LinearLandmark> landmarks;
+  /// A frame whose distance from frame 0 is fixed, if no depth determines the scale.
+  std::optional<std::uint32_t> scale_frame;
+  /// Information added to each pose parameter. A frame without ties to the others then has a huge
+  /// covariance instead of making the problem singular.
+  Vector6d least_information = Vector6d::Constant(1e-6);
+};
+
+struct RecoveredCovariances {
+  /// Per frame: of its pose relative to frame 0, (δt, δφ) in the world.
+  std::vector<Matrix6d> frames;
+  /// Per landmark: of its position, along the world's axes; zero without observations.
+  std::vector<Eigen::Matrix3d> landmarks;
+};
+
+/// Up to this many frames, the problem is solved densely; above, by sparse factors.
+inline constexpr std::size_t kMostDenseFrames = 800;
+
+/// Marginal covariances of poses and landmarks: eliminates the landmarks and inverts the reduced system of
+/// the poses, for the pairs of frames that share landmarks.
+/// @param most_dense up to this many frames, all pairs
+/// @throws Error (input) if too many pairs of frames share landmarks for the memory, (cancelled)
+RecoveredCovariances recover_covariances(const LinearProblem& problem, CovarianceGauge gauge,
+                                         const Execution& execution = {},
+                                         std::size_t most_dense = kMostDenseFrames);
+
+}  // namespace cairn::detail
