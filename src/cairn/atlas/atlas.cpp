@@ -266,7 +266,7 @@ bool is_used(const AtlasState& state, const Link& link) {
          has_poses_of(state, link.id, true);
 }
 
-MergeResult Atlas::merge(const MergePlacedOptions& options, std::optional<NodeId> frame,
+MergeResult Atlas::merge(const FusionOptions& options, std::optional<NodeId> frame,
                          std::optional<CommitId> at) {
   const AtlasState state = store_->state(at);
   const AtlasComponent chosen = component_with(state, frame, store_->name());

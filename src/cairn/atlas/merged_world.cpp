@@ -122,9 +122,9 @@ LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, std::uint64_t se
   if (is_file) {
     if (auto map = kept(path, key)) return *std::move(map);
   }
-  MergePlacedOptions options;
-  options.fusion.seed = seed;
-  options.fusion.execution = execution;
+  FusionOptions options;
+  options.seed = seed;
+  options.execution = execution;
   LandmarkMap map = *std::move(atlas.merge(options, {}, state.commit).map);
   if (!is_file || ::access(location.c_str(), W_OK) != 0) return map;
   return keep(std::move(map), path, key);

@@ -57,15 +57,12 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
 
 void MergeOptions::validate() const {
   links.validate();
-  placed.validate();
+  FusionOptions::validate();
 }
 
-MergePlacedOptions MergeOptions::fusing_from(double begin) const {
-  MergePlacedOptions fusing = placed;
-  fusing.fusion.seed = seed;
-  fusing.fusion.execution = execution;
-  fusing.fusion.execution.progress = stage_of(execution.progress, begin, 1.0);
-  fusing.fusion.log = log;
+FusionOptions MergeOptions::fusing_from(double begin) const {
+  FusionOptions fusing = *this;
+  fusing.execution.progress = stage_of(execution.progress, begin, 1.0);
   return fusing;
 }
 
@@ -141,7 +138,7 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
 }
 
 std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
-                                                 const MergePlacedOptions& options,
+                                                 const FusionOptions& options,
                                                  MergeResult& result) {
   std::vector<std::vector<FrameIndex>> frames(maps.size());
   std::vector<PlacedMap> placed;

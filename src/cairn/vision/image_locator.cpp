@@ -88,10 +88,21 @@ double probability_of(const Candidate& candidate) {
 
 }  // namespace
 
+constexpr OptionField kLocateFields[] = {
+    {"features",
+     option_at<&LocateOptions::features, &FeatureOptions::count>,
+     {},
+     "--features",
+     "Number of corners to detect in an image"},
+    {"min_probability", option_at<&LocateOptions::min_probability>, kProbability,
+     "--min-probability", "Least probability of a located image, at least 0.5 and below 1"},
+    {"seed", option_at<&LocateOptions::seed>},
+};
+constinit const OptionTable LocateOptions::table = {"LocateOptions", kLocateFields};
+
 void LocateOptions::validate() const {
   features.validate();
-  detail::require(min_probability >= 0.5 && min_probability < 1.0, "LocateOptions.min_probability",
-                  min_probability, "at least 0.5 and below 1");
+  check_options(*this);
 }
 
 class ImageLocator::Parts {

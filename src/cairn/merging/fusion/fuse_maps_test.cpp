@@ -877,9 +877,9 @@ TEST(FuseMaps, RefusesNoMapsAndOptionsOutOfRange) {
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [] { fuse_maps({}); }),
               HasSubstr("at least one map"));
   FusionOptions options;
-  options.min_probability = 0.2;
+  options.fusion_probability = 0.2;
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
-              HasSubstr("FusionOptions.min_probability: 0.2; expected 0.5 to 1"));
+              HasSubstr("FusionOptions.fusion_probability: 0.2; expected 0.5 to 1"));
 }
 
 }  // namespace
