@@ -11,7 +11,6 @@
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/formats/camera_file.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -73,7 +72,7 @@ void write(const SharedMap& map, const std::filesystem::path& path, const py::kw
 template <class Id>
 std::vector<Id> ids_of(py::handle given, std::string_view name, std::size_t count) {
   std::vector<Id> ids;
-  reserve_populated(ids, count);
+  detail::reserve_populated(ids, count);
   ids.resize(count);
   if (given.is_none()) {
     for (std::size_t i = 0; i < count; ++i) ids[i] = Id{i};
@@ -124,7 +123,7 @@ std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count)
   const auto array =
       real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3}, Masked::kUnknown);
   std::vector<Eigen::Matrix3d> matrices;
-  reserve_populated(matrices, count);
+  detail::reserve_populated(matrices, count);
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   for (std::size_t i = 0; i < count; ++i)
     matrices.emplace_back(Eigen::Map<const RowMajor>(array.data() + 9 * i));

@@ -12,8 +12,8 @@
 #include <unistd.h>
 
 #include "cairn/atlas/store/sqlite_store.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/map_file.hpp"
 
@@ -48,7 +48,7 @@ class KeyHasher {
   std::string digest() const { return to_string(hasher_.digest()); }
 
  private:
-  Hasher hasher_;
+  detail::Hasher hasher_;
 };
 
 // Of all that Atlas::merge() reads; ids alone would not do, because another atlas may have the same.

@@ -16,7 +16,7 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
-#include "cairn/core/error.hpp"
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/operations.hpp"
 
@@ -748,32 +748,22 @@ LandmarkMap moved(LandmarkMap map, const Rigid3& new_from_old, std::string_view 
   return LandmarkMap(std::move(tables));
 }
 
-void require(bool valid, std::string_view field, std::string_view what, std::string_view expected) {
-  if (valid) return;
-  throw Error(ErrorKind::kMisuse, fmt::format("SyntheticOptions.{}", field), what, expected);
-}
-
-void require_between(double value, double least, double most, std::string_view field) {
-  require(value >= least && value <= most, field, fmt::format("{}", value),
-          fmt::format("{} to {}", least, most));
-}
-
 }  // namespace
 
 void SyntheticOptions::validate() const {
+  constexpr std::size_t kLeast = 1;
   constexpr std::size_t kMostLandmarks = std::numeric_limits<std::uint32_t>::max();
   constexpr std::size_t kMostFrames = 1'000'000;
   // A depth must stay positive: noise is small against it in all of the scene.
   constexpr double kMostDepthNoiseMetres = 0.03;
   constexpr double kMostPixelNoisePixels = 20.0;
-  require(landmarks >= 1 && landmarks <= kMostLandmarks, "landmarks", fmt::format("{}", landmarks),
-          fmt::format("1 to {}", kMostLandmarks));
-  require(frames >= 1 && frames <= kMostFrames, "frames", fmt::format("{}", frames),
-          fmt::format("1 to {}", kMostFrames));
-  require_between(pixel_noise_px, 0.0, kMostPixelNoisePixels, "pixel_noise_px");
-  require_between(depth_noise_m, 0.0, kMostDepthNoiseMetres, "depth_noise_m");
-  require_between(overlap, 0.0, 1.0, "overlap");
-  require_between(outlier_fraction, 0.0, 1.0, "outlier_fraction");
+  using detail::require_within;
+  require_within(landmarks, kLeast, kMostLandmarks, "SyntheticOptions.landmarks");
+  require_within(frames, kLeast, kMostFrames, "SyntheticOptions.frames");
+  require_within(pixel_noise_px, 0.0, kMostPixelNoisePixels, "SyntheticOptions.pixel_noise_px");
+  require_within(depth_noise_m, 0.0, kMostDepthNoiseMetres, "SyntheticOptions.depth_noise_m");
+  require_within(overlap, 0.0, 1.0, "SyntheticOptions.overlap");
+  require_within(outlier_fraction, 0.0, 1.0, "SyntheticOptions.outlier_fraction");
 }
 
 LandmarkMap synthetic_map(const SyntheticOptions& options) {

@@ -12,7 +12,7 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/mapping/corrected_trajectory.hpp"
@@ -170,7 +170,7 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   if (!how.links.candidates && count > kMiniMapsTriedInFull) {
     how.links.candidates = kDefaultCandidates;
   }
-  how.execution.progress = stage_of(options.merging.execution.progress, 0.0, 0.5);
+  how.execution.progress = detail::stage_of(options.merging.execution.progress, 0.0, 0.5);
   MergeResult merged = place_maps(inputs, how);
   const std::size_t tried = merged.links.size() - session.links.size();
   result.odometry_refuted = static_cast<std::size_t>(std::count(

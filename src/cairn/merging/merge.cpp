@@ -64,7 +64,7 @@ MergePlacedOptions MergeOptions::fusing_from(double begin) const {
   MergePlacedOptions fusing = placed;
   fusing.fusion.seed = seed;
   fusing.fusion.execution = execution;
-  fusing.fusion.execution.progress = stage_of(execution.progress, begin, 1.0);
+  fusing.fusion.execution.progress = detail::stage_of(execution.progress, begin, 1.0);
   fusing.fusion.log = log;
   return fusing;
 }
@@ -177,7 +177,7 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
 
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options) {
   MergeOptions placing = options;
-  placing.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
+  placing.execution.progress = detail::stage_of(options.execution.progress, 0.0, 0.9);
   MergeResult result = place_maps(maps, placing);
   fuse_placed(maps, options.fusing_from(0.9), result);
   return result;

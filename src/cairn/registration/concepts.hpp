@@ -14,7 +14,7 @@
 
 #include <Eigen/Core>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
 /// The replaceable stages of an ICP and the types passed between them. `run_icp` (icp_loop.hpp) combines

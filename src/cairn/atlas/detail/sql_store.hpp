@@ -19,9 +19,9 @@
 #include "cairn/atlas/detail/change_log.hpp"
 #include "cairn/atlas/detail/row_bytes.hpp"
 #include "cairn/atlas/store/store.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn::detail {
 
@@ -222,7 +222,7 @@ class SqlStore : public AtlasStore {
   }
 
   std::string put_map(std::string_view bytes) override {
-    Hasher hasher;
+    detail::Hasher hasher;
     hasher.update(bytes);
     std::string hash = to_string(hasher.digest());
     const std::string key = *bytes_of_hexadecimal(hash);
@@ -266,7 +266,7 @@ class SqlStore : public AtlasStore {
       if (chunk.size() > size - bytes.size()) fail_as_damaged(name(), what);
       bytes += chunk;
     }
-    Hasher hasher;
+    detail::Hasher hasher;
     hasher.update(bytes);
     if (bytes.size() != size || to_string(hasher.digest()) != hash) fail_as_damaged(name(), what);
     return bytes;

@@ -116,7 +116,7 @@ MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedO
     AdjustOptions how = options.adjustment;
     how.execution = options.fusion.execution;
     how.execution.progress =
-        stage_of(options.fusion.execution.progress, round / rounds, (round + 1) / rounds);
+        detail::stage_of(options.fusion.execution.progress, round / rounds, (round + 1) / rounds);
     if (!last) {
       how.covariances = false;
       how.max_iterations = std::min(how.max_iterations, kIterationsBetween);

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/registration/concepts.hpp"
 
 namespace cairn {

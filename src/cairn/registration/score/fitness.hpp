@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/moved_points.hpp"
 #include "cairn/registration/concepts.hpp"
 
