@@ -129,6 +129,7 @@ template <class Codec, class Parts>
 void code_sections(Codec& codec, const Parts& map) {
   using enum MapColumn;
   constexpr std::int64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
+  const auto number = [](auto& io, auto& value) { io(value, "number"); };
   const auto geodetic = [](auto& io, auto& position) {
     io(position.latitude_deg, "latitude");
     io(position.longitude_deg, "longitude");
@@ -172,20 +173,18 @@ void code_sections(Codec& codec, const Parts& map) {
   codec.rows(kTranslations, frames.translations);
   codec.rows(kQuaternions, frames.quaternions);
   codec.integers(kFrameCameras, frames.cameras, 0, kMost32);
-  codec.template numbers<1>(kTimestamps, frames.timestamps_s,
-                            [](auto& io, auto& time) { io(time, "time"); });
+  codec.template numbers<1>(kTimestamps, frames.timestamps_s, number);
   codec.names(kImageNames, frames.image_names);
   codec.template numbers<4>(kGnss, frames.gnss, [=](auto& io, auto& fix) {
     geodetic(io, fix.position);
     io(fix.accuracy_m, "accuracy");
   });
-  codec.template numbers<kUpperTriangle>(kPoseCovariances, frames.pose_covariances,
-                                         [](auto& io, auto& covariance) {
-                                           for (int i = 0; i < 6; ++i) {
-                                             for (int j = i; j < 6; ++j)
-                                               io.both(covariance(i, j), covariance(j, i));
-                                           }
-                                         });
+  const auto upper_triangle = [](auto& io, auto& matrix) {
+    for (int i = 0; i < 6; ++i) {
+      for (int j = i; j < 6; ++j) io.both(matrix(i, j), matrix(j, i));
+    }
+  };
+  codec.template numbers<kUpperTriangle>(kPoseCovariances, frames.pose_covariances, upper_triangle);
 
   auto& landmarks = map.landmarks;
   codec.rows(kLandmarkIds, landmarks.ids);
@@ -199,7 +198,6 @@ void code_sections(Codec& codec, const Parts& map) {
   codec.offsets(observations.offsets);
   codec.rows(kObservingFrames, observations.frames);
   codec.rows(kPixels, observations.pixels);
-  const auto number = [](auto& io, auto& value) { io(value, "number"); };
   codec.integers(kKeypoints, observations.keypoints, 0, kMost32);
   codec.template numbers<1>(kDepths, observations.depths, number);
   codec.integers(kOctaves, observations.octaves, std::numeric_limits<std::int32_t>::min(),
