@@ -15,8 +15,6 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/content_uuid.hpp"
-#include "cairn/formats/foreign/carry_along.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"

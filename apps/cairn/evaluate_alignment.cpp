@@ -298,9 +298,10 @@ double percent_of(const PoseError& error) {
   return 100.0 * std::expm1(error.log_scale);
 }
 
-Csv rows_of(const std::vector<JudgedAlignment>& judged) {
-  Csv rows({"confidence", "status", "rotation_error_deg", "translation_error", "length_unit",
-            "success", "log_scale_error", "normalised_squared_error", "in_ellipsoid"});
+detail::Csv rows_of(const std::vector<JudgedAlignment>& judged) {
+  detail::Csv rows({"confidence", "status", "rotation_error_deg", "translation_error",
+                    "length_unit", "success", "log_scale_error", "normalised_squared_error",
+                    "in_ellipsoid"});
   for (const auto& [result, error, success, normalised, inside, inverted] : judged) {
     rows << result->confidence << std::string(status_of(result->alignment));
     rows << (error ? std::optional(degrees(error->rotation_rad)) : std::nullopt);
@@ -398,7 +399,7 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
                         {"deformation", options.deformation},
                         {"min_observations", saved.min_observations}});
   json["results"] = Json::array();
-  Csv rows({"confidence", "status", "probability"});
+  detail::Csv rows({"confidence", "status", "probability"});
   const Console console = common.console();
   for (const StrategyResult& one : results) {
     json["results"].push_back(to_json(one, HistoryDetail::kNone));

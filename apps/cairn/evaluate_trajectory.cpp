@@ -132,10 +132,10 @@ Json json_of(const ErrorStatistics& translation, const ErrorStatistics& rotation
           {"rotation_deg", to_json(in_degrees(rotation_rad))}};
 }
 
-Csv rows_of(const TrajectoryEvaluation& evaluation, const Trajectory& estimate,
-            const Trajectory& truth) {
-  Csv rows({"timestamp_s", "truth_timestamp_s", "translation_error_m", "rotation_error_deg", "x_m",
-            "y_m", "z_m", "truth_x_m", "truth_y_m", "truth_z_m"});
+detail::Csv rows_of(const TrajectoryEvaluation& evaluation, const Trajectory& estimate,
+                    const Trajectory& truth) {
+  detail::Csv rows({"timestamp_s", "truth_timestamp_s", "translation_error_m", "rotation_error_deg",
+                    "x_m", "y_m", "z_m", "truth_x_m", "truth_y_m", "truth_z_m"});
   const AbsoluteError& absolute = *evaluation.absolute;
   for (std::size_t i = 0; i < evaluation.pairs.size(); ++i) {
     const TimedPose& estimated = estimate.poses()[evaluation.pairs[i].first];

@@ -23,7 +23,7 @@ namespace {
 template <class Id>
 std::vector<Id> ids_of(py::handle given, std::string_view name, std::size_t count) {
   std::vector<Id> ids;
-  reserve_populated(ids, count);
+  detail::reserve_populated(ids, count);
   ids.resize(count);
   if (given.is_none()) {
     for (std::size_t i = 0; i < count; ++i) ids[i] = Id{i};
@@ -74,7 +74,7 @@ std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count)
   const auto array =
       real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3}, Masked::kUnknown);
   std::vector<Eigen::Matrix3d> matrices;
-  reserve_populated(matrices, count);
+  detail::reserve_populated(matrices, count);
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   for (std::size_t i = 0; i < count; ++i)
     matrices.emplace_back(Eigen::Map<const RowMajor>(array.data() + 9 * i));

@@ -10,7 +10,6 @@
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/formats/camera_file.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 

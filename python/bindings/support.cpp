@@ -240,7 +240,7 @@ std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view nam
   const auto array = real_array(value, name, {-1, 3});
   const auto count = static_cast<std::size_t>(array.shape(0));
   std::vector<Eigen::Vector3d> positions;
-  reserve_populated(positions, count);
+  detail::reserve_populated(positions, count);
   positions.resize(count);
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
   if (!positions.empty()) {

@@ -16,7 +16,7 @@
 #include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/experiments/run.hpp"
 #include "cairn/formats/camera_file.hpp"

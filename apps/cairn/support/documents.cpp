@@ -285,7 +285,7 @@ void write_document(const Json& json, const CommonArguments& common) {
   if (!common.json_path.empty()) write_text(to_text(json), common.json_path);
 }
 
-void write_rows(const Csv& rows, const CommonArguments& common) {
+void write_rows(const detail::Csv& rows, const CommonArguments& common) {
   if (!common.csv_path.empty()) write_text(rows.text(), common.csv_path);
 }
 

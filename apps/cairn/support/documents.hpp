@@ -107,7 +107,7 @@ std::string to_text(const Json& json);
 void write_document(const Json& json, const CommonArguments& common);
 
 /// Writes a table where --csv says; nothing if it was not given.
-void write_rows(const Csv& rows, const CommonArguments& common);
+void write_rows(const detail::Csv& rows, const CommonArguments& common);
 
 /// What a document says of any input file: path and, where there will be a document or report, hash.
 /// @param with_hash even where there will be none

@@ -15,7 +15,7 @@
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
 

@@ -12,7 +12,6 @@
 #include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/map_file.hpp"
 
@@ -47,7 +46,7 @@ class KeyHasher {
   std::string digest() const { return to_string(hasher_.digest()); }
 
  private:
-  Hasher hasher_;
+  detail::Hasher hasher_;
 };
 
 // Of all that Atlas::merge() reads; ids alone would not do, because another atlas may have the same.

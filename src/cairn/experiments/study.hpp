@@ -14,7 +14,7 @@
 #include <variant>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/experiments/run.hpp"
 

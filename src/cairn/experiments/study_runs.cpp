@@ -177,14 +177,14 @@ struct SoundTable {
     const std::size_t sound = sound_size(text, header, path.string());
     is_whole = sound == text.size();
     text.resize(sound);
-    rows = parse_csv(text, path.string());
+    rows = detail::parse_csv(text, path.string());
   }
 
   std::size_t runs() const { return rows.empty() ? 0 : rows.size() - 1; }
 
   std::string text;
-  std::vector<CsvRow> rows = {};  // the header is the first
-  bool is_whole = false;          // nothing follows
+  std::vector<detail::CsvRow> rows = {};  // the header is the first
+  bool is_whole = false;                  // nothing follows
 };
 
 // A table that is only ever appended to.

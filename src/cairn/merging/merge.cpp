@@ -174,7 +174,7 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
 
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options) {
   MergeOptions placing = options;
-  placing.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
+  placing.execution.progress = detail::stage_of(options.execution.progress, 0.0, 0.9);
   MergeResult result = place_maps(maps, placing);
   fuse_placed(maps, options.fusing_from(0.9), result);
   return result;

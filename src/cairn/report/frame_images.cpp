@@ -17,7 +17,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/map/camera.hpp"
-#include "cairn/map/camera_projection.hpp"
 #include "cairn/report/detail/map_builder.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/camera.hpp"

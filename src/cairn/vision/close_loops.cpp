@@ -12,7 +12,7 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/corrected_trajectory.hpp"

@@ -14,9 +14,9 @@
 
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/detail/descriptor_kernel.hpp"
+#include "cairn/core/detail/hamming.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hamming.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
@@ -192,11 +192,11 @@ class ImageLocator::Parts {
   std::vector<Pair> nearest(const Features& features) const {
     std::vector<Pair> pairs;
     if (features.size() == 0 || descriptors_.empty()) return pairs;
-    const auto found = descriptor_kernel::nearest_both_ways(
+    const auto found = detail::descriptor_kernel::nearest_both_ways(
         bytes_of(features.descriptors()), bytes_of(descriptors_), kDescriptorBytes,
-        descriptor_kernel::Norm::kHamming);
+        detail::descriptor_kernel::Norm::kHamming);
     for (std::uint32_t i = 0; i < positions_.size(); ++i) {
-      descriptor_kernel::Nearest corner;
+      detail::descriptor_kernel::Nearest corner;
       for (std::size_t k = begins_[i]; k < begins_[i + 1]; ++k) {
         if (found.of_b[k].first < corner.first) corner = found.of_b[k];
       }
@@ -300,7 +300,7 @@ class ImageLocator::Parts {
       for (std::size_t k = begins_[landmark]; k < begins_[landmark + 1]; ++k) {
         for (const std::uint32_t corner : near) {
           const auto bits = static_cast<std::uint32_t>(
-              hamming_distance(features.descriptors()[corner], descriptors_[k]));
+              detail::hamming_distance(features.descriptors()[corner], descriptors_[k]));
           if (bits < pair.bits) pair = {corner, 0, bits, false};
         }
       }

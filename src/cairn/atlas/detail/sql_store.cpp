@@ -11,8 +11,8 @@
 
 #include "cairn/atlas/detail/row_bytes.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/core/detail/hash.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/core/statistics.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 

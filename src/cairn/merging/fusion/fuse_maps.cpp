@@ -17,7 +17,6 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/fusion.hpp"
 

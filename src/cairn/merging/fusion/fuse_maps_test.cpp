@@ -19,7 +19,6 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 

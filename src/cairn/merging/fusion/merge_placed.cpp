@@ -10,7 +10,7 @@
 
 #include "cairn/adjustment/detail/measurements.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
 #include "cairn/merging/detail/straighten_maps.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"

@@ -10,9 +10,8 @@
 #include <utility>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/hamming.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
@@ -279,7 +278,7 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
       }
       const std::uint32_t entry = pairs[at].second;
       const std::span other(words_.data() + entry * words_each_, words_each_);
-      if (hamming_distance(descriptor, other) > limit) continue;
+      if (detail::hamming_distance(descriptor, other) > limit) continue;
       const std::size_t map = map_of(entry);
       if (map == except || voted[map] == landmark + 1) continue;
       voted[map] = landmark + 1;

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/registration/icp.hpp"
 #include "cairn/registration/stages.hpp"
 

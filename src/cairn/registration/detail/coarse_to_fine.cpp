@@ -47,7 +47,7 @@ class Samples {
 
   Sample of(std::size_t stride, Random random) const {
     Sample sample;
-    for (const std::size_t chosen : one_of_each(stride, usable_.size(), random)) {
+    for (const std::size_t chosen : detail::one_of_each(stride, usable_.size(), random)) {
       const std::uint32_t i = usable_[chosen];
       sample.positions.push_back(points_.positions[i]);
       if (!points_.confidences.empty()) sample.confidences.push_back(points_.confidences[i]);

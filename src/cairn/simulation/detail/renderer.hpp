@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/simulation/scene.hpp"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <span>
 
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/noise_estimation.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
 #include "cairn/vision/detail/sensor_model.hpp"

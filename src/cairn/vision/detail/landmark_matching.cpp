@@ -7,7 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "cairn/core/hamming.hpp"
+#include "cairn/core/detail/hamming.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -79,7 +79,7 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
       if (taken[keypoint]) return;
       const int at = features.keypoints()[keypoint].octave;
       if (at < octave - 1 || at > octave + 1) return;
-      const int distance = hamming_distance(descriptor, features.descriptors()[keypoint]);
+      const int distance = detail::hamming_distance(descriptor, features.descriptors()[keypoint]);
       if (distance < best) {
         second = best;
         second_octave = best_octave;
@@ -115,7 +115,7 @@ std::vector<LandmarkMatch> match_by_descriptor(const LandmarkGraph& graph, std::
     int second = kNone;
     std::uint32_t best_keypoint = 0;
     for (std::uint32_t j = 0; j < features.size(); ++j) {
-      const int distance = hamming_distance(descriptor, features.descriptors()[j]);
+      const int distance = detail::hamming_distance(descriptor, features.descriptors()[j]);
       if (distance < best) {
         second = best;
         best = distance;

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/executor.hpp"
-
 #include <atomic>
 #include <stdexcept>
 #include <vector>
@@ -8,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/execution.hpp"
 
 namespace cairn {
 namespace {
