@@ -11,6 +11,7 @@
 
 #include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/map_file.hpp"

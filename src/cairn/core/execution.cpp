@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/core/execution.hpp"
+
 #include <algorithm>
 #include <optional>
 #include <vector>
 
 #include "cairn/core/detail/task_arena.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/execution.hpp"
 
 namespace cairn {
 

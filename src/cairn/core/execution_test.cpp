@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/core/execution.hpp"
+
 #include <atomic>
 #include <stdexcept>
 #include <vector>
@@ -6,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/execution.hpp"
 
 namespace cairn {
 namespace {

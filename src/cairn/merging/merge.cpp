@@ -62,7 +62,7 @@ void MergeOptions::validate() const {
 
 FusionOptions MergeOptions::fusing_from(double begin) const {
   FusionOptions fusing = *this;
-  fusing.execution.progress = stage_of(execution.progress, begin, 1.0);
+  fusing.execution.progress = detail::stage_of(execution.progress, begin, 1.0);
   return fusing;
 }
 

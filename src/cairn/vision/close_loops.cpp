@@ -165,7 +165,7 @@ ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& optio
   if (!how.links.candidates && count > kMiniMapsTriedInFull) {
     how.links.candidates = kDefaultCandidates;
   }
-  how.execution.progress = stage_of(options.execution.progress, 0.0, 0.5);
+  how.execution.progress = detail::stage_of(options.execution.progress, 0.0, 0.5);
   MergeResult merged = place_maps(inputs, how);
   const std::size_t tried = merged.links.size() - session.links.size();
   result.odometry_refuted = static_cast<std::size_t>(std::count(

@@ -10,8 +10,8 @@
 #include <fmt/format.h>
 
 #include "cairn/atlas/detail/row_bytes.hpp"
-#include "cairn/core/error.hpp"
 #include "cairn/core/detail/hash.hpp"
+#include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
 
 namespace cairn::detail {

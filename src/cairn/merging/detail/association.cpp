@@ -131,22 +131,20 @@ void Associator::look_around() {
   const BatchTree tree(first_.positions);
   around_.resize(second_.positions.size());
   tree.batch(kSurrounding)
-      .for_each(
-          second_.positions, executor_,
-          [&](std::size_t i, const NearestList auto& nearest) {
-            Surroundings& around = around_[i];
-            around.candidates.fill(kNone);
-            const std::size_t found = nearest.size();
-            if (found > 1) {
-              around.farthest = static_cast<float>(std::sqrt(nearest.squared_distance(found - 1)));
-            }
-            for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
-              const std::uint32_t candidate = nearest.index(j);
-              if (!likeness_ || likeness_->may_be_one(candidate, static_cast<std::uint32_t>(i))) {
-                around.candidates[j] = candidate;
-              }
-            }
-          });
+      .for_each(second_.positions, executor_, [&](std::size_t i, const NearestList auto& nearest) {
+        Surroundings& around = around_[i];
+        around.candidates.fill(kNone);
+        const std::size_t found = nearest.size();
+        if (found > 1) {
+          around.farthest = static_cast<float>(std::sqrt(nearest.squared_distance(found - 1)));
+        }
+        for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
+          const std::uint32_t candidate = nearest.index(j);
+          if (!likeness_ || likeness_->may_be_one(candidate, static_cast<std::uint32_t>(i))) {
+            around.candidates[j] = candidate;
+          }
+        }
+      });
 }
 
 Hypothesis Associator::hypothesis(std::uint32_t candidate, std::uint32_t second,
@@ -198,10 +196,9 @@ double Associator::spacing() const {
   std::vector<Eigen::Vector3d> sample;
   for (std::size_t i = 0; i < around_.size(); i += stride) sample.push_back(second_.positions[i]);
   std::vector<double> distances(sample.size());
-  tree.batch(2).for_each(sample, executor_,
-                         [&](std::size_t i, const NearestList auto& nearest) {
-                           distances[i] = std::sqrt(nearest.squared_distance(1));
-                         });
+  tree.batch(2).for_each(sample, executor_, [&](std::size_t i, const NearestList auto& nearest) {
+    distances[i] = std::sqrt(nearest.squared_distance(1));
+  });
   return upper_median(distances);
 }
 
