@@ -8,7 +8,7 @@
 #include <exception>
 
 #include "cairn/alignment/align.hpp"
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/formats/map_file.hpp"
 
 namespace {

@@ -74,8 +74,8 @@ void align_size(benchmark::State& state) {
 template <class Search>
 IcpRun iterated(const Search& search, const Workload& work, const Effort& effort) {
   const ConfidentNeighborCorrespondence<Search> find_matches(
-      {search, work.target.positions, work.target.confidences}, std::nullopt, {.k = effort.k},
-      Executor(effort.threads));
+      {search, work.target.positions, work.target.confidences}, std::nullopt,
+      {.k = effort.k, .execution = {.executor = Executor(effort.threads)}});
   return run_icp(work.source.positions, work.options.initial, find_matches,
                  PointToPointEstimation(work.target.positions),
                  PclCriteria{.max_iterations = effort.max_iterations});

@@ -10,7 +10,6 @@
 
 #include "cairn/core/file.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/map/synthetic.hpp"
 

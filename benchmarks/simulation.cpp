@@ -32,15 +32,15 @@ void build_environment(benchmark::State& state) {
 
 void prepare_scene(benchmark::State& state) {
   for (auto _ : state) {
-    const detail::Renderer renderer(place().scene, {},
+    const detail::Renderer renderer(place().scene, SimulatorOptions().light_grid_m, true,
                                     Executor(static_cast<unsigned>(state.range(0))));
     benchmark::DoNotOptimize(&renderer.scene());
   }
 }
 
 void render(benchmark::State& state) {
-  const detail::Renderer renderer(place().scene, {.smooth_edges = state.range(0) != 0},
-                                  Executor(0));
+  const detail::Renderer renderer(place().scene, SimulatorOptions().light_grid_m,
+                                  state.range(0) != 0, Executor(0));
   const Camera camera = default_simulated_camera();
   const detail::RayTable rays = detail::ray_table(camera);
   std::size_t i = 0;

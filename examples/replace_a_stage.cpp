@@ -42,7 +42,7 @@ int main() {
 
   const cairn::BatchTree tree(target.positions);
   const cairn::ConfidentNeighborCorrespondence<cairn::BatchTree> find_matches(
-      {tree, target.positions, target.confidences}, std::nullopt, {.k = 1}, cairn::Executor());
+      {tree, target.positions, target.confidences}, std::nullopt, {.k = 1});
   const cairn::IcpRun run =
       cairn::run_icp(source, cairn::Rigid3(), find_matches, PlanarEstimation{target.positions},
                      cairn::PclCriteria{.max_iterations = 100});

@@ -269,7 +269,7 @@ void tell_merge(const Case& one, std::uint64_t number) {
   std::string row =
       fmt::format("{},{},{:.1f},{:.3f}", number, one.source_place, one.bend, one.overlap);
   for (const bool straighten : {false, true}) {
-    options.placed.straighten = straighten;
+    options.straighten = straighten;
     const MergeResult merged = merge(maps, options);
     if (merged.placed() < 2) {
       row += ",0,,,";

@@ -20,7 +20,7 @@
 #include <fmt/format.h>
 #include <opencv2/core.hpp>
 
-#include "cairn/core/hamming.hpp"
+#include "cairn/core/detail/hamming.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
@@ -98,8 +98,8 @@ std::optional<std::uint32_t> most_similar(const DescriptorColumn& column, std::u
     detail::Descriptor descriptor;
     std::memcpy(descriptor.data(), column.descriptor(landmark, k).data(), sizeof descriptor);
     for (std::uint32_t i = 0; i < features.size(); ++i) {
-      const auto bits =
-          static_cast<std::uint32_t>(hamming_distance(descriptor, features.descriptors()[i]));
+      const auto bits = static_cast<std::uint32_t>(
+          detail::hamming_distance(descriptor, features.descriptors()[i]));
       if (bits < least) {
         least = bits;
         best = i;

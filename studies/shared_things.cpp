@@ -24,7 +24,6 @@
 #include "cairn/core/random.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "random_pose.hpp"

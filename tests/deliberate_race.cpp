@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <thread>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 
 namespace {
 

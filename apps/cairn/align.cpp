@@ -63,7 +63,10 @@ struct AlignArguments {
   int run();
 
  private:
+  void add_search_to(const Command& command);
   int run_pairs();
+  void write_answer(const Alignment& first, const LoadedMap& source_map,
+                    const LoadedMap& target_map, LengthUnit unit) const;
   void complete_options();
   bool is_robust() const;
   bool has_initial() const;
@@ -124,6 +127,28 @@ void AlignArguments::add_to(const Command& command) {
   common.add_to(command);
   common.add_threads_to(command);
   common.add_seed_to(command);
+  add_search_to(command);
+  list.excludes(command.option("source")).excludes(command.option("target"));
+  for (const char* const of_one :
+       {"--confidence", "--initial", "--initial-matrix", "--truth", "--output", "--format",
+        "--pose", "--pose-format", "--camera", "--method", "--trace", "--report", "--no-verdict"}) {
+    list.excludes(command.option(of_one));
+  }
+  for (const Option& option : of_icp_alone) list.excludes(option);
+  command.footer(
+      "Example: align two maps of one place without an initial pose\n"
+      "  cairn align later.map earlier.map\n"
+      "Example: read a map from a pipe, and write the pose for other programs\n"
+      "  cairn convert later.map - --format binary | cairn align - earlier.map --pose pose.txt\n"
+      "Example: align many pairs; each map is read once\n"
+      "  cairn align --pairs pairs.csv --json results.json\n"
+      "Example: refine an initial pose with the paper's ICP, with two metrics, and save the "
+      "result\n"
+      "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
+      "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
+}
+
+void AlignArguments::add_search_to(const Command& command) {
   const Option everywhere = command.add_flag(
       "--anywhere", anywhere,
       "Search without an initial pose; the default unless --initial or --method icp is given");
@@ -152,24 +177,6 @@ void AlignArguments::add_to(const Command& command) {
     initials.push_back(command.option(name));
   }
   of_guesses = {command.option("--max-iterations"), command.option("--one-to-one")};
-  list.excludes(command.option("source")).excludes(command.option("target"));
-  for (const char* const of_one :
-       {"--confidence", "--initial", "--initial-matrix", "--truth", "--output", "--format",
-        "--pose", "--pose-format", "--camera", "--method", "--trace", "--report", "--no-verdict"}) {
-    list.excludes(command.option(of_one));
-  }
-  for (const Option& option : of_icp_alone) list.excludes(option);
-  command.footer(
-      "Example: align two maps of one place without an initial pose\n"
-      "  cairn align later.map earlier.map\n"
-      "Example: read a map from a pipe, and write the pose for other programs\n"
-      "  cairn convert later.map - --format binary | cairn align - earlier.map --pose pose.txt\n"
-      "Example: align many pairs; each map is read once\n"
-      "  cairn align --pairs pairs.csv --json results.json\n"
-      "Example: refine an initial pose with the paper's ICP, with two metrics, and save the "
-      "result\n"
-      "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
-      "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
 }
 
 bool any_given(const std::vector<Option>& options) {
@@ -221,7 +228,6 @@ Json AlignArguments::options_json(const std::vector<Strategy>& strategies) const
   json["fast"] = options.icp.coarse_to_fine;
   json.erase("coarse_to_fine");
   json.update(options_of(AlignOptions::table, &options));
-  json.erase("seed");
   if (!options.judge) json["min_probability"] = nullptr;
   return json;
 }
@@ -336,6 +342,27 @@ int AlignArguments::run_pairs() {
   return align_pairs(pairs, options, gravity, options_json(parse_strategies("none")), common);
 }
 
+// Writes the map and the pose that are asked for, if the pose is aligned.
+void AlignArguments::write_answer(const Alignment& first, const LoadedMap& source_map,
+                                  const LoadedMap& target_map, LengthUnit unit) const {
+  if (has_answer(first)) {
+    if (!output.empty()) {
+      LandmarkMap aligned = transformed(source_map.map, *first.estimate);
+      if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
+      // The frame is the target's now, and so is what is known of its place on the Earth.
+      if (const auto& georeference = target_map.map.info().georeference) {
+        aligned = with_georeference(aligned, georeference);
+      }
+      save_map(aligned, output, common, {.format = format});
+    }
+    if (!pose.empty()) write_pose_file(*first.estimate);
+  } else {
+    for (const std::string& path : {output, pose}) {
+      if (!path.empty()) common.console().remark(path + " is not written: the pose is not aligned");
+    }
+  }
+}
+
 int AlignArguments::run() {
   if (!pairs.empty()) return run_pairs();
   for (const auto& [name, path] : {std::pair{"source", &source}, {"target", &target}}) {
@@ -382,23 +409,7 @@ int AlignArguments::run() {
       align_by_all(source_map.map, target_map.map, strategies, traced, true_pose, common);
   const std::vector<StrategyResult>& results = shown.results;
 
-  const Alignment& first = results.front().alignment;
-  if (has_answer(first)) {
-    if (!output.empty()) {
-      LandmarkMap aligned = transformed(source_map.map, *first.estimate);
-      if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
-      // The frame is the target's now, and so is what is known of its place on the Earth.
-      if (const auto& georeference = target_map.map.info().georeference) {
-        aligned = with_georeference(aligned, georeference);
-      }
-      save_map(aligned, output, common, {.format = format});
-    }
-    if (!pose.empty()) write_pose_file(*first.estimate);
-  } else {
-    for (const std::string& path : {output, pose}) {
-      if (!path.empty()) common.console().remark(path + " is not written: the pose is not aligned");
-    }
-  }
+  write_answer(results.front().alignment, source_map, target_map, unit);
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
   if (true_pose) {
     inputs["truth"] = {{"path", truth},

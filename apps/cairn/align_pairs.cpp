@@ -36,7 +36,7 @@ struct PairOfPaths {
 std::vector<PairOfPaths> read_list(const std::string& list) {
   std::string text = read_file(list == "-" ? "/dev/stdin" : list);
   if (!text.ends_with('\n')) text += '\n';
-  const std::vector<CsvRow> rows = parse_csv(text, list);
+  const std::vector<detail::CsvRow> rows = detail::parse_csv(text, list);
   const auto column = [&](std::string_view name) {
     const auto& header = rows.front().cells;
     const auto found = std::find(header.begin(), header.end(), name);

@@ -209,10 +209,7 @@ struct DiffArguments : AtlasArguments {
                      "COMMIT");
     command.add_flag("--world", world,
                      "List things that appeared, vanished or moved between two sessions or maps");
-    add_number(command, "--min-size", changes.min_size,
-               "With --world: least size of a thing, along its longest side, in the map's unit");
-    add_number(command, "--min-confidence", changes.min_confidence,
-               "With --world: least confidence of a reported thing, above 0 and below 1");
+    add_options(command, ChangeOptions::table, &changes);
     AtlasArguments::add_to(command);
     common.add_seed_to(command);
     add_at_to(command);
@@ -233,17 +230,14 @@ struct DiffArguments : AtlasArguments {
   int compare_worlds() {
     refuse_if(second.empty(), "--world", "one session or map", "two sessions or maps");
     changes.seed = common.seed;
-    with_option_names({{"ChangeOptions.min_size", "--min-size"},
-                       {"ChangeOptions.min_confidence", "--min-confidence"}},
-                      [&] { changes.validate(); });
+    with_option_names({ChangeOptions::table}, [&] { changes.validate(); });
     Atlas atlas = open_to_read();
     const AtlasState state = atlas.state(commit());
     const std::vector<NodeId> before = side(state, first);
     const std::vector<NodeId> after = side(state, second);
     const ChangeResult result = world_difference(atlas, state, before, after, changes);
     const NodeId frame = state.poses.at(before.front()).frame;
-    Json json = head("diff_world",
-                     {{"min_size", changes.min_size}, {"min_confidence", changes.min_confidence}});
+    Json json = head("diff_world", options_of(ChangeOptions::table, &changes));
     json["commit"] = state.commit.value;
     json["first"] = first;
     json["second"] = second;

@@ -18,7 +18,6 @@
 #include "support/adjustment.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
-#include "support/interrupt.hpp"
 #include "support/map_lists.hpp"
 #include "support/refusals.hpp"
 
@@ -130,17 +129,12 @@ struct LinkArguments : AtlasArguments {
   std::string shard;
   double sigma_m = 0.02;
   double sigma_deg = 0.5;
-  std::optional<std::uint64_t> candidates;
 
   void add_to(const Command& command) {
     add_options(command, LinkOptions::table, &options.links);
     command.add_words("--only", only, "Try only pairs with one of these maps", "NAME...");
     command.add_flag("--retry", options.retry,
                      "Also try pairs that were tried before and not aligned");
-    add_number(command, "--candidates", candidates,
-               fmt::format("Number of other maps to try each map with, the likeliest; 0: all "
-                           "(default: all for up to {} maps, else {})",
-                           kMapsTriedInFull, kDefaultCandidates));
     command.add_text("--shard", shard, "Try only part I of N of the pairs, for several processes",
                      "I/N");
     command
@@ -200,16 +194,13 @@ struct LinkArguments : AtlasArguments {
     refuse_if(!pose.empty() || !reason.empty(), pose.empty() ? "--reason" : "--pose",
               "given without --manual", "--manual TARGET SOURCE");
     parse_shard(shard, options);
-    if (candidates) options.links.candidates = static_cast<std::size_t>(*candidates);
     with_option_names({AlignOptions::table}, [&] { options.validate(); });
     Atlas atlas = open();
     const AtlasState before = atlas.state();
     for (const std::string& one : only) options.only.push_back(node_named(before, one, *this).id);
     const Console console = common.console();
     options.links.seed = common.seed;
-    options.links.execution.executor = common.executor();
-    options.links.execution.stop = interrupt_requests();
-    options.links.execution.progress = console.progress("linking");
+    options.links.execution = common.execution("linking");
     Json links = Json::array();
     options.on_link = [&](const Link& link, const AtlasState& state) {
       links.push_back(to_json(link, state));
@@ -221,11 +212,9 @@ struct LinkArguments : AtlasArguments {
                     probability_text(link.probability.value_or(0.0)));
     };
     const AtlasLinkResult result = atlas.link(options);
-    Json json = head("link", {{"min_probability", options.links.min_probability},
-                              {"prior_odds", options.links.prior_odds},
-                              {"effort", options.links.effort},
-                              {"min_observations", options.links.points.min_observations},
-                              {"retry", options.retry}});
+    Json used = options_of(LinkOptions::table, &options.links);
+    used["retry"] = options.retry;
+    Json json = head("link", std::move(used));
     json["commit"] = atlas.store().last_commit().value;
     json["pairs"] = result.pairs;
     json["tried"] = result.tried;
@@ -293,7 +282,7 @@ struct OptimizeArguments : AtlasArguments {
 struct MergeAtlasArguments : AtlasArguments {
   std::string output;
   std::string frame;
-  MergePlacedOptions options;
+  FusionOptions options;
 
   void add_to(const Command& command) {
     command.add_text("-o,--output", output,
@@ -323,12 +312,9 @@ struct MergeAtlasArguments : AtlasArguments {
     const Console console = common.console();
     std::optional<NodeId> with;
     if (!frame.empty()) with = node_named(state, frame, *this).id;
-    FusionOptions& fusion = options.fusion;
-    fusion.seed = common.seed;
-    fusion.log = console.log();
-    fusion.execution.executor = common.executor();
-    fusion.execution.stop = interrupt_requests();
-    fusion.execution.progress = console.progress("merging");
+    options.seed = common.seed;
+    options.log = console.log();
+    options.execution = common.execution("merging");
     const MergeResult merged = atlas.merge(options, with, state.commit);
     save_map(*merged.map, output, common);
     std::size_t before = 0;

@@ -232,10 +232,9 @@ struct ExportArguments : AtlasArguments {
     if (!map.empty()) {
       save_map(atlas.map(node_named(state, map, *this)), output, common);
     } else {
-      AtlasExportOptions options;
-      if (!with.empty()) options.frame = node_named(state, with, *this).id;
-      options.log = common.console().log();
-      export_atlas(atlas, state, output, options);
+      std::optional<NodeId> frame;
+      if (!with.empty()) frame = node_named(state, with, *this).id;
+      export_atlas(atlas, state, output, frame, common.console().log());
     }
     Json json = head("export");
     json["commit"] = state.commit.value;

@@ -15,8 +15,6 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/formats/content_uuid.hpp"
-#include "cairn/formats/foreign/carry_along.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/formats/trajectory_file.hpp"
@@ -34,6 +32,11 @@
 
 namespace cairn::cli {
 namespace {
+
+struct FrameRange {
+  FrameId begin;
+  FrameId end;
+};
 
 struct ConvertArguments {
   CommonArguments common;
@@ -58,6 +61,19 @@ struct ConvertArguments {
   int run();
 
  private:
+  // What the command line says of the map, read and checked before it.
+  struct Changes {
+    std::optional<FrameRange> range;
+    std::optional<Camera> camera;
+    std::vector<Strategy> strategies;
+    std::optional<Rigid3> new_from_old;
+  };
+
+  void add_transforms_to(const Command& command);
+  Changes changes() const;
+  LandmarkMap changed(LandmarkMap map, const Changes& made, Json& covariances) const;
+  Json describe(const LoadedMap& loaded, const Changes& made, const LandmarkMap& map,
+                bool has_frames) const;
   const MapFormat& output_format() const;
   LandmarkMap with_estimated_covariances(const LandmarkMap& map, Json& json) const;
   bool move_points(std::string_view first) const;
@@ -65,11 +81,6 @@ struct ConvertArguments {
   void refuse_atlas(std::string_view first) const;
   std::optional<PoseGraph> read_graph(std::string_view first) const;
   bool write_graph(std::string_view first) const;
-};
-
-struct FrameRange {
-  FrameId begin;
-  FrameId end;
 };
 
 FrameRange parse_frames(const std::string& text) {
@@ -82,6 +93,20 @@ FrameRange parse_frames(const std::string& text) {
                 "A:B, two frame ids with A below B");
   }
   return {FrameId{*begin}, FrameId{*end}};
+}
+
+void ConvertArguments::add_transforms_to(const Command& command) {
+  transform.add_to(command, "transform", "Transform the map by new_from_old");
+  command.add_text(
+      "--apply", apply,
+      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
+      "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
+      "cairn atlas show. The input is a map, a trajectory, or a PLY cloud or mesh, whose other "
+      "properties are kept",
+      "FILE");
+  command.add_flag(
+      "--enu", enu,
+      "Transform a map with a georeference into its ENU frame: metres to the east, north and up");
 }
 
 void ConvertArguments::add_to(const Command& command) {
@@ -110,17 +135,7 @@ void ConvertArguments::add_to(const Command& command) {
       "A:B");
   add_number(command, "--min-observations", min_observations,
              "Leave out landmarks with fewer observations, after --frames");
-  transform.add_to(command, "transform", "Transform the map by new_from_old");
-  command.add_text(
-      "--apply", apply,
-      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
-      "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
-      "cairn atlas show. The input is a map, a trajectory, or a PLY cloud or mesh, whose other "
-      "properties are kept",
-      "FILE");
-  command.add_flag(
-      "--enu", enu,
-      "Transform a map with a georeference into its ENU frame: metres to the east, north and up");
+  add_transforms_to(command);
   command.add_text("--confidence", confidence,
                    "Add a column confidence_METRIC for each metric: " + confidence_help(),
                    "METRIC,...");
@@ -347,6 +362,75 @@ bool ConvertArguments::write_graph(std::string_view first) const {
   return true;
 }
 
+ConvertArguments::Changes ConvertArguments::changes() const {
+  Changes made;
+  if (!frames.empty()) made.range = parse_frames(frames);
+  if (!camera.empty()) made.camera = load_camera(camera).camera;
+  if (!confidence.empty()) made.strategies = parse_strategies(confidence);
+  if (transform.given()) made.new_from_old = transform.pose();
+  return made;
+}
+
+LandmarkMap ConvertArguments::changed(LandmarkMap map, const Changes& made,
+                                      [[maybe_unused]] Json& covariances) const {
+  if (made.camera) map = with_camera(map, *made.camera);
+  reject_if(made.range && !map.has_observations(), input, "has no observations",
+            "a map with observations, for --frames");
+  if (made.range) {
+    with_option_names({{"frames", "--frames"}},
+                      [&] { map = cut_frames(map, made.range->begin, made.range->end); });
+  }
+  if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
+  const auto move = [&](const Similarity3& by) {
+    with_option_names({{"map", input}}, [&] { map = transformed(map, by); });
+  };
+  if (made.new_from_old) move(*made.new_from_old);
+  if (enu) {
+    with_option_names({{"map", input}}, [&] { map = in_enu_frame(map); });
+  }
+#ifdef CAIRN_HAS_ADJUSTMENT
+  if (estimate_covariances) map = with_estimated_covariances(map, covariances);
+#endif
+  if (!apply.empty()) move(read_similarity_file(apply));
+  for (const Strategy& strategy : made.strategies) {
+    if (!strategy.metric) continue;
+    map = with_column(map, "confidence_" + strategy.name, strategy.metric->evaluate(map));
+  }
+  return map;
+}
+
+Json ConvertArguments::describe(const LoadedMap& loaded, const Changes& made,
+                                const LandmarkMap& map, bool has_frames) const {
+  Json metrics = Json::array();
+  for (const Strategy& strategy : made.strategies) {
+    if (strategy.metric) metrics.push_back(strategy.name);
+  }
+  Json json =
+      document("convert", common, {{"map", loaded.description}},
+               {{"frames", text_or_null(frames)},
+                {"min_observations", min_observations},
+                {"transform", made.new_from_old ? to_json(*made.new_from_old) : Json(nullptr)},
+                {"confidence", std::move(metrics)},
+                {"camera", text_or_null(camera)},
+                {"format", text_or_null(format)},
+                {"format_version", to_json(format_version)},
+                {"ascii", ascii},
+                {"double_precision", double_precision},
+                {"apply", text_or_null(apply)},
+                {"convention", loading.convention},
+                {"strict", loading.strict},
+                {"enu", enu},
+                {"estimate_covariances", estimate_covariances},
+                {"pixel_noise", to_json(pixel_noise)}});
+  json["output"] = {
+      {"path", output},
+      {"frames", has_frames ? Json(map.frame_count()) : Json(nullptr)},
+      {"landmarks", map.landmark_count()},
+      {"observations",
+       has_frames && map.has_observations() ? Json(map.observation_count()) : Json(nullptr)}};
+  return json;
+}
+
 int ConvertArguments::run() {
   loading.validate();
   refuse_if(!apply.empty() && transform.given(), "--apply", "given with --transform",
@@ -362,41 +446,10 @@ int ConvertArguments::run() {
   require_one_stdout({{"--json", &common.json_path}, {"output", &output}});
   common.stdout_is_taken = output == "-";
   require_folder_of(common.json_path);
-  const auto range = frames.empty() ? std::nullopt : std::optional(parse_frames(frames));
-  const auto given_camera =
-      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
-  const auto strategies =
-      confidence.empty() ? std::vector<Strategy>{} : parse_strategies(confidence);
-  const auto new_from_old = transform.given() ? std::optional(transform.pose()) : std::nullopt;
-
+  const Changes made = changes();
   const LoadedMap loaded = load_map(input, common, loading);
-  LandmarkMap map = loaded.map;
-  if (given_camera) map = with_camera(map, *given_camera);
-  reject_if(range && !map.has_observations(), input, "has no observations",
-            "a map with observations, for --frames");
-  if (range) {
-    with_option_names({{"frames", "--frames"}},
-                      [&] { map = cut_frames(map, range->begin, range->end); });
-  }
-  if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
-  const auto move = [&](const Similarity3& by) {
-    with_option_names({{"map", input}}, [&] { map = transformed(map, by); });
-  };
-  if (new_from_old) move(*new_from_old);
-  if (enu) {
-    with_option_names({{"map", input}}, [&] { map = in_enu_frame(map); });
-  }
   Json covariances = nullptr;
-#ifdef CAIRN_HAS_ADJUSTMENT
-  if (estimate_covariances) map = with_estimated_covariances(map, covariances);
-#endif
-  if (!apply.empty()) move(read_similarity_file(apply));
-  Json metrics = Json::array();
-  for (const Strategy& strategy : strategies) {
-    if (!strategy.metric) continue;
-    map = with_column(map, "confidence_" + strategy.name, strategy.metric->evaluate(map));
-    metrics.push_back(strategy.name);
-  }
+  LandmarkMap map = changed(loaded.map, made, covariances);
   // A map made from another has a name of its own, if that one had.
   if (loaded.map.info().uuid && !map.info().uuid) map = with_content_uuid(std::move(map));
   MapWriteOptions options;
@@ -406,31 +459,9 @@ int ConvertArguments::run() {
   options.double_precision = double_precision;
   options.log = strict_log(common.console().log(), loading.strict);
   save_map(map, output, common, options);
-
   const bool has_frames = written.holds_frames;
-  Json json = document("convert", common, {{"map", loaded.description}},
-                       {{"frames", text_or_null(frames)},
-                        {"min_observations", min_observations},
-                        {"transform", new_from_old ? to_json(*new_from_old) : Json(nullptr)},
-                        {"confidence", std::move(metrics)},
-                        {"camera", text_or_null(camera)},
-                        {"format", text_or_null(format)},
-                        {"format_version", to_json(format_version)},
-                        {"ascii", ascii},
-                        {"double_precision", double_precision},
-                        {"apply", text_or_null(apply)},
-                        {"convention", loading.convention},
-                        {"strict", loading.strict},
-                        {"enu", enu},
-                        {"estimate_covariances", estimate_covariances},
-                        {"pixel_noise", to_json(pixel_noise)}});
+  Json json = describe(loaded, made, map, has_frames);
   json["covariances"] = std::move(covariances);
-  json["output"] = {
-      {"path", output},
-      {"frames", has_frames ? Json(map.frame_count()) : Json(nullptr)},
-      {"landmarks", map.landmark_count()},
-      {"observations",
-       has_frames && map.has_observations() ? Json(map.observation_count()) : Json(nullptr)}};
   write_document(json, common);
   const std::string frame_text =
       has_frames ? fmt::format("{} frames, ", map.frame_count()) : std::string();

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -46,22 +45,21 @@ MapSequenceOptions mapping_options(const std::string& name, const CommonArgument
 
 Session map_session(const std::string& name, std::uint64_t number, std::size_t frames,
                     const CommonArguments& common) {
-  const auto start = std::chrono::steady_clock::now();
-  SimulatedSessionOptions options;
-  options.environment = {.kind = EnvironmentKind::kDesk,
-                         .seed = common.seed,
-                         .session = number,
-                         .changed_fraction = number == 0 ? 0.0 : kChangedFraction};
-  options.path = PathKind::kOrbit;
-  options.frames = frames;
-  options.rate_hz = static_cast<double>(frames) / kRoundSeconds;
+  const Stopwatch watch;
   Session session;
-  with_option_names({{"SimulatedSessionOptions.frames", "--frames"}}, [&] {
+  with_option_names({{"PathOptions.frames", "--frames"}}, [&] {
     static_cast<SimulatedSession&>(session) =
-        map_simulated_session(options, mapping_options(name, common));
+        map_simulated_session({.kind = EnvironmentKind::kDesk,
+                               .seed = common.seed,
+                               .session = number,
+                               .changed_fraction = number == 0 ? 0.0 : kChangedFraction},
+                              {.kind = PathKind::kOrbit,
+                               .frames = frames,
+                               .rate_hz = static_cast<double>(frames) / kRoundSeconds},
+                              SessionStart::kOwnFrame, mapping_options(name, common));
   });
   session.error = evaluate_trajectory(session.mapped.trajectory, session.truth).absolute;
-  session.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  session.seconds = watch.seconds();
   return session;
 }
 

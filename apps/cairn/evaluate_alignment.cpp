@@ -49,6 +49,16 @@ struct TruePose {
   std::optional<MapInWorld> target = {};
 };
 
+// One result compared with the truth; std::nullopt if unknown.
+struct JudgedAlignment {
+  const StrategyResult* result = nullptr;
+  std::optional<PoseError> error = {};
+  std::optional<bool> success = {};
+  std::optional<double> normalised_squared_error = {};
+  std::optional<bool> in_ellipsoid = {};  ///< of 95 % by the stated covariance
+  bool fits_inverse = false;              ///< of the truth
+};
+
 struct EvaluateAlignmentArguments {
   CommonArguments common;
   std::string result;
@@ -82,18 +92,12 @@ struct EvaluateAlignmentArguments {
   Json trajectory_json(const std::string& path, const MapInWorld& map) const;
   void print_truth(const TruePose& truth) const;
   int give_verdicts(const SavedResult& saved) const;
+  JudgedAlignment judge(const StrategyResult& one, const Similarity3& true_pose,
+                        const std::vector<Eigen::Vector3d>& positions) const;
   int compare(const SavedResult& saved, const TruePose& truth) const;
+  void print(const std::vector<JudgedAlignment>& judged, std::optional<std::size_t> successes,
+             const TruePose& true_one, std::size_t landmarks) const;
   int write_truth(const TruePose& truth) const;
-};
-
-// One result compared with the truth; std::nullopt if unknown.
-struct JudgedAlignment {
-  const StrategyResult* result = nullptr;
-  std::optional<PoseError> error = {};
-  std::optional<bool> success = {};
-  std::optional<double> normalised_squared_error = {};
-  std::optional<bool> in_ellipsoid = {};  ///< of 95 % by the stated covariance
-  bool fits_inverse = false;              ///< of the truth
 };
 
 void EvaluateAlignmentArguments::add_to(const Command& command) {
@@ -294,9 +298,10 @@ double percent_of(const PoseError& error) {
   return 100.0 * std::expm1(error.log_scale);
 }
 
-Csv rows_of(const std::vector<JudgedAlignment>& judged) {
-  Csv rows({"confidence", "status", "rotation_error_deg", "translation_error", "length_unit",
-            "success", "log_scale_error", "normalised_squared_error", "in_ellipsoid"});
+detail::Csv rows_of(const std::vector<JudgedAlignment>& judged) {
+  detail::Csv rows({"confidence", "status", "rotation_error_deg", "translation_error",
+                    "length_unit", "success", "log_scale_error", "normalised_squared_error",
+                    "in_ellipsoid"});
   for (const auto& [result, error, success, normalised, inside, inverted] : judged) {
     rows << result->confidence << std::string(status_of(result->alignment));
     rows << (error ? std::optional(degrees(error->rotation_rad)) : std::nullopt);
@@ -360,8 +365,7 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
   if (saved.with_gravity) options.gravity = gravity_prior(source_map.map, target_map.map);
   options.seed = common.seed;
   options.points.min_observations = saved.min_observations;
-  options.execution.executor = common.executor();
-  options.execution.stop = interrupt_requests();
+  options.execution = {common.executor(), interrupt_requests(), {}};
   std::vector<StrategyResult> results;
   for (const StrategyResult& one : saved.results) {
     StrategyResult judged = one;
@@ -395,7 +399,7 @@ int EvaluateAlignmentArguments::give_verdicts(const SavedResult& saved) const {
                         {"deformation", options.deformation},
                         {"min_observations", saved.min_observations}});
   json["results"] = Json::array();
-  Csv rows({"confidence", "status", "probability"});
+  detail::Csv rows({"confidence", "status", "probability"});
   const Console console = common.console();
   for (const StrategyResult& one : results) {
     json["results"].push_back(to_json(one, HistoryDetail::kNone));
@@ -446,10 +450,29 @@ int EvaluateAlignmentArguments::write_truth(const TruePose& true_one) const {
   return kDone;
 }
 
+JudgedAlignment EvaluateAlignmentArguments::judge(
+    const StrategyResult& one, const Similarity3& true_pose,
+    const std::vector<Eigen::Vector3d>& positions) const {
+  JudgedAlignment entry{.result = &one};
+  judge_covariance(true_pose, entry);
+  const auto& pose = one.alignment.estimate;
+  if (pose) {
+    entry.error = pose_error(*pose, true_pose, positions);
+    entry.fits_inverse = fits_inverse(*pose, true_pose, positions);
+  }
+  // An untrusted pose does not count as a success. Maps of free scale have no lengths in metres.
+  if (one.length_unit == LengthUnit::kMetres) {
+    entry.success = entry.error && has_answer(one.alignment) &&
+                    degrees(entry.error->rotation_rad) <= max_rotation_deg &&
+                    entry.error->translation <= max_translation_m &&
+                    percent_of(*entry.error) <= max_scale_percent;
+  }
+  return entry;
+}
+
 int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose& true_one) const {
   const Similarity3& true_pose = true_one.target_from_source;
   const LoadedMap source_map = load(source, "--source", saved.source, saved);
-  const Console console = common.console();
   PointSetOptions point_options;
   point_options.min_observations = saved.min_observations;
   const PointSet points = point_set(source_map.map, std::nullopt, point_options);
@@ -461,22 +484,9 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
   std::vector<JudgedAlignment> judged;
   std::optional<std::size_t> successes;  // of those in metres
   for (const StrategyResult& one : saved.results) {
-    JudgedAlignment entry{.result = &one};
-    judge_covariance(true_pose, entry);
-    const auto& pose = one.alignment.estimate;
-    if (pose) {
-      entry.error = pose_error(*pose, true_pose, points.positions);
-      entry.fits_inverse = fits_inverse(*pose, true_pose, points.positions);
-    }
-    // An untrusted pose does not count as a success. Maps of free scale have no lengths in metres.
-    if (one.length_unit == LengthUnit::kMetres) {
-      entry.success = entry.error && has_answer(one.alignment) &&
-                      degrees(entry.error->rotation_rad) <= max_rotation_deg &&
-                      entry.error->translation <= max_translation_m &&
-                      percent_of(*entry.error) <= max_scale_percent;
-      successes = successes.value_or(0) + (*entry.success ? 1 : 0);
-    }
-    judged.push_back(entry);
+    judged.push_back(judge(one, true_pose, points.positions));
+    const auto& success = judged.back().success;
+    if (success) successes = successes.value_or(0) + (*success ? 1 : 0);
   }
 
   Json inputs = {{"result", describe_file(result, common)},
@@ -492,8 +502,16 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
   json["successes"] = to_json(successes);
   write_document(json, common);
   write_rows(rows_of(judged), common);
+  print(judged, successes, true_one, points.positions.size());
+  return kDone;
+}
+
+void EvaluateAlignmentArguments::print(const std::vector<JudgedAlignment>& judged,
+                                       std::optional<std::size_t> successes,
+                                       const TruePose& true_one, std::size_t landmarks) const {
+  const Console console = common.console();
   const bool with_scale =
-      true_pose.scale() != 1.0 ||
+      true_one.target_from_source.scale() != 1.0 ||
       std::any_of(judged.begin(), judged.end(), [](const JudgedAlignment& entry) {
         const auto& pose = entry.result->alignment.estimate;
         return pose && pose->scale() != 1.0;
@@ -505,7 +523,7 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
   if (true_one.source) console.print("\n");
   console.print(table_of(judged, with_scale, with_ellipsoid));
   console.print("\ntranslation error  displacement of the centroid of {} source landmarks\n",
-                points.positions.size());
+                landmarks);
   if (successes) {
     console.print(
         "success            at most {:g} deg and {:g} m{}: {} of {}\n", max_rotation_deg,
@@ -526,7 +544,6 @@ int EvaluateAlignmentArguments::compare(const SavedResult& saved, const TruePose
     console.print("truth              {}\n", swapped_truth_text("the pose"));
     console.remark(swapped_truth_text("the pose"));
   }
-  return kDone;
 }
 
 }  // namespace

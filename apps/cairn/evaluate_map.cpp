@@ -209,10 +209,10 @@ std::optional<double> mean_of_landmark(const std::vector<std::optional<double>>&
   return count > 0 ? std::optional(sum / static_cast<double>(count)) : std::nullopt;
 }
 
-Csv rows_of(const LandmarkMap& map, const MapConsistency& consistency,
-            const std::optional<Calibration>& calibration) {
-  Csv rows({"landmark", "observations", "first_keyframe", "depth", "reprojection_px", "depth_error",
-            "error_x", "error_y", "error_z", "nees"});
+detail::Csv rows_of(const LandmarkMap& map, const MapConsistency& consistency,
+                    const std::optional<Calibration>& calibration) {
+  detail::Csv rows({"landmark", "observations", "first_keyframe", "depth", "reprojection_px",
+                    "depth_error", "error_x", "error_y", "error_z", "nees"});
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
     const LandmarkIndex landmark{i};
     const auto keyframe = first_keyframe(map, landmark);

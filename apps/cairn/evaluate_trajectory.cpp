@@ -71,7 +71,7 @@ struct EvaluateTrajectoryArguments {
   TrajectoryEvaluationOptions options;
   bool strict = false;
   bool hand_eye = false;
-  HandEyeOptions hand_eye_options;
+  double max_clock_offset_s = kMaxClockOffset;
 
   void add_to(const Command& command);
   int run();
@@ -105,7 +105,7 @@ void EvaluateTrajectoryArguments::add_to(const Command& command) {
       command.add_flag("--hand-eye", hand_eye,
                        "Also estimate the transform between the camera and the body that the truth "
                        "tracks, and the clock offset; print the errors after both are corrected");
-  add_number(command, "--max-clock-offset", hand_eye_options.max_clock_offset_s,
+  add_number(command, "--max-clock-offset", max_clock_offset_s,
              "With --hand-eye: largest clock offset, seconds; 0: one clock")
       .needs(with_hand_eye);
   command.add_flag("--strict", strict,
@@ -132,10 +132,10 @@ Json json_of(const ErrorStatistics& translation, const ErrorStatistics& rotation
           {"rotation_deg", to_json(in_degrees(rotation_rad))}};
 }
 
-Csv rows_of(const TrajectoryEvaluation& evaluation, const Trajectory& estimate,
-            const Trajectory& truth) {
-  Csv rows({"timestamp_s", "truth_timestamp_s", "translation_error_m", "rotation_error_deg", "x_m",
-            "y_m", "z_m", "truth_x_m", "truth_y_m", "truth_z_m"});
+detail::Csv rows_of(const TrajectoryEvaluation& evaluation, const Trajectory& estimate,
+                    const Trajectory& truth) {
+  detail::Csv rows({"timestamp_s", "truth_timestamp_s", "translation_error_m", "rotation_error_deg",
+                    "x_m", "y_m", "z_m", "truth_x_m", "truth_y_m", "truth_z_m"});
   const AbsoluteError& absolute = *evaluation.absolute;
   for (std::size_t i = 0; i < evaluation.pairs.size(); ++i) {
     const TimedPose& estimated = estimate.poses()[evaluation.pairs[i].first];
@@ -210,9 +210,11 @@ void EvaluateTrajectoryArguments::print_errors(const TrajectoryEvaluation& evalu
 
 HandEye EvaluateTrajectoryArguments::find_hand_eye(const Trajectory& estimated,
                                                    const Trajectory& true_one) const {
-  HandEyeOptions how = hand_eye_options;
-  how.with_scale = options.alignment == TrajectoryAlignment::kSim3;
-  HandEyeResult result = estimate_hand_eye(estimated, true_one, how);
+  HandEyeResult result;
+  with_option_names({{"max_clock_offset_s", "--max-clock-offset"}}, [&] {
+    result = estimate_hand_eye(estimated, true_one, max_clock_offset_s,
+                               options.alignment == TrajectoryAlignment::kSim3);
+  });
   reject_if(!result.hand_eye, estimate, result.reason, "");
   return *result.hand_eye;
 }
@@ -273,12 +275,9 @@ Json errors_json(const TrajectoryEvaluation& evaluation,
 
 int EvaluateTrajectoryArguments::run() {
   options.alignment = parse_alignment(alignment);
-  with_option_names({{"TrajectoryEvaluationOptions.max_time_difference_s", "--max-time-difference"},
-                     {"HandEyeOptions.max_clock_offset_s", "--max-clock-offset"}},
-                    [&] {
-                      options.validate();
-                      hand_eye_options.validate();
-                    });
+  with_option_names(
+      {{"TrajectoryEvaluationOptions.max_time_difference_s", "--max-time-difference"}},
+      [&] { options.validate(); });
   require_outputs(common);
   const LogSink log = strict_log(common.console().log(), strict);
   const LoadedTrajectory estimated = load_trajectory(estimate, log);
@@ -287,14 +286,14 @@ int EvaluateTrajectoryArguments::run() {
       evaluate_trajectory(estimated.trajectory, true_one.trajectory, options);
   reject_if(!evaluation.absolute, estimate, evaluation.reason, "");
 
-  Json json = document("evaluate_trajectory", common,
-                       {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
-                       {{"alignment", alignment},
-                        {"strict", strict},
-                        {"max_time_difference_s", options.max_time_difference_s},
-                        {"hand_eye", hand_eye},
-                        {"max_clock_offset_s",
-                         hand_eye ? Json(hand_eye_options.max_clock_offset_s) : Json(nullptr)}});
+  Json json =
+      document("evaluate_trajectory", common,
+               {{"estimate", describe(estimated)}, {"truth", describe(true_one)}},
+               {{"alignment", alignment},
+                {"strict", strict},
+                {"max_time_difference_s", options.max_time_difference_s},
+                {"hand_eye", hand_eye},
+                {"max_clock_offset_s", hand_eye ? Json(max_clock_offset_s) : Json(nullptr)}});
   const std::size_t pairs = evaluation.pairs.size();
   const AbsoluteError& absolute = *evaluation.absolute;
   json["matched_poses"] = pairs;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -12,7 +11,6 @@
 #include <fmt/format.h>
 
 #include "cairn/core/detail/output_folder.hpp"
-#include "cairn/core/error.hpp"
 #include "cairn/experiments/paper.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
@@ -24,7 +22,6 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
-#include "support/interrupt.hpp"
 #include "support/reports.hpp"
 #include "support/trial_results.hpp"
 
@@ -44,9 +41,12 @@ struct PaperArguments {
   int run();
 
  private:
-  void check_options() const;
   Json options_json() const;
   std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const;
+  void write_all(const std::string& folder, const PaperResults& results,
+                 const std::vector<ResultTable>& tables) const;
+  Json describe(Json inputs, const PaperResults& results,
+                const std::vector<ResultTable>& tables) const;
   void print(const PaperResults& results, const ResultTable& successes, double seconds) const;
 };
 
@@ -59,24 +59,7 @@ void PaperArguments::add_to(const Command& command) {
       "True target_from_source, 16 numbers or the JSON of an alignment; the runs start from it, "
       "displaced, and have pose errors",
       "FILE");
-  add_number(
-      command, "--success-score", options.success_score,
-      "Largest score of a success, m^2 (default: the score of base ICP without displacement, "
-      "times the ratio of 0.0037 to that score in the paper)");
-  add_number(
-      command, "--max-rotation-deg", options.tolerance.rotation_deg,
-      "Largest rotation error of a success, and largest difference of agreeing poses, degrees");
-  add_number(command, "--max-translation-m", options.tolerance.translation_m,
-             "Largest displacement of the source's centroid in a success, metres");
-  command.add_flag(
-      "--search-xy", options.search_xy,
-      "Also search for the displacement at which each XY quadrant fails, as in the paper");
-  add_number(command, "--max-iterations", options.align.max_iterations,
-             "Largest number of iterations");
-  add_number(command, "--max-distance", options.align.max_distance,
-             "Largest distance of a match, metres (default: unlimited, as in the paper)");
-  add_number(command, "--min-observations", options.points.min_observations,
-             "Leave out landmarks with fewer observations");
+  add_options(command, PaperOptions::table, &options);
   command
       .add_words("--images", images,
                  "RGB-D sequences of source and target; adds the paper's Figure 1", "FOLDER FOLDER")
@@ -102,25 +85,10 @@ std::optional<std::string> swapped_truth(const PaperResults& results) {
   return swapped_truth_text(fmt::format("{} of {} poses", swapped, results.runs.size()));
 }
 
-void PaperArguments::check_options() const {
-  with_option_names({{"PaperOptions.success_score", "--success-score"},
-                     {"PaperOptions.tolerance.rotation_deg", "--max-rotation-deg"},
-                     {"PaperOptions.tolerance.translation_m", "--max-translation-m"},
-                     {"IcpOptions.max_iterations", "--max-iterations"},
-                     {"IcpOptions.max_distance", "--max-distance"}},
-                    [&] { options.validate(); });
-}
-
 Json PaperArguments::options_json() const {
-  const double distance = options.align.max_distance;
-  return {{"start", truth.empty() ? "as_read" : "truth"},
-          {"success_score", to_json(options.success_score)},
-          {"max_rotation_deg", options.tolerance.rotation_deg},
-          {"max_translation_m", options.tolerance.translation_m},
-          {"search_xy", options.search_xy},
-          {"max_iterations", options.align.max_iterations},
-          {"max_distance", std::isfinite(distance) ? Json(distance) : Json(nullptr)},
-          {"min_observations", options.points.min_observations}};
+  Json json = {{"start", truth.empty() ? "as_read" : "truth"}};
+  json.update(options_of(PaperOptions::table, &options));
+  return json;
 }
 
 std::string PaperArguments::summary(const PaperResults& results,
@@ -162,8 +130,41 @@ void PaperArguments::print(const PaperResults& results, const ResultTable& succe
   }
 }
 
+void PaperArguments::write_all(const std::string& folder, const PaperResults& results,
+                               const std::vector<ResultTable>& tables) const {
+  write_runs(folder, results.runs);
+  write_tables(folder, tables);
+  write_tables(folder, {paper_durations(results)});
+  if (!results.searches.empty()) {
+    std::vector<TrialResult> runs;
+    for (const QuadrantSearch& search : results.searches) {
+      runs.insert(runs.end(), search.runs.begin(), search.runs.end());
+    }
+    write_runs(folder, runs, "xy_search_");
+  }
+  write_text(folder, "summary.md", summary(results, tables));
+}
+
+Json PaperArguments::describe(Json inputs, const PaperResults& results,
+                              const std::vector<ResultTable>& tables) const {
+  Json json = document("experiment", common, std::move(inputs), options_json());
+  json["experiment"] = "paper";
+  json["success_score_m2"] = results.success_score;
+  json["agreement"] =
+      results.agreement ? Json{{"target_from_source",
+                                to_json(*results.runs[results.agreement->pose].target_from_source)},
+                               {"pose", results.agreement->pose},
+                               {"agrees", results.agreement->agrees}}
+                        : Json(nullptr);
+  json["tables"] = Json::array();
+  for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
+  json["runs"] = Json::array();
+  for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
+  return json;
+}
+
 int PaperArguments::run() {
-  check_options();
+  with_option_names({PaperOptions::table, IcpOptions::table}, [&] { options.validate(); });
   require_outputs(common);
   MapPair pair;
   if (!truth.empty()) pair.truth = read_pose_file(truth);
@@ -180,47 +181,20 @@ int PaperArguments::run() {
               std::filesystem::path(target).stem().string();
   pair.source = std::move(source_map.map);
   pair.target = std::move(target_map.map);
-
-  options.execution.executor = common.executor();
-  options.execution.stop = interrupt_requests();
-  options.execution.progress = common.console().progress("180 alignments");
-  const auto start = std::chrono::steady_clock::now();
+  options.execution = common.execution("180 alignments");
+  const Stopwatch watch;
   const PaperResults results = run_paper_experiments(pair, options);
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double seconds = watch.seconds();
 
   const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);
-  write_runs(unfinished, results.runs);
-  write_tables(unfinished, tables);
-  write_tables(unfinished, {paper_durations(results)});
-  if (!results.searches.empty()) {
-    std::vector<TrialResult> runs;
-    for (const QuadrantSearch& search : results.searches) {
-      runs.insert(runs.end(), search.runs.begin(), search.runs.end());
-    }
-    write_runs(unfinished, runs, "xy_search_");
-  }
-  write_text(unfinished, "summary.md", summary(results, tables));
+  write_all(unfinished, results, tables);
   std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
   if (!images.empty()) {
     common.console().remark(write_common_view(unfinished, pair, results, images[0], images[1]));
   }
-
   Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
   if (pair.truth) inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*pair.truth)}};
-  Json json = document("experiment", common, std::move(inputs), options_json());
-  json["experiment"] = "paper";
-  json["success_score_m2"] = results.success_score;
-  json["agreement"] =
-      results.agreement ? Json{{"target_from_source",
-                                to_json(*results.runs[results.agreement->pose].target_from_source)},
-                               {"pose", results.agreement->pose},
-                               {"agrees", results.agreement->agrees}}
-                        : Json(nullptr);
-  json["tables"] = Json::array();
-  for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
-  json["runs"] = Json::array();
-  for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
+  Json json = describe(std::move(inputs), results, tables);
   write_text(unfinished, "experiment.json", to_text(json));
   folder.commit();
   write_document(json, common);

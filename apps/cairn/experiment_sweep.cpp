@@ -181,21 +181,19 @@ int SweepArguments::run() {
     console.remark(fmt::format("{}: {} of {} runs were done before", output, folder.done(), all));
   }
   remark_on_processors(folder.processors(), console);
-  StudyOptions options;
-  options.executor = common.executor();
-  options.stop = interrupt_requests();
+  Execution execution{.executor = common.executor(), .stop = interrupt_requests()};
   if (const auto show = console.detailed_progress("aligning")) {
-    options.progress = [show](std::size_t done, std::size_t of) {
-      show(static_cast<double>(done) / static_cast<double>(of),
-           fmt::format("{} of {} runs", done, of));
+    execution.progress = [&, show](double share) {
+      show(share, fmt::format("{} of {} runs", folder.done(), all));
     };
   }
   std::map<std::string, std::size_t> swapped;  // runs of each pair
-  options.each_run = [&](const TrialResult& run) {
+  const auto count = [&](const TrialResult& run) {
     if (run.fits_inverse) ++swapped[run.trial.pair];
   };
   run_study(
-      plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair, inputs); }, options);
+      plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair, inputs); }, execution,
+      count);
   for (const auto& [pair, runs] : swapped) {
     console.remark(fmt::format("{}: {}", pair, swapped_truth_text(fmt::format("{} poses", runs))));
   }

@@ -123,40 +123,69 @@ Json place_json(const GeodeticPosition& place) {
 }
 
 // Lines "name  value" of what the map says of itself.
-std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& map,
-                                                            const Findings& findings) {
-  std::vector<std::pair<std::string, std::string>> lines;
-  const auto add = [&](const std::string& name, std::string value) {
-    lines.emplace_back(name, std::move(value));
-  };
-  const auto& frame_ids = map.frames().ids;
+class Properties {
+ public:
+  Properties(const LandmarkMap& map, const Findings& findings) : map_(map), findings_(findings) {
+    add_counts();
+    add_columns();
+    add_frame_of_reference();
+    add_poses();
+    add_origin();
+  }
+
+  std::string text() const {
+    std::string text;
+    for (const auto& [name, value] : lines_) text += fmt::format("  {:<22}  {}\n", name, value);
+    return text;
+  }
+
+ private:
+  void add(const std::string& name, std::string value) {
+    lines_.emplace_back(name, std::move(value));
+  }
+  void add_counts();
+  void add_columns();
+  void add_frame_of_reference();
+  void add_poses();
+  void add_origin();
+
+  const LandmarkMap& map_;
+  const Findings& findings_;
+  std::vector<std::pair<std::string, std::string>> lines_;
+};
+
+void Properties::add_counts() {
+  const auto& frame_ids = map_.frames().ids;
   if (frame_ids.empty()) {
     add("frames", "0");
   } else {
     const auto [first, last] = std::minmax_element(frame_ids.begin(), frame_ids.end());
     add("frames", fmt::format("{}, ids {} to {}", frame_ids.size(), first->value, last->value));
   }
-  add("cameras", std::to_string(map.cameras().size()));
-  add("landmarks", std::to_string(map.landmark_count()));
-  if (map.has_observations()) {
-    add("observations", std::to_string(map.observation_count()));
-    std::string often = std::to_string(findings.kept.size());
-    if (const auto& q = findings.observations_each) {
+  add("cameras", std::to_string(map_.cameras().size()));
+  add("landmarks", std::to_string(map_.landmark_count()));
+  if (map_.has_observations()) {
+    add("observations", std::to_string(map_.observation_count()));
+    std::string often = std::to_string(findings_.kept.size());
+    if (const auto& q = findings_.observations_each) {
       often += fmt::format(", {} to {} each, mean {:.2f}", q->lowest, q->highest, q->mean);
     }
     add("observed twice or more", often);
   } else {
     add("observations", "unknown");
   }
-  if (map.has_covariances()) add("covariances", "yes");
-  if (!map.landmarks().colors.empty()) add("colours", "yes");
-  if (const auto& descriptors = map.landmarks().descriptors) {
+}
+
+void Properties::add_columns() {
+  if (map_.has_covariances()) add("covariances", "yes");
+  if (!map_.landmarks().colors.empty()) add("colours", "yes");
+  if (const auto& descriptors = map_.landmarks().descriptors) {
     std::string text = fmt::format("{}, {} bytes each", descriptors->kind, descriptors->bytes_each);
     if (descriptors->has_further()) {
       std::size_t all = 0;
       std::size_t described = 0;
       std::size_t most = 0;
-      for (std::size_t i = 0; i < map.landmark_count(); ++i) {
+      for (std::size_t i = 0; i < map_.landmark_count(); ++i) {
         const std::size_t count = descriptors->count(i);
         all += count;
         described += count > 0 ? 1 : 0;
@@ -167,39 +196,45 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
     add("descriptors", text);
   }
   std::string columns;
-  for (const NamedColumn& column : map.landmarks().columns) {
+  for (const NamedColumn& column : map_.landmarks().columns) {
     columns += (columns.empty() ? "" : ", ") + column.name;
   }
   if (!columns.empty()) add("columns", columns);
-  if (!findings.extent.isEmpty()) {
-    const Eigen::Vector3d& low = findings.extent.min();
-    const Eigen::Vector3d& high = findings.extent.max();
+}
+
+void Properties::add_frame_of_reference() {
+  if (!findings_.extent.isEmpty()) {
+    const Eigen::Vector3d& low = findings_.extent.min();
+    const Eigen::Vector3d& high = findings_.extent.max();
     add("extent", fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f} {}",
                               low.x(), high.x(), low.y(), high.y(), low.z(), high.z(),
-                              unit_symbol(map.info().length_unit)));
+                              unit_symbol(map_.info().length_unit)));
   }
-  add("length unit", to_string(map.info().length_unit));
-  if (map.info().world_frame) add("world frame", *map.info().world_frame);
-  if (const auto& down = map.info().gravity) {
+  add("length unit", to_string(map_.info().length_unit));
+  if (map_.info().world_frame) add("world frame", *map_.info().world_frame);
+  if (const auto& down = map_.info().gravity) {
     add("gravity", fmt::format("{:.4g} {:.4g} {:.4g}", down->x(), down->y(), down->z()));
   }
-  if (const auto& georeference = map.info().georeference) {
+  if (const auto& georeference = map_.info().georeference) {
     add("georeference", place_text(georeference->origin));
     if (!georeference->is_enu()) {
       add("metres per unit", fmt::format("{:.6g}", georeference->scale));
     }
-    if (!findings.extent.isEmpty()) {
-      const Eigen::Vector3d centre = findings.extent.center();
+    if (!findings_.extent.isEmpty()) {
+      const Eigen::Vector3d centre = findings_.extent.center();
       add("centre on the Earth", place_text(georeference->geodetic(centre)));
     }
   }
-  if (const auto& gnss = map.frames().gnss; !gnss.empty()) {
+}
+
+void Properties::add_poses() {
+  if (const auto& gnss = map_.frames().gnss; !gnss.empty()) {
     const auto known = gnss.known();
     add("GNSS positions",
         fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
   }
-  if (const auto poses = keyframe_uncertainties(map)) {
-    const std::string unit(unit_symbol(map.info().length_unit));
+  if (const auto poses = keyframe_uncertainties(map_)) {
+    const std::string unit(unit_symbol(map_.info().length_unit));
     const auto text = [&](const KeyframeUncertainty& one) {
       return fmt::format("{:.2g} deg and {:.2g} {}", degrees(one.angle_rad), one.length, unit);
     };
@@ -210,26 +245,26 @@ std::vector<std::pair<std::string, std::string>> properties(const LandmarkMap& m
                                     poses->step.first.value, poses->step.second.value));
     }
   }
-  if (const auto& points = map.info().control_points; !points.empty()) {
+}
+
+void Properties::add_origin() {
+  if (const auto& points = map_.info().control_points; !points.empty()) {
     std::size_t views = 0;
     for (const ControlPoint& point : points) views += point.views.size();
     add("control points", fmt::format("{}, {} views", points.size(), views));
   }
-  if (map.info().uuid) add("uuid", *map.info().uuid);
-  for (const std::string& step : map.info().provenance) add("provenance", step);
-  if (const auto& q = findings.reprojection_px) {
+  if (map_.info().uuid) add("uuid", *map_.info().uuid);
+  for (const std::string& step : map_.info().provenance) add("provenance", step);
+  if (const auto& q = findings_.reprojection_px) {
     add("reprojection", fmt::format("median {:.3g} px, mean {:.3g} px, worst {:.3g} px", q->median,
                                     q->mean, q->highest));
   }
-  return lines;
 }
 
 void print(const Console& console, const LoadedMap& loaded, const Findings& findings) {
   const LandmarkMap& map = loaded.map;
   console.print(loaded.path + "\n");
-  for (const auto& [name, value] : properties(map, findings)) {
-    console.print("  {:<22}  {}\n", name, value);
-  }
+  console.print(Properties(map, findings).text());
   if (map.landmark_count() > 0) {
     Table table({"confidence", "lowest", "median", "mean", "highest"});
     for (const auto& [name, q] : findings.confidences) {

@@ -24,7 +24,6 @@
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
-#include "support/interrupt.hpp"
 #include "support/refusals.hpp"
 
 namespace cairn::cli {
@@ -74,10 +73,7 @@ void LocateArguments::add_to(const Command& command) {
       "FILE");
   add_number(command, "--depth-units", depth_units,
              "Depth image units per metre (default: from the camera file, else 5000)");
-  add_number(command, "--features", options.features.count,
-             "Number of corners to detect in an image");
-  add_number(command, "--min-probability", options.min_probability,
-             "Least probability of a located image, at least 0.5 and below 1");
+  add_options(command, LocateOptions::table, &options);
   command.add_text(
       "--trajectory", trajectory,
       "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
@@ -100,9 +96,7 @@ LoadedMap LocateArguments::load_world() const {
     const AtlasState state = atlas.state();
     const std::string shown = without_password(map);
     LoadedMap loaded{shown, {}, describe_file(shown, common)};
-    loaded.map = merged_world(
-        atlas, state, common.seed,
-        {common.executor(), interrupt_requests(), common.console().progress("merging")});
+    loaded.map = merged_world(atlas, state, common.seed, common.execution("merging"));
     return loaded;
   }
 #endif
@@ -129,11 +123,9 @@ DepthImage LocateArguments::read_depth(double units) const {
 Json LocateArguments::describe(const LoadedMap& loaded, const Camera& used) const {
   Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
   for (const std::string& image : images) inputs["images"].push_back(describe_file(image, common));
-  return document("locate", common, std::move(inputs),
-                  {{"camera", to_json(used)},
-                   {"depth", text_or_null(depth)},
-                   {"features", options.features.count},
-                   {"min_probability", options.min_probability}});
+  Json json = {{"camera", to_json(used)}, {"depth", text_or_null(depth)}};
+  json.update(options_of(LocateOptions::table, &options));
+  return document("locate", common, std::move(inputs), std::move(json));
 }
 
 Json json_of(const std::string& image, const ImageLocation& found) {
@@ -203,9 +195,7 @@ void LocateArguments::write_trajectory(const std::vector<ImageLocation>& found) 
 }
 
 int LocateArguments::run() {
-  with_option_names({{"LocateOptions.min_probability", "--min-probability"},
-                     {"FeatureOptions.count", "--features"}},
-                    [&] { options.validate(); });
+  with_option_names({FeatureOptions::table, LocateOptions::table}, [&] { options.validate(); });
   refuse_if(!depth.empty() && images.size() != 1, "--depth",
             fmt::format("given for {} images", images.size()), "one image");
   require_outputs(common);

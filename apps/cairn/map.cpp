@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -36,18 +35,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kTumDepthUnits = 5000.0;
-
-class Stopwatch {
- public:
-  double seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
 struct LandmarkCounts {
   std::size_t all = 0;
   std::size_t observed_again = 0;  // by two keyframes or more
@@ -62,7 +49,7 @@ struct MapArguments {
   std::string camera;
   std::optional<double> depth_units;
   std::optional<double> readout;
-  double max_time_difference = SequenceOptions().max_time_difference_s;
+  SequenceOptions files;
   std::string start_pose;
   std::string start_from;
   std::string poses;
@@ -70,11 +57,9 @@ struct MapArguments {
   bool close_loops = false;
   bool refine_intrinsics = false;
   std::string covariance = "recursive";
-  std::size_t min_observations = MapOptions().min_observations;
-  bool no_descriptors = false;
-  std::size_t descriptors_each = MapOptions().descriptors_each;
+  MapOptions made;
   bool skip_unreadable = false;
-  int features = FeatureOptions().count;
+  FeatureOptions features;
 
   void add_to(const Command& command);
   int run();
@@ -84,26 +69,27 @@ struct MapArguments {
   double readout_s(const CameraFile& camera_file) const {
     return readout.value_or(camera_file.readout_s.value_or(0.0));
   }
+  template <class Options>
+  void set_shared(Options& options) const;
   MapSequenceOptions options(const CameraFile& camera_file) const;
-  MappedSequence map(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
+  MappedSequence map(const CameraFile& camera_file) const;
   void write(const MappedSequence& mapped) const;
   void write_mini_maps(const MappedSequence& mapped) const;
   void write_trajectory(const Trajectory& camera_path) const;
   Json describe(std::size_t frames, const CameraFile& camera_file) const;
   Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
                 const CameraFile& camera_file) const;
-  LoopClosedSequence map_closing_loops(const CameraFile& camera_file,
-                                       const SequenceOptions& sequence_options) const;
+  LoopClosedSequence map_closing_loops(const CameraFile& camera_file) const;
   void print_loops(const LoopClosedSequence& closed) const;
   void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const;
-  void run_odometry(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
+  void run_odometry(const CameraFile& camera_file) const;
 
   MapAtPosesOptions options_at_poses() const;
-  MapAtPoses map_at_given_poses(const Camera& model, const SequenceOptions& sequence_options) const;
+  MapAtPoses map_at_given_poses(const Camera& model) const;
   Json describe(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
                 const CameraFile& camera_file) const;
   void print(const MapAtPoses& mapped, const LandmarkCounts& landmarks, double seconds) const;
-  void run_at_poses(const CameraFile& camera_file, const SequenceOptions& sequence_options) const;
+  void run_at_poses(const CameraFile& camera_file) const;
 };
 
 void MapArguments::add_to(const Command& command) {
@@ -129,8 +115,7 @@ void MapArguments::add_to(const Command& command) {
       command, "--readout", readout,
       "Readout time of a rolling shutter, from the first image row to the last, seconds; 0: global "
       "shutter (default: from the camera file, else 0). Not with --poses");
-  add_number(command, "--max-time-difference", max_time_difference,
-             "Largest time difference between a colour image and its depth image, seconds");
+  add_options(command, SequenceOptions::table, &files);
   const Option pose =
       command.add_text("--start-pose", start_pose,
                        "Pose of the first camera, world_from_camera (default: the identity)",
@@ -168,12 +153,8 @@ void MapArguments::add_to(const Command& command) {
       "--covariance", covariance,
       "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
       "(from the whole least-squares problem)");
-  add_number(command, "--min-observations", min_observations,
-             "Leave out landmarks with fewer observations");
-  add_number(command, "--features", features, "Number of corners to detect in an image");
-  command.add_flag("--no-descriptors", no_descriptors, "Leave out the landmarks' descriptors");
-  add_number(command, "--descriptors-each", descriptors_each,
-             "Largest number of descriptors per landmark, of its most distinct views");
+  add_options(command, MapOptions::table, &made);
+  add_options(command, FeatureOptions::table, &features);
   command.add_flag("--skip-unreadable", skip_unreadable,
                    "Skip missing and damaged images instead of refusing the sequence");
   common.add_to(command);
@@ -231,11 +212,10 @@ Rigid3 parse_start_pose(const std::string& text) {
   return {rotation, {n[0], n[1], n[2]}};
 }
 
-using MappingProgressSink = std::function<void(const MappingProgress&)>;
-
 // Nothing where no progress is shown.
-MappingProgressSink progress_of(const Console& console, const std::string& items,
-                                const std::function<std::string(const MappingProgress&)>& detail) {
+std::function<void(const MappingProgress&)> progress_of(
+    const Console& console, const std::string& items,
+    const std::function<std::string(const MappingProgress&)>& detail) {
   const auto show = console.detailed_progress("mapping");
   if (!show) return {};
   return [=, watch = Stopwatch()](const MappingProgress& now) {
@@ -245,9 +225,20 @@ MappingProgressSink progress_of(const Console& console, const std::string& items
   };
 }
 
+// Sets what mapping by odometry and at known poses have in common.
+template <class Options>
+void MapArguments::set_shared(Options& options) const {
+  options.map = made;
+  options.map.covariance = parse_covariance(covariance);
+  options.skip_unreadable = skip_unreadable;
+  options.executor = common.executor();
+  options.stop = interrupt_requests();
+  options.log = common.console().log();
+}
+
 MapSequenceOptions MapArguments::options(const CameraFile& camera_file) const {
   MapSequenceOptions options;
-  options.odometry.features.count = features;
+  options.odometry.features = features;
   options.odometry.readout_s = readout_s(camera_file);
   if (!start_pose.empty()) {
     options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
@@ -262,28 +253,19 @@ MapSequenceOptions MapArguments::options(const CameraFile& camera_file) const {
                   "a trajectory that covers the sequence");
     };
   }
-  options.map.covariance = parse_covariance(covariance);
-  options.map.min_observations = min_observations;
-  options.map.descriptors = !no_descriptors;
-  options.map.descriptors_each = descriptors_each;
   if (!mini_map_length.empty()) options.mini_maps = parse_length(mini_map_length);
-  options.skip_unreadable = skip_unreadable;
-  options.executor = common.executor();
-  options.stop = interrupt_requests();
-  options.log = common.console().log();
+  set_shared(options);
   options.progress = progress_of(common.console(), "frames", [](const MappingProgress& now) {
     return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
   });
-  with_option_names({{"FeatureOptions.count", "--features"},
-                     {"OdometryOptions.readout_s", "--readout"},
-                     {"MapOptions.min_observations", "--min-observations"}},
-                    [&] { options.validate(); });
+  with_option_names(
+      {FeatureOptions::table, MapOptions::table, {"OdometryOptions.readout_s", "--readout"}},
+      [&] { options.validate(); });
   return options;
 }
 
-MappedSequence MapArguments::map(const CameraFile& camera_file,
-                                 const SequenceOptions& sequence_options) const {
-  const RgbdSequence images(sequence, sequence_options, common.console().log());
+MappedSequence MapArguments::map(const CameraFile& camera_file) const {
+  const RgbdSequence images(sequence, files, common.console().log());
   return map_sequence(images, camera_file.camera, options(camera_file));
 }
 
@@ -374,25 +356,21 @@ Json counts_json(const LandmarkCounts& landmarks) {
 
 // What was asked for.
 Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) const {
-  Json json =
-      document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
-               {{"camera", to_json(camera_file.camera)},
-                {"depth_units_per_metre",
-                 depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits))},
-                {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
-                {"max_time_difference_s", max_time_difference},
-                {"start_pose", text_or_null(start_pose)},
-                {"start_from", text_or_null(start_from)},
-                {"poses", text_or_null(poses)},
-                {"mini_map_length", text_or_null(mini_map_length)},
-                {"close_loops", close_loops},
-                {"refine_intrinsics", refine_intrinsics},
-                {"covariance", covariance},
-                {"min_observations", min_observations},
-                {"features", features},
-                {"descriptors", !no_descriptors},
-                {"descriptors_each", descriptors_each},
-                {"skip_unreadable", skip_unreadable}});
+  Json json = document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
+                       {{"camera", to_json(camera_file.camera)},
+                        {"depth_units_per_metre", files.depth_units_per_metre},
+                        {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
+                        {"max_time_difference_s", files.max_time_difference_s},
+                        {"start_pose", text_or_null(start_pose)},
+                        {"start_from", text_or_null(start_from)},
+                        {"poses", text_or_null(poses)},
+                        {"mini_map_length", text_or_null(mini_map_length)},
+                        {"close_loops", close_loops},
+                        {"refine_intrinsics", refine_intrinsics},
+                        {"covariance", covariance},
+                        {"features", features.count},
+                        {"skip_unreadable", skip_unreadable}});
+  json["options"].update(options_of(MapOptions::table, &made));
   json["output"] = {{"path", output}, {"trajectory", text_or_null(trajectory)}};
   return json;
 }
@@ -478,33 +456,27 @@ int MapArguments::run() {
     }
   }
   const CameraFile camera_file = load_camera();
-  SequenceOptions sequence_options;
-  sequence_options.depth_units_per_metre =
-      depth_units.value_or(camera_file.depth_units_per_metre.value_or(kTumDepthUnits));
-  sequence_options.max_time_difference_s = max_time_difference;
-  with_option_names({{"SequenceOptions.depth_units_per_metre", "--depth-units"},
-                     {"SequenceOptions.max_time_difference_s", "--max-time-difference"}},
-                    [&] { sequence_options.validate(); });
-
+  files.depth_units_per_metre =
+      depth_units.value_or(camera_file.depth_units_per_metre.value_or(files.depth_units_per_metre));
+  with_option_names(
+      {SequenceOptions::table, {"SequenceOptions.depth_units_per_metre", "--depth-units"}},
+      [&] { files.validate(); });
   if (poses.empty()) {
-    run_odometry(camera_file, sequence_options);
+    run_odometry(camera_file);
   } else {
-    run_at_poses(camera_file, sequence_options);
+    run_at_poses(camera_file);
   }
   return kDone;
 }
 
-LoopClosedSequence MapArguments::map_closing_loops(const CameraFile& camera_file,
-                                                   const SequenceOptions& sequence_options) const {
-  const RgbdSequence images(sequence, sequence_options, common.console().log());
+LoopClosedSequence MapArguments::map_closing_loops(const CameraFile& camera_file) const {
+  const RgbdSequence images(sequence, files, common.console().log());
   const MapSequenceOptions mapping = options(camera_file);
-  CloseLoopsOptions closing;
-  closing.merging.placed.adjustment.refine_intrinsics = refine_intrinsics;
-  closing.merging.seed = common.seed;
-  closing.merging.log = common.console().log();
-  closing.merging.execution.executor = common.executor();
-  closing.merging.execution.stop = interrupt_requests();
-  closing.merging.execution.progress = common.console().progress("closing loops");
+  MergeOptions closing;
+  closing.adjustment.refine_intrinsics = refine_intrinsics;
+  closing.seed = common.seed;
+  closing.log = common.console().log();
+  closing.execution = common.execution("closing loops");
   return map_and_close_loops(images, camera_file.camera, mapping, closing);
 }
 
@@ -552,14 +524,13 @@ void MapArguments::print_loops(const LoopClosedSequence& closed) const {
   common.console().print(text);
 }
 
-void MapArguments::run_odometry(const CameraFile& camera_file,
-                                const SequenceOptions& sequence_options) const {
+void MapArguments::run_odometry(const CameraFile& camera_file) const {
   const Stopwatch watch;
   LoopClosedSequence closed;
   if (close_loops) {
-    closed = map_closing_loops(camera_file, sequence_options);
+    closed = map_closing_loops(camera_file);
   } else {
-    closed.mapped = map(camera_file, sequence_options);
+    closed.mapped = map(camera_file);
   }
   const MappedSequence& mapped = closed.mapped;
   const double seconds = watch.seconds();
@@ -578,28 +549,20 @@ void MapArguments::run_odometry(const CameraFile& camera_file,
 
 MapAtPosesOptions MapArguments::options_at_poses() const {
   MapAtPosesOptions options;
-  options.features.count = features;
-  options.map.covariance = parse_covariance(covariance);
-  options.map.min_observations = min_observations;
-  options.map.descriptors = !no_descriptors;
-  options.map.descriptors_each = descriptors_each;
-  options.skip_unreadable = skip_unreadable;
-  options.executor = common.executor();
-  options.stop = interrupt_requests();
-  options.log = common.console().log();
+  options.features = features;
+  set_shared(options);
   options.progress = progress_of(common.console(), "keyframes", [](const MappingProgress& now) {
     return fmt::format("{} landmarks observed", now.landmarks);
   });
   return options;
 }
 
-MapAtPoses MapArguments::map_at_given_poses(const Camera& model,
-                                            const SequenceOptions& sequence_options) const {
+MapAtPoses MapArguments::map_at_given_poses(const Camera& model) const {
   const Trajectory given = read_trajectory(poses, common.console().log());
-  const RgbdSequence images(sequence, sequence_options, common.console().log());
+  const RgbdSequence images(sequence, files, common.console().log());
   std::optional<MapAtPoses> mapped;
-  with_option_names({{"FeatureOptions.count", "--features"},
-                     {"MapOptions.min_observations", "--min-observations"},
+  with_option_names({FeatureOptions::table,
+                     MapOptions::table,
                      {"MapAtPosesOptions.map.covariance", "--covariance"},
                      {"poses", poses},
                      {"sequence", sequence}},
@@ -637,10 +600,9 @@ void MapArguments::print(const MapAtPoses& mapped, const LandmarkCounts& landmar
   common.console().print(text);
 }
 
-void MapArguments::run_at_poses(const CameraFile& camera_file,
-                                const SequenceOptions& sequence_options) const {
+void MapArguments::run_at_poses(const CameraFile& camera_file) const {
   const Stopwatch watch;
-  const MapAtPoses mapped = map_at_given_poses(camera_file.camera, sequence_options);
+  const MapAtPoses mapped = map_at_given_poses(camera_file.camera);
   const double seconds = watch.seconds();
   save_map(mapped.map, output, common);
   write_trajectory(mapped.trajectory);

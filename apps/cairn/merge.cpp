@@ -22,7 +22,6 @@
 #include "support/adjustment.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
-#include "support/interrupt.hpp"
 #include "support/link_documents.hpp"
 #include "support/map_lists.hpp"
 #include "support/merge_report.hpp"
@@ -44,9 +43,11 @@ struct MergeMapsArguments {
   int run();
 
  private:
-  void check_options() const;
   std::vector<ListedMap> listed() const;
   Json options_json() const;
+  Json describe(const std::vector<LoadedMap>& loaded, const std::vector<std::string>& names,
+                const MergeResult& result) const;
+  void print(const MergeResult& result, const std::vector<std::string>& names) const;
 };
 
 void MergeMapsArguments::add_to(const Command& command) {
@@ -61,7 +62,7 @@ void MergeMapsArguments::add_to(const Command& command) {
       "Map to write; its ending selects the format: " + all_formats().endings_text() + ". Required",
       "FILE");
   add_options(command, LinkOptions::table, &options.links);
-  add_adjustment_to(command, options.placed);
+  add_adjustment_to(command, options);
   common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
   common.add_to(command);
   common.add_threads_to(command);
@@ -76,10 +77,6 @@ void MergeMapsArguments::add_to(const Command& command) {
       "'cairn map --mini-map-length', also uses the odometry links in its pose_graph.json.\n"
       "Example: merge two sessions and a folder of mini-maps into one map\n"
       "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
-}
-
-void MergeMapsArguments::check_options() const {
-  with_option_names({AlignOptions::table}, [&] { options.validate(); });
 }
 
 bool is_same_file(const std::string& a, const std::string& b) {
@@ -107,13 +104,9 @@ std::vector<ListedMap> MergeMapsArguments::listed() const {
 }
 
 Json MergeMapsArguments::options_json() const {
-  return {{"min_probability", options.links.min_probability},
-          {"prior_odds", options.links.prior_odds},
-          {"effort", options.links.effort},
-          {"straighten", options.placed.straighten},
-          {"adjust", options.placed.adjust},
-          {"refine_intrinsics", options.placed.adjustment.refine_intrinsics},
-          {"min_observations", options.links.points.min_observations}};
+  Json json = options_of(LinkOptions::table, &options.links);
+  json.update(options_of(FusionOptions::table, static_cast<const FusionOptions*>(&options)));
+  return json;
 }
 
 Json link_json(const Link& link, bool used) {
@@ -173,38 +166,18 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
   return text + "\n";
 }
 
-int MergeMapsArguments::run() {
-  // What the command line says is checked before any file is read.
-  // Not CLI11's own check, which would come before that of options it does not know.
-  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
-  require_map_path(output, "--output");
-  require_outputs(common);
-  check_options();
-  const std::vector<ListedMap> maps = listed();
-  std::vector<std::string> names;
-  for (const ListedMap& map : maps) names.push_back(map.name);
-  const Console console = common.console();
-
-  std::vector<LoadedMap> loaded;
-  std::vector<MergeInput> inputs;
-  loaded.reserve(maps.size());
-  for (const ListedMap& map : maps) {
-    loaded.push_back(load_map(map.file, common));
-    inputs.push_back({map.name, &loaded.back().map, map.session});
-  }
-  options.stated = links_of_folders(paths, maps);
-  options.seed = common.seed;
-  options.log = console.log();
-  options.execution.executor = common.executor();
-  options.execution.stop = interrupt_requests();
-  options.execution.progress = console.progress("merging");
-  const MergeResult result = merge(inputs, options);
-
+// Landmarks of the placed maps.
+std::size_t landmarks_before(const MergeResult& result) {
   std::size_t before = 0;
   for (const MergedMap& map : result.maps) {
     if (map.fusion) before += map.fusion->landmarks;
   }
-  if (result.map) save_map(*result.map, output, common);
+  return before;
+}
+
+Json MergeMapsArguments::describe(const std::vector<LoadedMap>& loaded,
+                                  const std::vector<std::string>& names,
+                                  const MergeResult& result) const {
   Json descriptions = Json::array();
   for (const LoadedMap& map : loaded) descriptions.push_back(map.description);
   Json json = document("merge", common, {{"maps", std::move(descriptions)}}, options_json());
@@ -222,16 +195,20 @@ int MergeMapsArguments::run() {
     json["output"] = {{"path", output},
                       {"length_unit", to_string(result.map->info().length_unit)},
                       {"frames", result.map->frame_count()},
-                      {"landmarks_before", before},
+                      {"landmarks_before", landmarks_before(result)},
                       {"landmarks", result.map->landmark_count()},
                       {"observations", result.map->observation_count()}};
   }
   json["adjustment"] = adjustment_json(result.adjustment);
-  write_document(json, common);
-  console.print(placement_text(result, names));
+  return json;
+}
+
+// The maps that are left out, and the links that are not used.
+std::string omission_text(const MergeResult& result, const std::vector<std::string>& names) {
+  std::string text;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (result.maps[i].placed) continue;
-    console.print("left out {}: {}\n", names[i], result.maps[i].reason);
+    text += fmt::format("left out {}: {}\n", names[i], result.maps[i].reason);
   }
   // Two maps may share their likeliest link, whose reason is long.
   std::set<std::size_t> likeliest;
@@ -240,13 +217,13 @@ int MergeMapsArguments::run() {
   }
   for (const std::size_t index : likeliest) {
     const Link& link = result.links[index];
-    console.print("{}: {} <- {}: {}\n", link.status(), names[link.target.value],
-                  names[link.source.value], link.reason);
+    text += fmt::format("{}: {} <- {}: {}\n", link.status(), names[link.target.value],
+                        names[link.source.value], link.reason);
   }
   if (!likeliest.empty()) {
-    console.print(
+    text +=
         "  hint: Align the maps of one of these with 'cairn align', which shows its candidates and "
-        "hints.\n");
+        "hints.\n";
   }
   for (std::size_t i = 0; i < result.links.size(); ++i) {
     const Link& link = result.links[i];
@@ -254,21 +231,54 @@ int MergeMapsArguments::run() {
                               result.maps[link.target.value].placed &&
                               result.maps[link.source.value].placed;
     if (!contradicted) continue;
-    console.print("not used: {} <- {} {}: other links contradict it\n", names[link.target.value],
-                  names[link.source.value], sureness(link));
+    text += fmt::format("not used: {} <- {} {}: other links contradict it\n",
+                        names[link.target.value], names[link.source.value], sureness(link));
   }
+  return text;
+}
+
+void MergeMapsArguments::print(const MergeResult& result,
+                               const std::vector<std::string>& names) const {
+  std::string text = placement_text(result, names) + omission_text(result, names);
   if (result.map) {
-    std::string text = fmt::format("{} landmarks became {}", with_commas(before),
-                                   with_commas(result.map->landmark_count()));
+    text += fmt::format("{} landmarks became {}", with_commas(landmarks_before(result)),
+                        with_commas(result.map->landmark_count()));
     for (std::size_t i = 0; i < names.size(); ++i) {
       text += bend_text(result.maps[i].bend, names[i]);
     }
-    console.print(text + "\n");
-    console.print(adjustment_text(result.adjustment));
-    console.print("wrote {}\n", output);
+    text += fmt::format("\n{}wrote {}\n", adjustment_text(result.adjustment), output);
   } else {
-    console.print("{} is not written: no two maps are aligned\n", output);
+    text += fmt::format("{} is not written: no two maps are aligned\n", output);
   }
+  common.console().print(text);
+}
+
+int MergeMapsArguments::run() {
+  // What the command line says is checked before any file is read.
+  // Not CLI11's own check, which would come before that of options it does not know.
+  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
+  require_map_path(output, "--output");
+  require_outputs(common);
+  with_option_names({AlignOptions::table}, [&] { options.validate(); });
+  const std::vector<ListedMap> maps = listed();
+  std::vector<std::string> names;
+  std::vector<LoadedMap> loaded;
+  std::vector<MergeInput> inputs;
+  loaded.reserve(maps.size());
+  for (const ListedMap& map : maps) {
+    names.push_back(map.name);
+    loaded.push_back(load_map(map.file, common));
+    inputs.push_back({map.name, &loaded.back().map, map.session});
+  }
+  options.stated = links_of_folders(paths, maps);
+  options.seed = common.seed;
+  options.log = common.console().log();
+  options.execution = common.execution("merging");
+  const MergeResult result = merge(inputs, options);
+
+  if (result.map) save_map(*result.map, output, common);
+  write_document(describe(loaded, names, result), common);
+  print(result, names);
   if (!common.report_path.empty()) {
     report::Report report = begin_report(file_name(output), common);
     add_merge(report, inputs, result);

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -116,15 +115,16 @@ void SimulateArguments::check() {
   const SessionSeeds seeds = session_seeds(common.seed, environment_options.session);
   path_options.seed = seeds.path;
   options.seed = seeds.noise;
-  with_option_names({{"PathOptions.frames", "--frames"}}, [&] {
-    with_option_names({PathOptions::table, EnvironmentOptions::table, SensorOptions::table,
-                       SimulatorOptions::table},
-                      [&] {
-                        path_options.validate();
-                        environment_options.validate();
-                        options.validate();
-                      });
-  });
+  with_option_names({PathOptions::table,
+                     EnvironmentOptions::table,
+                     SensorOptions::table,
+                     SimulatorOptions::table,
+                     {"PathOptions.frames", "--frames"}},
+                    [&] {
+                      path_options.validate();
+                      environment_options.validate();
+                      options.validate();
+                    });
 }
 
 void SimulateArguments::refuse_existing() const {
@@ -236,15 +236,14 @@ int SimulateArguments::run() {
     inputs["trajectory"] = {{"path", path}, {"hash", hash_file(path)}};
   }
   // Takes the folder before the work, so that two runs into one do not both do it.
-  SequenceWriter writer(
-      folder, {.depth_units_per_metre = depth_units_per_metre,
-               .color_format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg});
-  const auto start = std::chrono::steady_clock::now();
+  SequenceWriter writer(folder, color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg,
+                        depth_units_per_metre);
+  const Stopwatch watch;
   const Executor executor = common.executor();
   Environment place = make_environment(environment_options, executor);
   Trajectory trajectory = make_trajectory(place);
   const RgbdSimulator simulator(std::move(place.scene), std::move(trajectory), options, executor);
-  const auto ready = std::chrono::steady_clock::now();
+  const double ready = watch.seconds();
   write(simulator, writer);
   writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
     write_trajectory(simulator.trajectory(), TrajectoryFormat::kTum, sink);
@@ -254,7 +253,7 @@ int SimulateArguments::run() {
     sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
   });
   writer.finish();
-  const auto end = std::chrono::steady_clock::now();
+  const double rendering = watch.seconds() - ready;
 
   const auto& objects = simulator.scene().objects;
   const auto count_of = [&](bool SceneObject::*property) {
@@ -271,18 +270,14 @@ int SimulateArguments::run() {
                      {"moved", count_of(&SceneObject::moved)},
                      {"things", things_json(simulator.scene())}};
   write_document(json, common);
-  const auto seconds = [](auto duration) {
-    return std::chrono::duration<double>(duration).count();
-  };
   common.console().print(
       "{}: {} frames of {} x {}, {:.1f} s along {:.1f} m of path\n"
       "  {} objects, of which {} movable and {} moved\n"
       "  made in {:.1f} s and {:.1f} s to set up: {:.0f} frames a second\n",
       folder, simulator.frame_count(), options.camera.width, options.camera.height,
       simulator.trajectory().duration_s(), simulator.trajectory().length(), objects.size(),
-      count_of(&SceneObject::movable), count_of(&SceneObject::moved), seconds(end - ready),
-      seconds(ready - start),
-      static_cast<double>(simulator.frame_count()) / std::max(seconds(end - ready), 1e-9));
+      count_of(&SceneObject::movable), count_of(&SceneObject::moved), rendering, ready,
+      static_cast<double>(simulator.frame_count()) / std::max(rendering, 1e-9));
   return kDone;
 }
 

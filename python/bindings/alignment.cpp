@@ -12,6 +12,7 @@
 #include "cairn/geometry/angles.hpp"
 
 #include "bindings/maps.hpp"
+#include "bindings/properties.hpp"
 
 namespace cairn::python {
 namespace {
@@ -60,13 +61,9 @@ void add_verdict_keywords(Keywords<AlignKeywords>& keywords) {
 Keywords<AlignKeywords> make_align_keywords() {
   Keywords<AlignKeywords> keywords("align");
   keywords
-      .add("method", py::cast(std::string(to_string(AlignOptions().method))),
-           [](AlignKeywords& call, py::handle value) {
-             std::string text;
-             from_python(value, "method", text);
-             call.options.method = word<AlignMethod>(
-                 text, "method", {{"robust", AlignMethod::kRobust}, {"icp", AlignMethod::kIcp}});
-           })
+      .add(
+          "method", [](auto& c) -> auto& { return c.options.method; },
+          Words<AlignMethod>{{"robust", AlignMethod::kRobust}, {"icp", AlignMethod::kIcp}})
       .add("initial", py::none(),
            [](AlignKeywords& call, py::handle value) {
              if (!value.is_none()) call.initial = similarity_of(value, "initial");
@@ -74,11 +71,7 @@ Keywords<AlignKeywords> make_align_keywords() {
       .add("initial_covariance", py::none(),
            [](AlignKeywords& call, py::handle value) {
              if (value.is_none()) return;
-             const auto array = real_array(value, "initial_covariance", {6, 6});
-             Matrix6d& matrix = call.initial_covariance.emplace();
-             for (int i = 0; i < 6; ++i) {
-               for (int j = 0; j < 6; ++j) matrix(i, j) = array.at(i, j);
-             }
+             call.initial_covariance = matrix_of<6>(value, "initial_covariance");
            })
       .add("one_to_one", [](auto& c) -> auto& { return c.options.one_to_one; })
       .add("judge", [](auto& c) -> auto& { return c.options.judge; });
@@ -257,13 +250,9 @@ RegistrationResult icp_of(const py::object& source, const py::object& target,
 }
 
 py::array matches_of(const std::vector<Match>& matches) {
-  std::vector<std::uint32_t> pairs;
-  pairs.reserve(2 * matches.size());
-  for (const Match& match : matches) {
-    pairs.push_back(match.source);
-    pairs.push_back(match.target);
-  }
-  return copied(pairs, {static_cast<py::ssize_t>(matches.size()), 2});
+  return row_array(matches, [](const Match& match) {
+    return std::array{match.source, match.target};
+  });
 }
 
 py::array distances_of(const std::vector<Match>& matches) {
@@ -273,18 +262,15 @@ py::array distances_of(const std::vector<Match>& matches) {
 }
 
 py::array directions_of(const std::vector<OpenDirection>& open) {
-  std::vector<double> numbers;
-  for (const OpenDirection& one : open) {
-    for (int i = 0; i < 3; ++i) numbers.push_back(one.translation[i]);
-    for (int i = 0; i < 3; ++i) numbers.push_back(one.rotation[i]);
-    numbers.push_back(one.log_scale);
-  }
-  return copied(numbers, {static_cast<py::ssize_t>(open.size()), 7});
+  return row_array(open, [](const OpenDirection& one) {
+    const Eigen::Vector3d& t = one.translation;
+    const Eigen::Vector3d& r = one.rotation;
+    return std::array{t.x(), t.y(), t.z(), r.x(), r.y(), r.z(), one.log_scale};
+  });
 }
 
-py::object overlap_of(const std::optional<Overlap>& overlap) {
-  if (!overlap) return py::none();
-  return py::make_tuple(overlap->source, overlap->target);
+py::tuple shares_of(const Overlap& overlap) {
+  return py::make_tuple(overlap.source, overlap.target);
 }
 
 // Arrays with one row per iteration.
@@ -367,7 +353,7 @@ std::vector<SharedAlignment> parsed(std::string_view text, const std::string& na
 py::tuple packed(const AlignmentResult& self) {
   const Alignment& alignment = self.alignment();
   return py::make_tuple(document(self, HistoryDetail::kMatches), self.options_json, self.seed,
-                        pose_array(Similarity3(self.initial)), self.points.min_observations,
+                        seen(self.initial), self.points.min_observations,
                         matches_of(alignment.registration.matches),
                         distances_of(alignment.registration.matches));
 }
@@ -390,48 +376,38 @@ SharedAlignment unpacked(const py::tuple& state) {
 
 void bind_registration(py::module_& module) {
   using Result = RegistrationResult;
-  py::class_<Result>(
+  Exposed<Result>(
       module, "Registration",
       "Result of an iterative registration. It does not state whether the pose is right;\n"
       "a verdict does.")
-      .def_property_readonly(
-          "status", [](const Result& self) { return std::string(to_string(self.status)); },
-          "'converged', 'stopped', 'failed' or 'cancelled'.")
-      .def_property_readonly(
-          "stop_reason",
-          [](const Result& self) { return std::string(to_string(self.stop_reason)); })
+      .get("status", "'converged', 'stopped', 'failed' or 'cancelled'.", &Result::status)
+      .get("stop_reason", "", &Result::stop_reason)
       .def_readonly("reason", &Result::reason, "One sentence for people.")
-      .def_property_readonly(
-          "target_from_source", [](const Result& self) { return pose_array(self.similarity()); },
-          "4x4, including the scale.")
+      .get("target_from_source", "4x4, including the scale.", &Result::similarity)
       .def_readonly("scale", &Result::scale)
       .def_readonly("initial_score", &Result::initial_score,
                     "The paper's Eq. 5 at the initial pose.")
       .def_readonly("score", &Result::score, "The paper's Eq. 5 at the final pose.")
       .def_readonly("iterations", &Result::iterations)
-      .def_property_readonly(
-          "matches", [](const Result& self) { return matches_of(self.matches); },
-          "(m, 2): indices of points in source and target, at the final pose.")
-      .def_property_readonly(
-          "match_distances", [](const Result& self) { return distances_of(self.matches); },
-          "(m,), at the final pose.")
-      .def_property_readonly(
-          "history", &history_of,
-          "Arrays with one entry per iteration: target_from_source, mean_squared_distance,\n"
-          "score (NaN without trace=True), matches.")
-      .def_property_readonly(
-          "covariance", [](const Result& self) { return matrix_or_none(self.covariance); },
-          "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
-      .def_property_readonly(
-          "covariance_with_scale",
-          [](const Result& self) { return matrix_or_none(self.covariance_with_scale); },
-          "(7, 7), of (dt, dphi, dlog s); None if the scale was not estimated.")
-      .def_property_readonly(
-          "unobservable", [](const Result& self) { return directions_of(self.unobservable); },
-          "(m, 7): motions that the matches do not determine: translation, rotation, log scale.")
-      .def_property_readonly(
-          "overlap", [](const Result& self) { return overlap_of(self.overlap); },
-          "Shares of the source's and the target's landmarks that overlap; None if unknown.")
+      .get("matches", "(m, 2): indices of points in source and target, at the final pose.",
+           &Result::matches, &matches_of)
+      .get("match_distances", "(m,), at the final pose.", &Result::matches, &distances_of)
+      .get("history",
+           "Arrays with one entry per iteration: target_from_source, mean_squared_distance,\n"
+           "score (NaN without trace=True), matches.",
+           &history_of)
+      .get("covariance",
+           "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.",
+           &Result::covariance)
+      .get("covariance_with_scale",
+           "(7, 7), of (dt, dphi, dlog s); None if the scale was not estimated.",
+           &Result::covariance_with_scale)
+      .get("unobservable",
+           "(m, 7): motions that the matches do not determine: translation, rotation, log scale.",
+           &Result::unobservable, &directions_of)
+      .get("overlap",
+           "Shares of the source's and the target's landmarks that overlap; None if unknown.",
+           &Result::overlap, &shares_of)
       .def_readonly("duration_s", &Result::duration_s)
       .def("__repr__", [](const Result& self) {
         return fmt::format("<Registration: {} after {} iterations: {}>", to_string(self.status),
@@ -441,14 +417,11 @@ void bind_registration(py::module_& module) {
 
 void bind_candidate(py::module_& module) {
   using Candidate = PlacementCandidate;
-  py::class_<Candidate>(module, "Candidate", "A candidate pose from the search.")
-      .def_property_readonly(
-          "target_from_source", [](const Candidate& self) { return pose_array(self.similarity()); },
-          "4x4, including the scale.")
+  Exposed<Candidate>(module, "Candidate", "A candidate pose from the search.")
+      .get("target_from_source", "4x4, including the scale.", &Candidate::similarity)
       .def_readonly("scale", &Candidate::scale)
       .def_readonly("probability", &Candidate::probability, "Probability that this pose is right.")
-      .def_property_readonly("matches",
-                             [](const Candidate& self) { return self.support.matches(); })
+      .get("matches", "", &Candidate::support, &Support::matches)
       .def_readonly("contradicted", &Candidate::contradicted,
                     "Share of the keyframes' lines of sight that contradict it; None if unknown.")
       .def("__repr__", [](const Candidate& self) {
@@ -457,15 +430,13 @@ void bind_candidate(py::module_& module) {
       });
 }
 
-void bind_result(py::module_& module) {
-  using Result = AlignmentResult;
-  py::class_<MapDeformation>(module, "MapDeformation",
-                             "Smooth deformation of two maps of free scale against each other.")
+void bind_deformation(py::module_& module) {
+  Exposed<MapDeformation>(module, "MapDeformation",
+                          "Smooth deformation of two maps of free scale against each other.")
       .def_readonly("matches", &MapDeformation::matches,
                     "Number of descriptor matches that agree with it.")
-      .def_property_readonly(
-          "rotation_deg", [](const MapDeformation& self) { return degrees(self.rotation_rad); },
-          "Largest rotation between the local poses of two landmarks.")
+      .get("rotation_deg", "Largest rotation between the local poses of two landmarks.",
+           &MapDeformation::rotation_rad, &degrees)
       .def_readonly("scale_ratio", &MapDeformation::scale_ratio,
                     "Largest ratio of their local scales.")
       .def_readonly(
@@ -476,79 +447,53 @@ void bind_result(py::module_& module) {
         return fmt::format("MapDeformation(rotation_deg={:.2f}, scale_ratio={:.3f}, matches={})",
                            degrees(self.rotation_rad), self.scale_ratio, self.matches);
       });
+}
 
-  py::class_<Result, SharedAlignment> result(module, "Alignment", "Result of aligning two maps.");
+void bind_result(py::module_& module) {
+  using Result = AlignmentResult;
+  Exposed<Result, SharedAlignment> result(module, "Alignment", "Result of aligning two maps.");
   result
-      .def_property_readonly(
-          "verdict",
-          [](const Result& self) -> std::optional<std::string> {
-            const auto& verdict = self.alignment().verdict;
-            if (!verdict) return std::nullopt;
-            return std::string(to_string(*verdict));
-          },
-          "'aligned', 'ambiguous' or 'rejected'; None if it was not judged.")
-      .def_property_readonly(
-          "status", [](const Result& self) { return std::string(status_of(self.alignment())); },
-          "The verdict; if not judged, 'converged', 'stopped', 'failed' or 'cancelled'.")
-      .def_property_readonly(
-          "probability", [](const Result& self) { return self.alignment().probability; },
-          "Probability that the estimate is right; None if it was not judged.")
-      .def_property_readonly(
-          "reason", [](const Result& self) { return self.alignment().reason; },
-          "One sentence for people.")
-      .def_property_readonly(
-          "target_from_source",
-          [](const Result& self) { return pose_array(self.alignment().target_from_source); },
-          "4x4, including the scale: x_in_target = target_from_source @ x_in_source.\n"
-          "None unless the verdict is 'aligned'.")
-      .def_property_readonly(
-          "estimate", [](const Result& self) { return pose_array(self.alignment().estimate); },
-          "4x4: the best pose found, whatever the verdict; None if none was found.")
-      .def_property_readonly(
-          "scale",
-          [](const Result& self) -> std::optional<double> {
-            const auto& pose = self.alignment().estimate;
-            return pose ? std::optional(pose->scale()) : std::nullopt;
-          },
-          "Scale of the estimate; None without one.")
-      .def_property_readonly(
-          "covariance",
-          [](const Result& self) {
-            return matrix_or_none(self.alignment().registration.covariance);
-          },
-          "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
-      .def_property_readonly(
-          "covariance_with_scale",
-          [](const Result& self) {
-            return matrix_or_none(self.alignment().registration.covariance_with_scale);
-          },
-          "(7, 7), of (dt, dphi, dlog s); None if the scale was not estimated.")
-      .def_property_readonly(
-          "candidates", [](const Result& self) { return self.alignment().candidates; },
-          "All poses that were compared, likeliest first; empty if it was not judged.")
-      .def_property_readonly(
-          "registration", [](const Result& self) { return self.alignment().registration; },
-          "Score, iterations and matches of the estimate.")
-      .def_property_readonly(
-          "deformation", [](const Result& self) { return self.alignment().deformation; },
-          "How the maps are deformed against each other, if they clearly are (with scale=True); "
-          "None "
-          "otherwise.")
-      .def_property_readonly(
-          "overlap",
-          [](const Result& self) { return overlap_of(self.alignment().registration.overlap); },
-          "Shares of the source's and the target's landmarks that overlap; None if unknown.")
-      .def_property_readonly(
-          "unobservable",
-          [](const Result& self) {
-            return directions_of(self.alignment().registration.unobservable);
-          },
-          "(m, 7): motions that the matches do not determine: translation, rotation, log scale.")
-      .def_property_readonly(
-          "deterministic", [](const Result& self) { return self.alignment().deterministic; },
-          "False with a time limit.")
-      .def_property_readonly("duration_s",
-                             [](const Result& self) { return self.alignment().duration_s; })
+      .get("verdict", "'aligned', 'ambiguous' or 'rejected'; None if it was not judged.",
+           &Result::alignment, &Alignment::verdict)
+      .get("status", "The verdict; if not judged, 'converged', 'stopped', 'failed' or 'cancelled'.",
+           &Result::alignment, [](const Alignment& one) { return status_of(one); })
+      .get("probability", "Probability that the estimate is right; None if it was not judged.",
+           &Result::alignment, &Alignment::probability)
+      .get("reason", "One sentence for people.", &Result::alignment, &Alignment::reason)
+      .get("target_from_source",
+           "4x4, including the scale: x_in_target = target_from_source @ x_in_source.\n"
+           "None unless the verdict is 'aligned'.",
+           &Result::alignment, &Alignment::target_from_source)
+      .get("estimate", "4x4: the best pose found, whatever the verdict; None if none was found.",
+           &Result::alignment, &Alignment::estimate)
+      .get("scale", "Scale of the estimate; None without one.", &Result::alignment,
+           &Alignment::estimate, &Similarity3::scale)
+      .get("covariance",
+           "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.",
+           &Result::alignment, &Alignment::registration, &RegistrationResult::covariance)
+      .get("covariance_with_scale",
+           "(7, 7), of (dt, dphi, dlog s); None if the scale was not estimated.",
+           &Result::alignment, &Alignment::registration, &RegistrationResult::covariance_with_scale)
+      .get("candidates",
+           "All poses that were compared, likeliest first; empty if it was not judged.",
+           &Result::alignment, &Alignment::candidates)
+      .get("registration", "Score, iterations and matches of the estimate.", &Result::alignment,
+           &Alignment::registration)
+      .get("deformation",
+           "How the maps are deformed against each other, if they clearly are (with scale=True); "
+           "None "
+           "otherwise.",
+           &Result::alignment, &Alignment::deformation)
+      .get("overlap",
+           "Shares of the source's and the target's landmarks that overlap; None if unknown.",
+           &Result::alignment, &Alignment::registration, &RegistrationResult::overlap, &shares_of)
+      .get("unobservable",
+           "(m, 7): motions that the matches do not determine: translation, rotation, log scale.",
+           &Result::alignment, &Alignment::registration, &RegistrationResult::unobservable,
+           &directions_of)
+      .get("deterministic", "False with a time limit.", &Result::alignment,
+           &Alignment::deterministic)
+      .get("duration_s", "", &Result::alignment, &Alignment::duration_s)
       .def(
           "to_json",
           [](const Result& self, bool history) {
@@ -573,6 +518,7 @@ void bind_result(py::module_& module) {
 void bind_alignment(py::module_& module) {
   bind_registration(module);
   bind_candidate(module);
+  bind_deformation(module);
   bind_result(module);
   module.def(
       "align", &align_maps, py::arg("source"), py::arg("target"),

@@ -16,8 +16,9 @@
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/text.hpp"
 
+#include "bindings/atlas_results.hpp"
 #include "bindings/maps.hpp"
-#include "bindings/merging.hpp"
+#include "bindings/properties.hpp"
 #include "bindings/text.hpp"
 
 namespace cairn::python {
@@ -52,6 +53,14 @@ class SharedAtlas {
       atlas_->begin_run();
       work(*atlas_, execution);
     });
+  }
+
+  /// What `work(atlas)` returns.
+  template <class Work>
+  auto ask(const std::string& doing, const Work& work) {
+    std::optional<std::invoke_result_t<Work, Atlas&>> answer;
+    alone(doing, [&](Atlas& atlas, const Execution&) { answer.emplace(work(atlas)); });
+    return *std::move(answer);
   }
 
   void close() {
@@ -90,12 +99,6 @@ class SharedAtlas {
 
 // --- What an atlas holds ----------------------------------------------------------------------------
 
-struct HeldMap {
-  AtlasNode node;
-  std::optional<AtlasPose> pose;
-  std::string frame;  ///< name of the map whose frame the pose is in
-};
-
 HeldMap held_map(const AtlasState& state, NodeId id) {
   HeldMap held{state.nodes.at(id), std::nullopt, {}};
   const auto pose = state.poses.find(id);
@@ -123,24 +126,6 @@ NamedLink held_link(const AtlasState& state, const Link& link) {
           is_used(state, link)};
 }
 
-struct Route {
-  AtlasRoute route;
-  std::vector<std::string> maps;
-  std::vector<NamedLink> links;
-};
-
-py::object text_or_none(const std::string& text) {
-  if (text.empty()) return py::none();
-  return decoded(text);
-}
-
-py::object utc_time(std::int64_t time_ms) {
-  const py::module_ datetime = py::module_::import("datetime");
-  return datetime.attr("datetime")
-      .attr("fromtimestamp")(1e-3 * static_cast<double>(time_ms),
-                             datetime.attr("timezone").attr("utc"));
-}
-
 // --- Making and opening -----------------------------------------------------------------------------
 
 struct OpenKeywords {
@@ -161,13 +146,11 @@ const Keywords<OpenKeywords>& create_keywords() {
 }
 
 const Keywords<OpenKeywords>& open_keywords() {
-  static const auto table = [] {
-    Keywords<OpenKeywords> keywords("open");
-    keywords.add("read_only", [](auto& o) -> auto& { return o.options.read_only; })
-        .add("insist", [](auto& o) -> auto& { return o.options.insist; })
-        .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
-    return keywords;
-  }();
+  static const auto table =
+      Keywords<OpenKeywords>("open")
+          .add("read_only", [](auto& o) -> auto& { return o.options.read_only; })
+          .add("insist", [](auto& o) -> auto& { return o.options.insist; })
+          .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
   return table;
 }
 
@@ -222,12 +205,10 @@ HeldMap add(SharedAtlas& self, const LandmarkMap& map, const py::object& name,
             const py::object& session) {
   const std::string map_name = encoded(name, "name");
   const std::string map_session = session.is_none() ? "" : encoded(session, "session");
-  HeldMap held;
-  self.alone("adding", [&](Atlas& atlas, const Execution&) {
+  return self.ask("adding", [&](Atlas& atlas) {
     const NodeId node = atlas.add(map, map_name, map_session).node;
-    held = held_map(atlas.state(), node);
+    return held_map(atlas.state(), node);
   });
-  return held;
 }
 
 struct Lintable {
@@ -249,7 +230,6 @@ const Keywords<Lintable>& link_keywords() {
                for (const py::handle name : value) call.only->push_back(encoded(name, "only"));
              })
         .add("retry", [](auto& c) -> auto& { return c.options.retry; })
-        .add("candidates", [](auto& c) -> auto& { return c.options.links.candidates; })
         .add("shard", [](auto& c) -> auto& { return c.options.shard; })
         .add("shards", [](auto& c) -> auto& { return c.options.shards; })
         .add_table(LinkOptions::table, [](auto& c) -> auto& { return c.options.links; });
@@ -281,12 +261,9 @@ AtlasLinkResult link(SharedAtlas& self, const py::kwargs& given) {
 Matrix7d covariance_of(py::handle value) {
   const auto given = py::array::ensure(value);
   PyErr_Clear();
-  const py::ssize_t size = given && given.ndim() == 2 && given.shape(0) == 7 ? 7 : 6;
-  const auto numbers = real_array(value, "covariance", {size, size});
+  if (given && given.ndim() == 2 && given.shape(0) == 7) return matrix_of<7>(value, "covariance");
   Matrix7d covariance = Matrix7d::Zero();
-  for (py::ssize_t i = 0; i < size; ++i) {
-    for (py::ssize_t j = 0; j < size; ++j) covariance(i, j) = numbers.at(i, j);
-  }
+  covariance.topLeftCorner<6, 6>() = matrix_of<6>(value, "covariance");
   return covariance;
 }
 
@@ -302,14 +279,12 @@ bool link_by_odometry(SharedAtlas& self, const py::object& target, const py::obj
   } else {
     link.covariance = uncertainty.topLeftCorner<6, 6>();
   }
-  std::size_t added = 0;
-  self.alone("linking", [&](Atlas& atlas, const Execution&) {
+  return self.ask("linking", [&](Atlas& atlas) {
     const AtlasState state = atlas.state();
     link.target = node_named(atlas, state, to).id;
     link.source = node_named(atlas, state, from).id;
-    added = atlas.link_by_odometry(std::span(&link, 1));
+    return atlas.link_by_odometry(std::span(&link, 1)) > 0;
   });
-  return added > 0;
 }
 
 void link_manually(SharedAtlas& self, const py::object& target, const py::object& source,
@@ -338,10 +313,8 @@ void unlink(SharedAtlas& self, const py::object& a, const py::object& b, const p
 }
 
 Keywords<PoseOptimisationOptions> pose_keywords(const char* function) {
-  Keywords<PoseOptimisationOptions> keywords(function);
-  keywords.add("agreement", [](auto& o) -> auto& { return o.agreement; })
-      .add("max_iterations", [](auto& o) -> auto& { return o.max_iterations; });
-  return keywords;
+  return Keywords<PoseOptimisationOptions>(function).add_table(PoseOptimisationOptions::table,
+                                                               [](auto& o) -> auto& { return o; });
 }
 
 const Keywords<PoseOptimisationOptions>& optimize_keywords() {
@@ -387,13 +360,13 @@ py::list split_map(SharedAtlas& self, const py::object& name, const py::object& 
   const std::string map = encoded(name, "name");
   std::size_t count = 0;
   from_python(frames, "frames", count);
-  std::vector<std::string> names;
-  self.alone("splitting", [&](Atlas& atlas, const Execution&) {
+  return decoded(self.ask("splitting", [&](Atlas& atlas) {
     const std::vector<NodeId> parts = atlas.split(node_named(atlas, atlas.state(), map).id, count);
     const AtlasState state = atlas.state();
+    std::vector<std::string> names;
     for (const NodeId id : parts) names.push_back(state.nodes.at(id).name);
-  });
-  return decoded(names);
+    return names;
+  }));
 }
 
 struct CompactKeywords {
@@ -414,33 +387,28 @@ const Keywords<CompactKeywords>& compact_keywords() {
 
 AtlasCompaction compact(SharedAtlas& self, const py::kwargs& given) {
   const CompactKeywords keywords = compact_keywords().read(given);
-  AtlasCompaction result;
-  self.alone("compacting", [&](Atlas& atlas, const Execution&) {
-    result = atlas.store().compact(keywords.keep, keywords.dry);
-  });
-  return result;
+  return self.ask("compacting",
+                  [&](Atlas& atlas) { return atlas.store().compact(keywords.keep, keywords.dry); });
 }
 
 std::uint64_t undo(SharedAtlas& self, const py::object& commit) {
   std::optional<std::uint64_t> which;
   from_python(commit, "commit", which);
-  CommitId undone;
-  self.alone("undoing", [&](Atlas& atlas, const Execution&) {
-    undone = atlas.undo(which ? std::optional(CommitId{*which}) : std::nullopt);
+  return self.ask("undoing", [&](Atlas& atlas) {
+    return atlas.undo(which ? std::optional(CommitId{*which}) : std::nullopt).value;
   });
-  return undone.value;
 }
 
 // --- Reading ----------------------------------------------------------------------------------------
 
 py::dict maps_of(SharedAtlas& self) {
-  std::vector<HeldMap> held;
-  self.alone("reading", [&](Atlas& atlas, const Execution&) {
-    const AtlasState state = atlas.state();
-    for (const auto& [id, node] : state.nodes) held.push_back(held_map(state, id));
-  });
   py::dict maps;
-  for (HeldMap& map : held) {
+  for (HeldMap& map : self.ask("reading", [](Atlas& atlas) {
+         const AtlasState state = atlas.state();
+         std::vector<HeldMap> held;
+         for (const auto& [id, node] : state.nodes) held.push_back(held_map(state, id));
+         return held;
+       })) {
     const py::str name = decoded(map.node.name);
     maps[name] = std::move(map);
   }
@@ -448,53 +416,47 @@ py::dict maps_of(SharedAtlas& self) {
 }
 
 std::vector<NamedLink> links_of(SharedAtlas& self) {
-  std::vector<NamedLink> links;
-  self.alone("reading", [&](Atlas& atlas, const Execution&) {
+  return self.ask("reading", [](Atlas& atlas) {
     const AtlasState state = atlas.state();
+    std::vector<NamedLink> links;
     for (const auto& [id, link] : state.links) links.push_back(held_link(state, link));
+    return links;
   });
-  return links;
 }
 
 std::vector<AtlasCommit> log_of(SharedAtlas& self) {
-  std::vector<AtlasCommit> log;
-  self.alone("reading", [&](Atlas& atlas, const Execution&) { log = atlas.store().log(); });
-  return log;
+  return self.ask("reading", [](Atlas& atlas) { return atlas.store().log(); });
 }
 
 SharedMap map_named(SharedAtlas& self, const py::object& name) {
   const std::string map_name = encoded(name, "name");
-  SharedMap map;
-  self.alone("reading", [&](Atlas& atlas, const Execution&) {
+  return self.ask("reading", [&](Atlas& atlas) {
     const AtlasState state = atlas.state();
-    map = std::make_shared<LandmarkMap>(atlas.map(node_named(atlas, state, map_name)));
+    return std::make_shared<LandmarkMap>(atlas.map(node_named(atlas, state, map_name)));
   });
-  return map;
 }
 
 std::optional<Route> path_between(SharedAtlas& self, const py::object& target,
                                   const py::object& source) {
   const std::string to = encoded(target, "target");
   const std::string from = encoded(source, "source");
-  std::optional<Route> path;
-  self.alone("reading", [&](Atlas& atlas, const Execution&) {
+  return self.ask("reading", [&](Atlas& atlas) -> std::optional<Route> {
     const AtlasState state = atlas.state();
     const auto found =
         find_route(state, node_named(atlas, state, to).id, node_named(atlas, state, from).id);
-    if (!found) return;
-    path.emplace(Route{*found, {}, {}});
-    for (const NodeId id : found->nodes) path->maps.push_back(state.nodes.at(id).name);
+    if (!found) return std::nullopt;
+    Route path{*found, {}, {}};
+    for (const NodeId id : found->nodes) path.maps.push_back(state.nodes.at(id).name);
     for (const LinkId id : found->links) {
-      path->links.push_back(held_link(state, state.links.at(id)));
+      path.links.push_back(held_link(state, state.links.at(id)));
     }
+    return path;
   });
-  return path;
 }
 
 py::list verify(SharedAtlas& self) {
-  AtlasVerification found;
-  self.alone("verifying", [&](Atlas& atlas, const Execution&) { found = atlas.store().verify(); });
-  return decoded(found.problems);
+  return decoded(
+      self.ask("verifying", [](Atlas& atlas) { return atlas.store().verify(); }).problems);
 }
 
 // Keywords that select a component of an atlas and a commit.
@@ -512,11 +474,9 @@ void set_frame(Selection& selection, py::handle value) {
 }
 
 const Keywords<Selection>& export_keywords() {
-  static const auto table = [] {
-    Keywords<Selection> keywords("export");
-    keywords.add("frame", py::none(), set_frame).add("at", [](auto& o) -> auto& { return o.at; });
-    return keywords;
-  }();
+  static const auto table = Keywords<Selection>("export")
+                                .add("frame", py::none(), set_frame)
+                                .add("at", [](auto& o) -> auto& { return o.at; });
   return table;
 }
 
@@ -526,10 +486,10 @@ void export_to(SharedAtlas& self, const std::filesystem::path& path, const py::k
   std::vector<std::string> remarks;
   self.alone("exporting", [&](Atlas& atlas, const Execution&) {
     const AtlasState state = selection.state(atlas);
-    AtlasExportOptions options;
-    if (selection.frame) options.frame = node_named(atlas, state, *selection.frame).id;
-    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-    export_atlas(atlas, state, path, options);
+    std::optional<NodeId> frame;
+    if (selection.frame) frame = node_named(atlas, state, *selection.frame).id;
+    export_atlas(atlas, state, path, frame,
+                 [&](std::string_view remark) { remarks.emplace_back(remark); });
   });
   warn(remarks);
 }
@@ -539,25 +499,12 @@ struct WorldKeywords : Selection {
 };
 
 const Keywords<WorldKeywords>& world_keywords() {
-  static const auto table = [] {
-    Keywords<WorldKeywords> keywords("world_difference");
-    keywords.add("at", [](auto& o) -> auto& { return o.at; })
-        .add("min_observations", [](auto& o) -> auto& { return o.changes.min_observations; })
-        .add("tolerance", [](auto& o) -> auto& { return o.changes.tolerance; })
-        .add("reach", [](auto& o) -> auto& { return o.changes.reach; })
-        .add("min_landmarks", [](auto& o) -> auto& { return o.changes.min_landmarks; })
-        .add("min_size", [](auto& o) -> auto& { return o.changes.min_size; })
-        .add("min_confidence", [](auto& o) -> auto& { return o.changes.min_confidence; })
-        .add("seed", [](auto& o) -> auto& { return o.changes.seed; });
-    return keywords;
-  }();
+  static const auto table =
+      Keywords<WorldKeywords>("world_difference")
+          .add("at", [](auto& o) -> auto& { return o.at; })
+          .add_table(ChangeOptions::table, [](auto& o) -> auto& { return o.changes; });
   return table;
 }
-
-struct WorldDifference {
-  ChangeResult result;
-  std::string frame;  ///< name of the map whose frame the places are in
-};
 
 WorldDifference difference_of_worlds(SharedAtlas& self, const py::object& first,
                                      const py::object& second, const py::kwargs& given) {
@@ -597,15 +544,14 @@ AtlasSalvage salvage(const py::object& damaged, const py::object& location,
 }
 
 struct MergeKeywords : Selection {
-  MergePlacedOptions placed;
+  FusionOptions fusion;
 };
 
 const Keywords<MergeKeywords>& atlas_merge_keywords() {
   static const auto table = [] {
     Keywords<MergeKeywords> keywords("merge");
     keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
-    add_merge_placed_to(keywords, [](auto& c) -> auto& { return c.placed; });
-    keywords.add("seed", [](auto& c) -> auto& { return c.placed.fusion.seed; });
+    keywords.add_table(FusionOptions::table, [](auto& c) -> auto& { return c.fusion; });
     return keywords;
   }();
   return table;
@@ -614,16 +560,16 @@ const Keywords<MergeKeywords>& atlas_merge_keywords() {
 Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   CallOptions call;
   const MergeKeywords keywords = atlas_merge_keywords().read(given, &call);
-  keywords.placed.validate();
+  keywords.fusion.validate();
   Merged merged;
   std::vector<std::string> remarks;
   const auto work = [&](Atlas& atlas, const Execution& execution) {
     const AtlasState state = keywords.state(atlas);
-    MergePlacedOptions options = keywords.placed;
+    FusionOptions options = keywords.fusion;
     std::optional<NodeId> frame;
     if (keywords.frame) frame = node_named(atlas, state, *keywords.frame).id;
-    options.fusion.execution = execution;
-    options.fusion.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    options.execution = execution;
+    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
     for (const auto& [id, node] : state.nodes) merged.names.push_back(node.name);
     merged.result = atlas.merge(options, frame, state.commit);
     merged.map = std::make_shared<LandmarkMap>(*std::exchange(merged.result.map, std::nullopt));
@@ -633,211 +579,9 @@ Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   return merged;
 }
 
-// --- Classes ----------------------------------------------------------------------------------------
+// --- The class --------------------------------------------------------------------------------------
 
-std::string held_map_text(const HeldMap& self) {
-  return fmt::format("<AtlasMap {}: {} landmarks, {} frames, {}>", self.node.name,
-                     self.node.landmarks, self.node.frames,
-                     self.pose ? "in the frame of " + self.frame : "not placed");
-}
-
-void bind_contents(py::module_& module) {
-  py::class_<HeldMap>(module, "AtlasMap",
-                      "Description of a map in an atlas at the time of the call. Atlas.map() gives "
-                      "the map itself.")
-      .def_property_readonly("name", [](const HeldMap& self) { return decoded(self.node.name); })
-      .def_property_readonly(
-          "session", [](const HeldMap& self) { return text_or_none(self.node.session); },
-          "Name shared by the maps of one run; None if unknown.")
-      .def_property_readonly(
-          "length_unit",
-          [](const HeldMap& self) { return std::string(to_string(self.node.length_unit)); },
-          "'metres' or 'free'.")
-      .def_property_readonly("landmarks", [](const HeldMap& self) { return self.node.landmarks; })
-      .def_property_readonly("frames", [](const HeldMap& self) { return self.node.frames; })
-      .def_property_readonly("observations",
-                             [](const HeldMap& self) { return self.node.observations; })
-      .def_property_readonly(
-          "frame",
-          [](const HeldMap& self) { return text_or_none(self.pose ? self.frame : std::string()); },
-          "Name of the map whose frame frame_from_map refers to, the same for all maps of a "
-          "group;\nNone without a pose.")
-      .def_property_readonly(
-          "frame_from_map",
-          [](const HeldMap& self) -> py::object {
-            if (!self.pose) return py::none();
-            return pose_array(self.pose->frame_from_node);
-          },
-          "4x4, including the scale; None until optimize() has placed the map.")
-      .def_property_readonly(
-          "covariance",
-          [](const HeldMap& self) -> py::object {
-            if (!self.pose) return py::none();
-            return copied_matrix(self.pose->covariance);
-          },
-          "(7, 7), of the left perturbation (dt, dphi, dlog s) in `frame`; None without a pose.")
-      .def("__repr__", [](const HeldMap& self) { return decoded(held_map_text(self)); });
-  py::class_<AtlasCommit>(module, "AtlasCommit", "A change of an atlas.")
-      .def_property_readonly("id", [](const AtlasCommit& self) { return self.id.value; })
-      .def_property_readonly(
-          "time", [](const AtlasCommit& self) { return utc_time(self.time_ms); },
-          "A datetime, in UTC.")
-      .def_property_readonly("author",
-                             [](const AtlasCommit& self) { return text_or_none(self.author); })
-      .def_property_readonly("host",
-                             [](const AtlasCommit& self) { return text_or_none(self.host); })
-      .def_property_readonly(
-          "verb", [](const AtlasCommit& self) { return decoded(self.verb); },
-          "'add', 'link' and so on.")
-      .def_property_readonly(
-          "text", [](const AtlasCommit& self) { return decoded(self.text); },
-          "Description of the change, for people.")
-      .def_property_readonly(
-          "run", [](const AtlasCommit& self) { return self.run.value; },
-          "Id of the first commit of the same call.")
-      .def_property_readonly(
-          "undoes",
-          [](const AtlasCommit& self) {
-            return self.undoes ? std::optional(self.undoes->value) : std::nullopt;
-          },
-          "Id of the last commit of the call that this commit undid; None if it undid none.")
-      .def("__repr__", [](const AtlasCommit& self) {
-        return decoded(
-            fmt::format("<AtlasCommit {}: {}: {}>", self.id.value, self.verb, self.text));
-      });
-  py::class_<Route>(module, "AtlasRoute", "A chain of links from one map of an atlas to another.")
-      .def_property_readonly(
-          "maps", [](const Route& self) { return decoded(self.maps); },
-          "Names of the maps, from the target to the source.")
-      .def_readonly("links", &Route::links, "Links between consecutive maps.")
-      .def_property_readonly(
-          "target_from_source",
-          [](const Route& self) { return pose_array(self.route.target_from_source); },
-          "4x4, along the links.")
-      .def_property_readonly(
-          "covariance", [](const Route& self) { return matrix_or_none(self.route.covariance); },
-          "(7, 7), of the left perturbation (dt, dphi, dlog s) in the target frame; None if a link "
-          "has none.")
-      .def_property_readonly(
-          "optimised", [](const Route& self) { return pose_array(self.route.optimised); },
-          "4x4: target_from_source from the optimised poses, which use all links; None unless "
-          "both\n"
-          "maps are in one frame.")
-      .def("__repr__", [](const Route& self) {
-        return decoded(fmt::format("<AtlasRoute: {}>", fmt::join(self.maps, " <- ")));
-      });
-}
-
-py::tuple box_of(const ChangedPlace& place) {
-  return py::make_tuple(copied_matrix(place.low), copied_matrix(place.high));
-}
-
-std::string world_text(const WorldDifference& self) {
-  std::map<ChangeKind, std::size_t> counts;
-  for (const Change& change : self.result.changes) ++counts[change.kind];
-  return fmt::format("<WorldDifference: {} moved, {} vanished, {} appeared>",
-                     counts[ChangeKind::kMoved], counts[ChangeKind::kVanished],
-                     counts[ChangeKind::kAppeared]);
-}
-
-void bind_world(py::module_& module) {
-  py::class_<ChangedPlace>(module, "ChangedPlace", "Position of a changed object in one map.")
-      .def_property_readonly(
-          "landmarks", [](const ChangedPlace& self) { return self.landmarks.size(); },
-          "Number of the object's landmarks there.")
-      .def_property_readonly("position",
-                             [](const ChangedPlace& self) { return copied_matrix(self.centre); })
-      .def_property_readonly(
-          "box", [](const ChangedPlace& self) { return box_of(self); },
-          "Lowest and highest corner of a box around nearly all its landmarks.")
-      .def("__repr__", [](const ChangedPlace& self) {
-        return fmt::format("<ChangedPlace: {} landmarks at ({:.2f}, {:.2f}, {:.2f})>",
-                           self.landmarks.size(), self.centre.x(), self.centre.y(),
-                           self.centre.z());
-      });
-  py::class_<Change>(module, "Change", "An object that appeared, vanished or moved.")
-      .def_property_readonly(
-          "kind", [](const Change& self) { return std::string(to_string(self.kind)); },
-          "'moved', 'vanished' or 'appeared'.")
-      .def_readonly("before", &Change::before, "None if the object appeared.")
-      .def_readonly("after", &Change::after, "None if the object vanished.")
-      .def_property_readonly(
-          "after_from_before",
-          [](const Change& self) { return pose_array(self.after_from_before); },
-          "4x4: motion of a moved object; None for other changes.")
-      .def_readonly("confidence", &Change::confidence, "Probability that it is a change, 0 to 1.")
-      .def("__repr__", [](const Change& self) {
-        return fmt::format("<Change: {}, confidence {:.3f}>", to_string(self.kind),
-                           self.confidence);
-      });
-  py::class_<WorldDifference>(module, "WorldDifference",
-                              "Differences between two sessions or maps of an atlas.")
-      .def_property_readonly(
-          "changes", [](const WorldDifference& self) { return self.result.changes; },
-          "Moved, vanished, appeared; each by descending confidence.")
-      .def_property_readonly(
-          "comparable",
-          [](const WorldDifference& self) {
-            return py::make_tuple(self.result.comparable_first, self.result.comparable_second);
-          },
-          "Number of landmarks of the first and of the second that the other should also have; (0, "
-          "0) if\nno keyframe of either observed the other's landmarks.")
-      .def_property_readonly(
-          "found_again", [](const WorldDifference& self) { return self.result.repeated; },
-          "Share of the comparable landmarks that the other has.")
-      .def_property_readonly(
-          "frame", [](const WorldDifference& self) { return decoded(self.frame); },
-          "Name of the map whose frame the positions are in.")
-      .def("__repr__", &world_text);
-}
-
-void bind_results(py::module_& module) {
-  py::class_<AtlasCompaction>(module, "AtlasCompaction", "Numbers of what Atlas.compact() dropped.")
-      .def_readonly("commits", &AtlasCompaction::commits, "Number of commits joined into one.")
-      .def_readonly("maps", &AtlasCompaction::maps)
-      .def_readonly("map_bytes", &AtlasCompaction::map_bytes)
-      .def_readonly("links", &AtlasCompaction::links)
-      .def_readonly("poses", &AtlasCompaction::poses)
-      .def("__repr__", [](const AtlasCompaction& self) {
-        return fmt::format("<AtlasCompaction: {} commits, {} maps, {} links, {} poses>",
-                           self.commits, self.maps, self.links, self.poses);
-      });
-  py::class_<AtlasSalvage>(module, "AtlasSalvage", "Numbers of what Atlas.salvage() copied.")
-      .def_readonly("maps", &AtlasSalvage::maps)
-      .def_readonly("links", &AtlasSalvage::links)
-      .def_readonly("poses", &AtlasSalvage::poses)
-      .def_property_readonly(
-          "lost", [](const AtlasSalvage& self) { return decoded(self.lost); },
-          "One sentence for each loss.")
-      .def("__repr__", [](const AtlasSalvage& self) {
-        return fmt::format("<AtlasSalvage: {} maps, {} links, {} poses; {} lost>", self.maps,
-                           self.links, self.poses, self.lost.size());
-      });
-  py::class_<AtlasLinkResult>(module, "AtlasLinkResult", "Numbers of pairs of Atlas.link().")
-      .def_readonly("pairs", &AtlasLinkResult::pairs, "Pairs of maps in the atlas.")
-      .def_readonly("tried", &AtlasLinkResult::tried, "Pairs tried by this call.")
-      .def_readonly("tried_before", &AtlasLinkResult::tried_before,
-                    "Pairs tried before, or linked by a person.")
-      .def_readonly("not_likely", &AtlasLinkResult::not_likely, "Pairs excluded by recognition.")
-      .def_readonly("aligned", &AtlasLinkResult::aligned, "Pairs aligned by this call.")
-      .def("__repr__", [](const AtlasLinkResult& self) {
-        return fmt::format(
-            "<AtlasLinkResult: {} of {} pairs tried, {} aligned; {} tried before, {} not likely>",
-            self.tried, self.pairs, self.aligned, self.tried_before, self.not_likely);
-      });
-  py::class_<AtlasOptimised>(module, "AtlasOptimised", "Result of Atlas.optimize().")
-      .def_readonly("placed", &AtlasOptimised::placed, "Number of maps with a pose.")
-      .def_readonly("contradicted", &AtlasOptimised::contradicted,
-                    "Number of aligned links that disagree with the poses and are not used.")
-      .def_readonly("changed", &AtlasOptimised::changed, "Whether the call changed the atlas.")
-      .def_property_readonly("commit", [](const AtlasOptimised& self) { return self.commit.value; })
-      .def("__repr__", [](const AtlasOptimised& self) {
-        return fmt::format("<AtlasOptimised: {} maps placed, {} links contradicted>", self.placed,
-                           self.contradicted);
-      });
-}
-
-using AtlasClass = py::class_<SharedAtlas, std::shared_ptr<SharedAtlas>>;
+using AtlasClass = Exposed<SharedAtlas, std::shared_ptr<SharedAtlas>>;
 
 void bind_changes(AtlasClass& atlas) {
   atlas
@@ -967,9 +711,7 @@ void bind_reading(AtlasClass& atlas) {
 }  // namespace
 
 void bind_atlas(py::module_& module) {
-  bind_contents(module);
-  bind_results(module);
-  bind_world(module);
+  bind_atlas_results(module);
   AtlasClass atlas(
       module, "Atlas",
       "Maps, their relative poses and the history of both, in a file or a PostgreSQL database.\n\n"
@@ -1000,10 +742,8 @@ void bind_atlas(py::module_& module) {
                        "the history. Does not change the damaged atlas.\n\n"
                        "damaged        path of a file\n"
                        "location       path of the new one"))
-      .def_property_readonly(
-          "location", [](const SharedAtlas& self) { return decoded(self.name()); },
-          "Without the password, if it is a URL.")
-      .def_property_readonly("read_only", &SharedAtlas::read_only)
+      .get("location", "Without the password, if it is a URL.", &SharedAtlas::name)
+      .get("read_only", "", &SharedAtlas::read_only)
       .def("close", &SharedAtlas::close,
            "close($self)\n--\n\nCloses the atlas after waiting for a call in another thread. "
            "Closing again has no effect.")

@@ -7,40 +7,31 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"
 #include "cairn/formats/trajectory_file.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/trajectory.hpp"
 
+#include "bindings/properties.hpp"
 #include "bindings/support.hpp"
 #include "bindings/text.hpp"
 
 namespace cairn::python {
 namespace {
 
-constexpr double kDegrees = 180.0 / 3.14159265358979323846;
-
 Trajectory trajectory_of(const py::object& timestamps, const py::object& poses) {
   const auto times = real_array(timestamps, "timestamps_s", {-1});
-  const auto matrices = real_array(poses, "poses", {times.shape(0), 4, 4});
+  const std::vector<Rigid3> rigids = rigids_of(poses, "poses");
+  detail::require(rigids.size() == static_cast<std::size_t>(times.shape(0)), "poses", rigids.size(),
+                  fmt::format("{}, one a time", times.shape(0)));
   std::vector<TimedPose> timed;
   for (py::ssize_t i = 0; i < times.shape(0); ++i) {
-    Matrix4d matrix;
-    for (int r = 0; r < 4; ++r) {
-      for (int c = 0; c < 4; ++c) matrix(r, c) = matrices.at(i, r, c);
-    }
-    if (!matrix.allFinite()) {
-      throw Error(ErrorKind::kMisuse, fmt::format("poses[{}]", i), "a number that is not finite",
-                  "world_from_camera");
-    }
-    try {
-      timed.push_back({times.at(i), Rigid3::from_matrix(matrix)});
-    } catch (const Error& error) {
-      throw Error(error.kind(), fmt::format("poses[{}]", i), error.what(), "");
-    }
+    timed.push_back({times.at(i), rigids[static_cast<std::size_t>(i)]});
   }
   return Trajectory(std::move(timed));
 }
@@ -57,32 +48,45 @@ std::vector<Rigid3> poses_of(const Trajectory& trajectory) {
   return poses;
 }
 
+py::array centres_of(const Trajectory& trajectory) {
+  return row_array(trajectory.poses(), [](const TimedPose& pose) {
+    const Eigen::Vector3d& t = pose.world_from_camera.translation();
+    return std::array{t.x(), t.y(), t.z()};
+  });
+}
+
+// Quaternions, because a rotation matrix loses the last bits.
+py::array packed_trajectory(const py::object& object) {
+  return row_array(object.cast<const Trajectory&>().poses(), [](const TimedPose& pose) {
+    const Eigen::Quaterniond q = pose.world_from_camera.quaternion();
+    const Eigen::Vector3d& t = pose.world_from_camera.translation();
+    return std::array{pose.timestamp_s, t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z()};
+  });
+}
+
+Trajectory unpacked_trajectory(const py::object& state) {
+  const auto rows = real_array(state, "pickled Trajectory", {-1, 8});
+  std::vector<TimedPose> poses;
+  for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
+    const double* const n = rows.data() + 8 * i;
+    poses.push_back({n[0], Rigid3(Eigen::Quaterniond(n[4], n[5], n[6], n[7]),
+                                  Eigen::Vector3d(n[1], n[2], n[3]))});
+  }
+  return Trajectory(std::move(poses));
+}
+
 void bind_trajectory(py::module_& module) {
-  py::class_<Trajectory> trajectory(module, "Trajectory", "Timed poses of a camera. Immutable.");
+  Exposed<Trajectory> trajectory(module, "Trajectory", "Timed poses of a camera. Immutable.");
   trajectory
       .def(py::init(&trajectory_of), py::arg("timestamps_s"), py::arg("poses"),
            "__init__($self, timestamps_s, poses)\n--\n\nFrom ascending times (n,) and poses "
            "world_from_camera (n, 4, 4).")
       .def("__len__", &Trajectory::size)
-      .def_property_readonly("timestamps_s",
-                             [](const Trajectory& self) { return copied(times_of(self)); })
-      .def_property_readonly(
-          "poses", [](const Trajectory& self) { return pose_arrays(poses_of(self)); },
-          "(n, 4, 4), world_from_camera.")
-      .def_property_readonly(
-          "positions",
-          [](const Trajectory& self) {
-            std::vector<double> numbers;
-            for (const TimedPose& pose : self.poses()) {
-              const Eigen::Vector3d& t = pose.world_from_camera.translation();
-              numbers.insert(numbers.end(), t.data(), t.data() + 3);
-            }
-            return copied(numbers, {static_cast<py::ssize_t>(self.size()), 3});
-          },
-          "(n, 3), camera centres.")
-      .def_property_readonly("duration_s", &Trajectory::duration_s)
-      .def_property_readonly("length", &Trajectory::length,
-                             "Length of the path, in the unit of the poses.")
+      .get("timestamps_s", "", &times_of)
+      .get("poses", "(n, 4, 4), world_from_camera.", &poses_of, &pose_arrays)
+      .get("positions", "(n, 3), camera centres.", &centres_of)
+      .get("duration_s", "", &Trajectory::duration_s)
+      .get("length", "Length of the path, in the unit of the poses.", &Trajectory::length)
       .def(
           "transformed",
           [](const Trajectory& self, const py::object& new_from_old) {
@@ -106,32 +110,8 @@ void bind_trajectory(py::module_& module) {
                                 self.duration_s(), self.length());
            })
       .def("__copy__", [](const py::object& self) { return self; });
-  make_picklable(
-      module, trajectory, "restored_trajectory",
-      [](const py::object& object) {
-        // Pickles quaternions, because a rotation matrix loses the last bits.
-        const auto& self = object.cast<const Trajectory&>();
-        std::vector<double> numbers;
-        for (const TimedPose& pose : self.poses()) {
-          const Eigen::Quaterniond q = pose.world_from_camera.quaternion();
-          const Eigen::Vector3d& t = pose.world_from_camera.translation();
-          for (const double number :
-               {pose.timestamp_s, t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z()}) {
-            numbers.push_back(number);
-          }
-        }
-        return copied(numbers, {static_cast<py::ssize_t>(self.size()), 8});
-      },
-      [](const py::object& state) {
-        const auto rows = real_array(state, "pickled Trajectory", {-1, 8});
-        std::vector<TimedPose> poses;
-        for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
-          const double* const n = rows.data() + 8 * i;
-          poses.push_back({n[0], Rigid3(Eigen::Quaterniond(n[4], n[5], n[6], n[7]),
-                                        Eigen::Vector3d(n[1], n[2], n[3]))});
-        }
-        return Trajectory(std::move(poses));
-      });
+  make_picklable(module, trajectory, "restored_trajectory", &packed_trajectory,
+                 &unpacked_trajectory);
   module.def(
       "read_trajectory",
       [](const std::filesystem::path& path) {
@@ -147,7 +127,7 @@ void bind_trajectory(py::module_& module) {
 }
 
 void bind_statistics(py::module_& module) {
-  py::class_<ErrorStatistics>(module, "ErrorStatistics", "Statistics of errors, in their unit.")
+  Exposed<ErrorStatistics>(module, "ErrorStatistics", "Statistics of errors, in their unit.")
       .def_readonly("count", &ErrorStatistics::count)
       .def_readonly("rmse", &ErrorStatistics::rmse)
       .def_readonly("mean", &ErrorStatistics::mean)
@@ -204,18 +184,13 @@ const Keywords<TrajectoryEvaluationOptions>& evaluation_keywords() {
     py::list intervals;
     for (const RelativeInterval& one : defaults.intervals) intervals.append(interval_text(one));
     keywords
-        .add("alignment", py::str("se3"),
-             [](auto& options, py::handle value) {
-               std::string text;
-               from_python(value, "alignment", text);
-               options.alignment =
-                   word<TrajectoryAlignment>(text, "alignment",
-                                             {{"none", TrajectoryAlignment::kNone},
-                                              {"origin", TrajectoryAlignment::kOrigin},
-                                              {"se3", TrajectoryAlignment::kSe3},
-                                              {"sim3", TrajectoryAlignment::kSim3},
-                                              {"poses", TrajectoryAlignment::kPoses}});
-             })
+        .add(
+            "alignment", [](auto& o) -> auto& { return o.alignment; },
+            Words<TrajectoryAlignment>{{"none", TrajectoryAlignment::kNone},
+                                       {"origin", TrajectoryAlignment::kOrigin},
+                                       {"se3", TrajectoryAlignment::kSe3},
+                                       {"sim3", TrajectoryAlignment::kSim3},
+                                       {"poses", TrajectoryAlignment::kPoses}})
         .add("max_time_difference_s", [](auto& o) -> auto& { return o.max_time_difference_s; })
         .add("intervals", py::tuple(intervals), [](auto& options, py::handle value) {
           options.intervals.clear();
@@ -232,70 +207,53 @@ const Keywords<TrajectoryEvaluationOptions>& evaluation_keywords() {
   return table;
 }
 
+// By interval.
+py::dict relative_of(const Evaluated& self) {
+  py::dict result;
+  for (std::size_t i = 0; i < self.intervals.size(); ++i) {
+    result[py::str(interval_text(self.intervals[i]))] = py::cast(self.evaluation.relative[i]);
+  }
+  return result;
+}
+
+py::array pairs_array(const std::vector<std::pair<std::size_t, std::size_t>>& pairs) {
+  return row_array(pairs, [](const auto& pair) { return std::array{pair.first, pair.second}; });
+}
+
 void bind_trajectory_evaluation(py::module_& module) {
-  py::class_<RelativeError>(module, "RelativeError", "Drift over an interval.")
+  Exposed<RelativeError>(module, "RelativeError", "Drift over an interval.")
       .def_readonly("translation", &RelativeError::translation)
       .def_readonly("rotation_rad", &RelativeError::rotation_rad)
       .def("__repr__", [](const RelativeError& self) {
         return fmt::format("<RelativeError: rmse {:.6g}, {:.6g} deg>", self.translation.rmse,
-                           self.rotation_rad.rmse * kDegrees);
+                           degrees(self.rotation_rad.rmse));
       });
-  const auto absolute = [](auto&& get) {
-    return [get](const Evaluated& self) -> py::object {
-      if (!self.evaluation.absolute) return py::none();
-      return get(*self.evaluation.absolute);
-    };
-  };
-  py::class_<Evaluated>(
+  Exposed<Evaluated>(
       module, "TrajectoryEvaluation",
       "Comparison of an estimated trajectory with the true one. Errors are None if the two cannot\n"
       "be aligned.")
-      .def_property_readonly(
-          "translation", absolute([](const AbsoluteError& e) { return py::cast(e.translation); }),
-          "Absolute trajectory error: ErrorStatistics of distances.")
-      .def_property_readonly(
-          "rotation_rad", absolute([](const AbsoluteError& e) { return py::cast(e.rotation_rad); }))
-      .def_property_readonly("translations", absolute([](const AbsoluteError& e) -> py::object {
-                               return copied(e.translations);
-                             }),
-                             "(p,), one per pair of poses.")
-      .def_property_readonly("rotations_rad", absolute([](const AbsoluteError& e) -> py::object {
-                               return copied(e.rotations_rad);
-                             }))
-      .def_property_readonly("truth_from_estimate", absolute([](const AbsoluteError& e) {
-                               return pose_array(e.truth_from_estimate);
-                             }),
-                             "The alignment, 4x4.")
-      .def_property_readonly(
-          "pairs",
-          [](const Evaluated& self) {
-            std::vector<std::uint64_t> pairs;
-            for (const auto& [estimate, truth] : self.evaluation.pairs) {
-              pairs.push_back(estimate);
-              pairs.push_back(truth);
-            }
-            return copied(pairs, {static_cast<py::ssize_t>(self.evaluation.pairs.size()), 2});
-          },
-          "(p, 2): indices into estimate and truth.")
-      .def_property_readonly(
-          "relative",
-          [](const Evaluated& self) {
-            py::dict result;
-            for (std::size_t i = 0; i < self.intervals.size(); ++i) {
-              result[py::str(interval_text(self.intervals[i]))] =
-                  py::cast(self.evaluation.relative[i]);
-            }
-            return result;
-          },
-          "Relative pose errors by interval; None if the trajectory is shorter than the interval.")
-      .def_property_readonly(
-          "reason", [](const Evaluated& self) { return self.evaluation.reason; },
-          "Why the trajectories cannot be aligned; empty if they can.")
+      .get("translation", "Absolute trajectory error: ErrorStatistics of distances.",
+           &Evaluated::evaluation, &TrajectoryEvaluation::absolute, &AbsoluteError::translation)
+      .get("rotation_rad", "", &Evaluated::evaluation, &TrajectoryEvaluation::absolute,
+           &AbsoluteError::rotation_rad)
+      .get("translations", "(p,), one per pair of poses.", &Evaluated::evaluation,
+           &TrajectoryEvaluation::absolute, &AbsoluteError::translations)
+      .get("rotations_rad", "", &Evaluated::evaluation, &TrajectoryEvaluation::absolute,
+           &AbsoluteError::rotations_rad)
+      .get("truth_from_estimate", "The alignment, 4x4.", &Evaluated::evaluation,
+           &TrajectoryEvaluation::absolute, &AbsoluteError::truth_from_estimate)
+      .get("pairs", "(p, 2): indices into estimate and truth.", &Evaluated::evaluation,
+           &TrajectoryEvaluation::pairs, &pairs_array)
+      .get("relative",
+           "Relative pose errors by interval; None if the trajectory is shorter than the interval.",
+           &relative_of)
+      .get("reason", "Why the trajectories cannot be aligned; empty if they can.",
+           &Evaluated::evaluation, &TrajectoryEvaluation::reason)
       .def("__repr__", [](const Evaluated& self) {
         const auto& error = self.evaluation.absolute;
         if (!error) return "<TrajectoryEvaluation: " + self.evaluation.reason + ">";
         return fmt::format("<TrajectoryEvaluation: rmse {:.6g}, {:.6g} deg over {} pairs>",
-                           error->translation.rmse, error->rotation_rad.rmse * kDegrees,
+                           error->translation.rmse, degrees(error->rotation_rad.rmse),
                            self.evaluation.pairs.size());
       });
   module.def(
@@ -324,16 +282,15 @@ std::vector<Eigen::Vector3d> landmarks_of(const py::object& source) {
 }
 
 void bind_pose_error(py::module_& module) {
-  py::class_<PoseError>(module, "PoseError", "Difference of an estimated pose from the true one.")
+  Exposed<PoseError>(module, "PoseError", "Difference of an estimated pose from the true one.")
       .def_readonly("rotation_rad", &PoseError::rotation_rad)
-      .def_property_readonly("rotation_deg",
-                             [](const PoseError& self) { return self.rotation_rad * kDegrees; })
+      .get("rotation_deg", "", &PoseError::rotation_rad, &degrees)
       .def_readonly("translation", &PoseError::translation,
                     "Displacement of the source landmarks' centroid, in the target's unit.")
       .def_readonly("log_scale", &PoseError::log_scale)
       .def("__repr__", [](const PoseError& self) {
         return fmt::format("<PoseError: {:.6g}, {:.6g} deg>", self.translation,
-                           self.rotation_rad * kDegrees);
+                           degrees(self.rotation_rad));
       });
   module.def(
       "pose_error",
@@ -347,27 +304,12 @@ void bind_pose_error(py::module_& module) {
       "map or its landmarks (n, 3); the translation error is measured at their centroid.");
 }
 
-py::object nan_where_unknown(const std::vector<std::optional<double>>& values) {
-  std::vector<double> numbers;
-  for (const auto& value : values) numbers.push_back(value.value_or(std::nan("")));
-  return copied(numbers);
-}
-
 void bind_map_evaluation(py::module_& module) {
-  py::class_<MapConsistency>(module, "MapConsistency",
-                             "Reprojection and depth errors of a map's own observations.")
-      .def_property_readonly(
-          "reprojection",
-          [](const MapConsistency& self) -> py::object {
-            if (!self.reprojection) return py::none();
-            return py::cast(self.reprojection->px);
-          },
-          "ErrorStatistics in pixels; None if unknown.")
-      .def_property_readonly("inlier_share",
-                             [](const MapConsistency& self) -> std::optional<double> {
-                               if (!self.reprojection) return std::nullopt;
-                               return self.reprojection->inlier_share;
-                             })
+  Exposed<MapConsistency>(module, "MapConsistency",
+                          "Reprojection and depth errors of a map's own observations.")
+      .get("reprojection", "ErrorStatistics in pixels; None if unknown.",
+           &MapConsistency::reprojection, &ReprojectionStatistics::px)
+      .get("inlier_share", "", &MapConsistency::reprojection, &ReprojectionStatistics::inlier_share)
       .def_readonly("observations_behind", &MapConsistency::observations_behind)
       .def_readonly("depth", &MapConsistency::depth,
                     "ErrorStatistics in the map's unit; None if unknown.")
@@ -375,13 +317,9 @@ void bind_map_evaluation(py::module_& module) {
       .def_readonly("missing_for_reprojection", &MapConsistency::missing_for_reprojection,
                     "Name of the missing input; empty if none is missing.")
       .def_readonly("missing_for_depth", &MapConsistency::missing_for_depth)
-      .def_property_readonly(
-          "reprojection_px",
-          [](const MapConsistency& self) { return nan_where_unknown(self.reprojection_px); },
-          "(o,), NaN where unknown; empty if the map lacks the input.")
-      .def_property_readonly(
-          "depth_errors",
-          [](const MapConsistency& self) { return nan_where_unknown(self.depth_errors); })
+      .get("reprojection_px", "(o,), NaN where unknown; empty if the map lacks the input.",
+           &MapConsistency::reprojection_px)
+      .get("depth_errors", "", &MapConsistency::depth_errors)
       .def("__repr__", [](const MapConsistency& self) {
         if (!self.reprojection)
           return "<MapConsistency: without " + self.missing_for_reprojection + ">";
@@ -403,30 +341,21 @@ void bind_map_evaluation(py::module_& module) {
       [](const SharedMap& map) { return unlocked([&] { return map_defects(*map); }); },
       py::arg("map"),
       "map_defects(map)\n--\n\nWhat is wrong with a map or missing from it, one sentence each.");
+}
 
-  py::class_<CovarianceCalibration>(module, "CovarianceCalibration",
-                                    "Calibration of landmark covariances. If they match the actual "
-                                    "errors, the normalised squared\n"
-                                    "errors (NEES) have mean 3, and 95 % are below 7.81.")
+void bind_calibration(py::module_& module) {
+  Exposed<CovarianceCalibration>(module, "CovarianceCalibration",
+                                 "Calibration of landmark covariances. If they match the actual "
+                                 "errors, the normalised squared\n"
+                                 "errors (NEES) have mean 3, and 95 % are below 7.81.")
       .def_property_readonly(
           "count", [](const CovarianceCalibration& self) { return self.all ? self.all->count : 0; })
-      .def_property_readonly("mean",
-                             [](const CovarianceCalibration& self) {
-                               return self.all ? std::optional(self.all->mean) : std::nullopt;
-                             })
-      .def_property_readonly("median",
-                             [](const CovarianceCalibration& self) {
-                               return self.all ? std::optional(self.all->median) : std::nullopt;
-                             })
-      .def_property_readonly(
-          "inside_95",
-          [](const CovarianceCalibration& self) {
-            return self.all ? std::optional(self.all->inside_95) : std::nullopt;
-          },
-          "Share of landmarks within the 95 % ellipsoid.")
-      .def_property_readonly(
-          "nees", [](const CovarianceCalibration& self) { return nan_where_unknown(self.nees); },
-          "(n,), NaN for a landmark that could not be evaluated.")
+      .get("mean", "", &CovarianceCalibration::all, &NeesStatistics::mean)
+      .get("median", "", &CovarianceCalibration::all, &NeesStatistics::median)
+      .get("inside_95", "Share of landmarks within the 95 % ellipsoid.",
+           &CovarianceCalibration::all, &NeesStatistics::inside_95)
+      .get("nees", "(n,), NaN for a landmark that could not be evaluated.",
+           &CovarianceCalibration::nees)
       .def_readonly("without_truth", &CovarianceCalibration::without_truth)
       .def_readonly("without_covariance", &CovarianceCalibration::without_covariance)
       .def("__repr__", [](const CovarianceCalibration& self) {
@@ -467,6 +396,7 @@ void bind_evaluation(py::module_& module) {
   bind_trajectory_evaluation(module);
   bind_pose_error(module);
   bind_map_evaluation(module);
+  bind_calibration(module);
 }
 
 }  // namespace cairn::python

@@ -5,21 +5,21 @@
 
 #include "cairn/experiments/paper.hpp"
 
+#include "bindings/properties.hpp"
 #include "bindings/support.hpp"
 
 namespace cairn::python {
 namespace {
 
 const Keywords<PaperOptions>& paper_keywords() {
-  static const auto table = [] {
-    Keywords<PaperOptions> keywords("paper_experiment");
-    keywords.add("success_score", [](auto& o) -> auto& { return o.success_score; })
-        .add("rotation_tolerance_deg", [](auto& o) -> auto& { return o.tolerance.rotation_deg; })
-        .add("translation_tolerance_m", [](auto& o) -> auto& { return o.tolerance.translation_m; })
-        .add("min_observations", [](auto& o) -> auto& { return o.points.min_observations; })
-        .add("max_iterations", [](auto& o) -> auto& { return o.align.max_iterations; });
-    return keywords;
-  }();
+  static const auto table =
+      Keywords<PaperOptions>("paper_experiment")
+          .add("success_score", [](auto& o) -> auto& { return o.success_score; })
+          .add("rotation_tolerance_deg", [](auto& o) -> auto& { return o.tolerance.rotation_deg; })
+          .add("translation_tolerance_m",
+               [](auto& o) -> auto& { return o.tolerance.translation_m; })
+          .add("min_observations", [](auto& o) -> auto& { return o.points.min_observations; })
+          .add("max_iterations", [](auto& o) -> auto& { return o.align.max_iterations; });
   return table;
 }
 
@@ -71,15 +71,14 @@ py::dict runs_of(const PaperRun& self) {
 }  // namespace
 
 void bind_experiments(py::module_& module) {
-  py::class_<PaperRun>(
-      module, "PaperResults",
-      "Results of the paper's 45 configurations with 4 strategies on a pair of maps.")
-      .def_property_readonly(
-          "runs", &runs_of,
-          "Dict of columns with one entry per run, in the published order, for pandas.DataFrame().")
-      .def_property_readonly(
-          "success_score", [](const PaperRun& self) { return self.results.success_score; },
-          "A run with a lower score, in square metres, counts as a success.")
+  Exposed<PaperRun>(module, "PaperResults",
+                    "Results of the paper's 45 configurations with 4 strategies on a pair of maps.")
+      .get(
+          "runs",
+          "Dict of columns with one entry per run, in the published order, for pandas.DataFrame().",
+          &runs_of)
+      .get("success_score", "A run with a lower score, in square metres, counts as a success.",
+           &PaperRun::results, &PaperResults::success_score)
       .def_property_readonly(
           "tables",
           [](const PaperRun& self) {

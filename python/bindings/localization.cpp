@@ -7,6 +7,7 @@
 
 #include "bindings/images.hpp"
 #include "bindings/maps.hpp"
+#include "bindings/properties.hpp"
 #include "bindings/support.hpp"
 
 namespace cairn::python {
@@ -18,13 +19,10 @@ struct Locator {
 };
 
 const Keywords<LocateOptions>& locate_keywords() {
-  static const auto table = [] {
-    Keywords<LocateOptions> keywords("__init__");
-    keywords.add("features", [](auto& o) -> auto& { return o.features.count; })
-        .add("min_probability", [](auto& o) -> auto& { return o.min_probability; })
-        .add("seed", [](auto& o) -> auto& { return o.seed; });
-    return keywords;
-  }();
+  static const auto table =
+      Keywords<LocateOptions>("__init__").add_table(LocateOptions::table, [](auto& o) -> auto& {
+        return o;
+      });
   return table;
 }
 
@@ -46,43 +44,35 @@ ImageLocation locate(const Locator& self, const py::object& image, const py::obj
   });
 }
 
+py::array rows_of_matches(const std::vector<ImageMatch>& matches) {
+  return row_array(matches, [](const ImageMatch& match) {
+    return std::array{static_cast<double>(match.landmark.value), match.pixel.u, match.pixel.v};
+  });
+}
+
 }  // namespace
 
 void bind_localization(py::module_& module) {
-  py::class_<ImageLocation>(module, "ImageLocation", "Pose of an image in a map, judged.")
+  Exposed<ImageLocation>(module, "ImageLocation", "Pose of an image in a map, judged.")
       .def_readonly("located", &ImageLocation::located, "Whether the pose can be trusted.")
       .def_readonly("probability", &ImageLocation::probability)
       .def_readonly("reason", &ImageLocation::reason)
-      .def_property_readonly(
-          "world_from_camera",
-          [](const ImageLocation& self) { return pose_array(self.world_from_camera); },
-          "4x4; None unless located.")
-      .def_property_readonly(
-          "estimate", [](const ImageLocation& self) { return pose_array(self.estimate); },
-          "4x4: the best pose found, whatever its probability; None if none was found.")
-      .def_property_readonly(
-          "covariance", [](const ImageLocation& self) { return matrix_or_none(self.covariance); },
+      .get("world_from_camera", "4x4; None unless located.", &ImageLocation::world_from_camera)
+      .get("estimate",
+           "4x4: the best pose found, whatever its probability; None if none was found.",
+           &ImageLocation::estimate)
+      .get(
+          "covariance",
           "(6, 6), of the left perturbation (dt, dphi) of the estimate in the world frame; None if "
-          "unknown.")
-      .def_property_readonly(
-          "matches",
-          [](const ImageLocation& self) {
-            py::array_t<double> matches({self.matches.size(), std::size_t{3}});
-            auto rows = matches.mutable_unchecked<2>();
-            for (std::size_t i = 0; i < self.matches.size(); ++i) {
-              const auto row = static_cast<py::ssize_t>(i);
-              rows(row, 0) = self.matches[i].landmark.value;
-              rows(row, 1) = self.matches[i].pixel.u;
-              rows(row, 2) = self.matches[i].pixel.v;
-            }
-            return matches;
-          },
-          "(n, 3): landmark index, and u and v of the matched corner, in pixels.")
+          "unknown.",
+          &ImageLocation::covariance)
+      .get("matches", "(n, 3): landmark index, and u and v of the matched corner, in pixels.",
+           &ImageLocation::matches, &rows_of_matches)
       .def("__repr__", [](const ImageLocation& self) {
         return fmt::format("<ImageLocation {}: {}>", self.located ? "located" : "rejected",
                            self.reason);
       });
-  py::class_<Locator>(module, "ImageLocator", "Locates images in a map that has ORB descriptors.")
+  Exposed<Locator>(module, "ImageLocator", "Locates images in a map that has ORB descriptors.")
       .def(py::init(&make_locator), py::arg("map"), py::arg("camera"),
            kept(locate_keywords().signature("$self, map, camera", false) +
                 "Prepares a map for images of one camera. An image is located if its pose has at "

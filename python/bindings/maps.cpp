@@ -3,7 +3,6 @@
 
 #include <filesystem>
 #include <limits>
-#include <numeric>
 #include <span>
 
 #include <fmt/format.h>
@@ -11,11 +10,11 @@
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/formats/camera_file.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "bindings/optional_columns.hpp"
+#include "bindings/properties.hpp"
 #include "bindings/support.hpp"
 #include "bindings/text.hpp"
 
@@ -26,8 +25,8 @@ std::string_view to_string(LengthUnit unit) {
 }
 
 LengthUnit length_unit_of(const std::string& text) {
-  return word<LengthUnit>(text, "length_unit",
-                          {{"metres", LengthUnit::kMetres}, {"free", LengthUnit::kFree}});
+  return word(text, "length_unit",
+              Words<LengthUnit>{{"metres", LengthUnit::kMetres}, {"free", LengthUnit::kFree}});
 }
 
 namespace {
@@ -68,300 +67,6 @@ void write(const SharedMap& map, const std::filesystem::path& path, const py::kw
     all_formats().write(*map, path, options);
   });
   warn(remarks);
-}
-
-template <class Id>
-std::vector<Id> ids_of(py::handle given, std::string_view name, std::size_t count) {
-  std::vector<Id> ids;
-  reserve_populated(ids, count);
-  ids.resize(count);
-  if (given.is_none()) {
-    for (std::size_t i = 0; i < count; ++i) ids[i] = Id{i};
-    return ids;
-  }
-  const auto array = id_array(given, name, {static_cast<py::ssize_t>(count)});
-  for (std::size_t i = 0; i < count; ++i) ids[i] = Id{array.data()[i]};
-  return ids;
-}
-
-DescriptorColumn descriptors_of(py::handle given, const std::string& kind, std::size_t count) {
-  if (kind.empty()) {
-    throw Error(
-        ErrorKind::kMisuse, "descriptor_kind", "not given beside descriptors",
-        "their kind, such as 'ORB' or 'SIFT'; maps are compared by descriptors of one kind");
-  }
-  DescriptorColumn column;
-  column.kind = kind;
-  const auto array =
-      byte_array(given, "descriptors", {static_cast<py::ssize_t>(count), -1}, Masked::kUnknown);
-  column.bytes_each = static_cast<std::size_t>(array.shape(1));
-  column.bytes.assign(array.data(), array.data() + array.size());
-  column.known = known_rows(given, count);
-  for (std::size_t i = 0; i < count; ++i) {
-    std::uint8_t* const bytes = column.bytes.data() + i * column.bytes_each;
-    if (column.known[i] == 0) std::fill_n(bytes, column.bytes_each, std::uint8_t{0});
-  }
-  return column;
-}
-
-void add_further(std::optional<DescriptorColumn>& column, py::handle further, py::handle offsets,
-                 std::size_t count) {
-  if (further.is_none() && offsets.is_none()) return;
-  if (further.is_none() || offsets.is_none() || !column) {
-    throw py::value_error(
-        "further_descriptors: expected together with descriptors and further_descriptor_offsets");
-  }
-  const auto bytes = byte_array(further, "further_descriptors",
-                                {-1, static_cast<py::ssize_t>(column->bytes_each)});
-  column->further.assign(bytes.data(), bytes.data() + bytes.size());
-  const auto begins =
-      id_array(offsets, "further_descriptor_offsets", {static_cast<py::ssize_t>(count) + 1});
-  column->further_offsets.assign(begins.data(), begins.data() + begins.size());
-}
-
-// From an array of n matrices.
-std::vector<Eigen::Matrix3d> covariances_of(py::handle given, std::size_t count) {
-  const auto array =
-      real_array(given, "covariances", {static_cast<py::ssize_t>(count), 3, 3}, Masked::kUnknown);
-  std::vector<Eigen::Matrix3d> matrices;
-  reserve_populated(matrices, count);
-  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  for (std::size_t i = 0; i < count; ++i)
-    matrices.emplace_back(Eigen::Map<const RowMajor>(array.data() + 9 * i));
-  return matrices;
-}
-
-void fill_frames(MapTables& tables, py::handle poses, py::handle ids, py::handle timestamps,
-                 py::handle cameras, py::handle image_names) {
-  FrameTable& frames = tables.frames;
-  if (poses.is_none()) {
-    for (const auto& [given, name] : {std::pair{ids, "frame_ids"},
-                                      {timestamps, "timestamps_s"},
-                                      {cameras, "frame_cameras"},
-                                      {image_names, "image_names"}}) {
-      if (!given.is_none()) {
-        throw Error(ErrorKind::kMisuse, name, "given without frame_poses", "frame_poses beside it");
-      }
-    }
-    return;
-  }
-  const auto array = real_array(poses, "frame_poses", {-1, 4, 4});
-  const auto count = static_cast<std::size_t>(array.shape(0));
-  for (std::size_t i = 0; i < count; ++i) {
-    Matrix4d matrix;
-    for (int r = 0; r < 4; ++r) {
-      for (int c = 0; c < 4; ++c) matrix(r, c) = array.at(i, r, c);
-    }
-    const std::string where = fmt::format("frame_poses[{}]", i);
-    if (!matrix.allFinite()) {
-      throw Error(ErrorKind::kMisuse, where, "a number that is not finite", "world_from_camera");
-    }
-    try {
-      const Rigid3 pose = Rigid3::from_matrix(matrix);
-      const Eigen::Quaterniond q = pose.quaternion();
-      frames.translations.push_back(pose.translation());
-      frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
-    } catch (const Error& error) {
-      throw Error(error.kind(), where, error.what(), "");
-    }
-  }
-  frames.ids = ids_of<FrameId>(ids, "frame_ids", count);
-  const auto size = static_cast<py::ssize_t>(count);
-  if (!timestamps.is_none()) {
-    frames.timestamps_s =
-        from_nan(real_array(timestamps, "timestamps_s", {size}, Masked::kUnknown));
-  }
-  if (!cameras.is_none()) {
-    const auto indices = integer_array(cameras, "frame_cameras", {size}, Masked::kUnknown);
-    frames.cameras =
-        from_masked<CameraIndex>(cameras, indices, [&](const std::int64_t* at, std::size_t i) {
-          if (*at < 0 || *at >= static_cast<std::int64_t>(tables.cameras.size())) {
-            throw Error(ErrorKind::kMisuse, fmt::format("frame_cameras[{}]", i),
-                        fmt::format("{}", *at),
-                        fmt::format("an index of the {} cameras", tables.cameras.size()));
-          }
-          return CameraIndex{static_cast<std::uint32_t>(*at)};
-        });
-  }
-  if (!image_names.is_none()) {
-    frames.image_names = encoded_each(image_names, "image_names");
-    if (frames.image_names.size() != count) {
-      throw Error(ErrorKind::kMisuse, "image_names",
-                  fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
-    }
-  }
-}
-
-// The entries of an optional integer column of the observations, in the order of `order`.
-template <class Integer>
-OptionalColumn<Integer> integer_column(py::handle given, const char* name,
-                                       const std::vector<std::size_t>& order) {
-  if (given.is_none()) return {};
-  const auto array =
-      integer_array(given, name, {static_cast<py::ssize_t>(order.size())}, Masked::kUnknown);
-  using Limits = std::numeric_limits<Integer>;
-  const auto column =
-      from_masked<Integer>(given, array, [&](const std::int64_t* at, std::size_t i) {
-        if (*at < Limits::lowest() || *at > Limits::max()) {
-          throw Error(ErrorKind::kMisuse, fmt::format("{}[{}]", name, i), fmt::format("{}", *at),
-                      fmt::format("{} to {}", Limits::lowest(), Limits::max()));
-        }
-        return static_cast<Integer>(*at);
-      });
-  OptionalColumn<Integer> sorted(order.size());
-  for (std::size_t i = 0; i < order.size(); ++i) sorted[i] = column[order[i]];
-  return sorted;
-}
-
-void fill_observations(MapTables& tables, py::handle landmarks, py::handle frames,
-                       py::handle pixels, py::handle keypoints, py::handle depths,
-                       py::handle octaves, py::handle sigmas_px) {
-  if (landmarks.is_none() && frames.is_none() && pixels.is_none()) {
-    for (const auto& [given, name] : {std::pair{keypoints, "keypoints"},
-                                      {depths, "depths"},
-                                      {octaves, "octaves"},
-                                      {sigmas_px, "sigmas_px"}}) {
-      if (!given.is_none()) {
-        throw Error(ErrorKind::kMisuse, name, "given without observations",
-                    "observed_landmarks beside it");
-      }
-    }
-    return;
-  }
-  if (landmarks.is_none() || frames.is_none() || pixels.is_none()) {
-    throw Error(ErrorKind::kMisuse, "observed_landmarks, observing_frames, pixels", "not all given",
-                "all three or none");
-  }
-  const auto of = integer_array(landmarks, "observed_landmarks", {-1});
-  const auto size = of.shape(0);
-  const auto by = integer_array(frames, "observing_frames", {size});
-  const auto at = real_array(pixels, "pixels", {size, 2});
-  const auto count = static_cast<std::size_t>(size);
-  const std::size_t landmark_count = tables.landmarks.ids.size();
-  const std::size_t frame_count = tables.frames.ids.size();
-  ObservationTable& table = tables.observations;
-  table.offsets.assign(landmark_count + 1, 0);
-  const auto check = [](const char* name, std::size_t i, std::int64_t index, std::size_t end) {
-    if (index < 0 || static_cast<std::uint64_t>(index) >= end) {
-      throw Error(ErrorKind::kMisuse, fmt::format("{}[{}]", name, i), fmt::format("{}", index),
-                  fmt::format("an index below {}", end));
-    }
-  };
-  for (std::size_t i = 0; i < count; ++i) {
-    check("observed_landmarks", i, of.data()[i], landmark_count);
-    check("observing_frames", i, by.data()[i], frame_count);
-    ++table.offsets[static_cast<std::size_t>(of.data()[i]) + 1];
-  }
-  std::partial_sum(table.offsets.begin(), table.offsets.end(), table.offsets.begin());
-  // Grouped by landmark, in the order given within each.
-  std::vector<std::size_t> order(count);
-  std::vector<std::uint64_t> next(table.offsets.begin(), table.offsets.end() - 1);
-  for (std::size_t i = 0; i < count; ++i) order[next[static_cast<std::size_t>(of.data()[i])]++] = i;
-  table.frames.resize(count);
-  table.pixels.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t from = order[i];
-    table.frames[i] = FrameIndex{static_cast<std::uint32_t>(by.data()[from])};
-    table.pixels[i] = {at.data()[2 * from], at.data()[2 * from + 1]};
-  }
-  table.keypoints = integer_column<std::uint32_t>(keypoints, "keypoints", order);
-  table.octaves = integer_column<std::int32_t>(octaves, "octaves", order);
-  const auto fill = [&](py::handle given, const char* name, OptionalColumn<double>& values) {
-    if (given.is_none()) return;
-    const auto column = from_nan(real_array(given, name, {size}, Masked::kUnknown));
-    values.resize(count);
-    for (std::size_t i = 0; i < count; ++i) values[i] = column[order[i]];
-  };
-  fill(depths, "depths", table.depths);
-  fill(sigmas_px, "sigmas_px", table.sigmas_px);
-}
-
-constexpr const char* kFromArrays =
-    R"(from_arrays(positions, *, covariances=None, ids=None, colors=None, descriptors=None, descriptor_kind='', further_descriptors=None, further_descriptor_offsets=None, columns=None, cameras=None, frame_poses=None, frame_ids=None, timestamps_s=None, frame_cameras=None, image_names=None, observed_landmarks=None, observing_frames=None, pixels=None, keypoints=None, depths=None, octaves=None, sigmas_px=None, length_unit='metres', world_frame=None, gravity=None, provenance=None)
---
-
-Makes a map from NumPy arrays. Columns that are not given are absent from the map.
-
-positions            (n, 3), in the world frame
-covariances          (n, 3, 3), of the positions; NaN where unknown
-ids                  (n,), distinct; 0, 1, ... if left out
-colors               (n, 3) uint8, red, green and blue; masked where unknown
-descriptors          (n, b) uint8; masked where unknown
-descriptor_kind      their kind, such as 'ORB' or 'SIFT'; required beside descriptors
-further_descriptors  (m, b) uint8, of other views: those of landmark i are rows
-                     further_descriptor_offsets[i] to below [i + 1] of (n + 1,)
-columns              {name: (n,)}, further numbers per landmark under any name
-cameras              list of Camera
-frame_poses          (f, 4, 4), world_from_camera of the keyframes
-frame_cameras        (f,), indices of cameras; masked where unknown
-observed_landmarks   (o,), landmark index of each observation, in any order
-observing_frames     (o,), frame index of each observation
-pixels               (o, 2)
-keypoints, depths, octaves  (o,)
-sigmas_px            (o,), standard deviations of the pixels; NaN where unknown
-length_unit          'metres' or 'free'
-gravity              (3,), downward direction in the world frame
-
-Raises MisuseError or InputError naming the invalid argument or entry.)";
-
-SharedMap from_arrays(
-    const py::object& positions, const py::object& covariances, const py::object& ids,
-    const py::object& colors, const py::object& descriptors, const std::string& descriptor_kind,
-    const py::object& further_descriptors, const py::object& further_descriptor_offsets,
-    const py::object& columns, const py::object& cameras, const py::object& frame_poses,
-    const py::object& frame_ids, const py::object& timestamps_s, const py::object& frame_cameras,
-    const py::object& image_names, const py::object& observed_landmarks,
-    const py::object& observing_frames, const py::object& pixels, const py::object& keypoints,
-    const py::object& depths, const py::object& octaves, const py::object& sigmas_px,
-    const std::string& length_unit, const py::object& world_frame, const py::object& gravity,
-    const py::object& provenance) {
-  MapTables tables;
-  tables.info.length_unit = length_unit_of(length_unit);
-  if (!world_frame.is_none()) tables.info.world_frame = encoded(world_frame, "world_frame");
-  if (!provenance.is_none()) tables.info.provenance = encoded_each(provenance, "provenance");
-  if (!gravity.is_none()) {
-    const auto down = real_array(gravity, "gravity", {3});
-    tables.info.gravity = Eigen::Vector3d(down.at(0), down.at(1), down.at(2));
-  }
-  if (!cameras.is_none()) {
-    for (const py::handle camera : py::iter(cameras)) {
-      if (!py::isinstance<Camera>(camera))
-        throw py::type_error("cameras: expected a list of Camera");
-      tables.cameras.push_back(camera.cast<const Camera&>());
-    }
-  }
-
-  LandmarkTable& landmarks = tables.landmarks;
-  landmarks.positions = positions_of(positions, "positions");
-  const std::size_t count = landmarks.positions.size();
-  const auto size = static_cast<py::ssize_t>(count);
-  landmarks.ids = ids_of<LandmarkId>(ids, "ids", count);
-  if (!covariances.is_none()) landmarks.covariances = covariances_of(covariances, count);
-  if (!colors.is_none()) {
-    landmarks.colors =
-        from_masked<Color>(colors, byte_array(colors, "colors", {size, 3}, Masked::kUnknown),
-                           [](const std::uint8_t* rgb, std::size_t) {
-                             return Color{rgb[0], rgb[1], rgb[2]};
-                           });
-  }
-  if (!descriptors.is_none())
-    landmarks.descriptors = descriptors_of(descriptors, descriptor_kind, count);
-  add_further(landmarks.descriptors, further_descriptors, further_descriptor_offsets, count);
-  if (!columns.is_none()) {
-    if (!py::isinstance<py::dict>(columns))
-      throw py::type_error("columns: expected a dictionary of arrays");
-    for (const auto& [name, values] : columns.cast<py::dict>()) {
-      if (!py::isinstance<py::str>(name)) throw py::type_error("columns: expected names as keys");
-      const auto text = name.cast<std::string>();
-      const auto array =
-          real_array(values, fmt::format("columns['{}']", text), {size}, Masked::kUnknown);
-      landmarks.columns.push_back({text, {array.data(), array.data() + array.size()}});
-    }
-  }
-  fill_frames(tables, frame_poses, frame_ids, timestamps_s, frame_cameras, image_names);
-  fill_observations(tables, observed_landmarks, observing_frames, pixels, keypoints, depths,
-                    octaves, sigmas_px);
-  return unlocked([&] { return std::make_shared<LandmarkMap>(std::move(tables)); });
 }
 
 // A view of a column whose entries are one or several numbers: (n,) or (n, width).
@@ -484,34 +189,25 @@ std::vector<LandmarkIndex> landmark_indices(const LandmarkMap& map, py::handle g
   return result;
 }
 
-void bind_camera(py::module_& module) {
-  py::class_<GeoReference>(
+void bind_georeference(py::module_& module) {
+  Exposed<GeoReference>(
       module, "GeoReference",
       "Position of a map on the Earth (WGS 84), as a similarity from its frame to a topocentric\n"
       "frame.")
-      .def_property_readonly(
-          "latitude_deg", [](const GeoReference& self) { return self.origin.latitude_deg; },
-          "Of the origin of the topocentric frame.")
-      .def_property_readonly("longitude_deg",
-                             [](const GeoReference& self) { return self.origin.longitude_deg; })
-      .def_property_readonly("altitude_m",
-                             [](const GeoReference& self) { return self.origin.altitude_m; })
-      .def_property_readonly(
-          "enu_from_map", [](const GeoReference& self) { return pose_array(self.enu_from_map()); },
-          "(4, 4); metres to the east, to the north and up.")
+      .get("latitude_deg", "Of the origin of the topocentric frame.", &GeoReference::origin,
+           &GeodeticPosition::latitude_deg)
+      .get("longitude_deg", "", &GeoReference::origin, &GeodeticPosition::longitude_deg)
+      .get("altitude_m", "", &GeoReference::origin, &GeodeticPosition::altitude_m)
+      .get("enu_from_map", "(4, 4); metres to the east, to the north and up.",
+           &GeoReference::enu_from_map)
       .def(
           "geodetic",
           [](const GeoReference& self, const py::object& positions) {
             const auto points = positions_of(positions, "positions");
-            py::array_t<double> rows({static_cast<py::ssize_t>(points.size()), py::ssize_t{3}});
-            auto row = rows.mutable_unchecked<2>();
-            for (py::ssize_t i = 0; i < row.shape(0); ++i) {
-              const GeodeticPosition place = self.geodetic(points[static_cast<std::size_t>(i)]);
-              row(i, 0) = place.latitude_deg;
-              row(i, 1) = place.longitude_deg;
-              row(i, 2) = place.altitude_m;
-            }
-            return rows;
+            return row_array(points, [&](const Eigen::Vector3d& point) {
+              const GeodeticPosition place = self.geodetic(point);
+              return std::array{place.latitude_deg, place.longitude_deg, place.altitude_m};
+            });
           },
           py::arg("positions"),
           "geodetic($self, positions)\n--\n\nLatitude and longitude in degrees and altitude in "
@@ -525,8 +221,11 @@ void bind_camera(py::module_& module) {
                            self.origin.latitude_deg, self.origin.longitude_deg,
                            self.origin.altitude_m);
       });
-  py::class_<Camera> camera(module, "Camera",
-                            "Intrinsics of a camera. Models are named as COLMAP does.");
+}
+
+void bind_camera(py::module_& module) {
+  Exposed<Camera> camera(module, "Camera",
+                         "Intrinsics of a camera. Models are named as COLMAP does.");
   camera
       .def(py::init([](const std::string& model, std::uint32_t width, std::uint32_t height,
                        std::vector<double> parameters, std::uint64_t id) {
@@ -549,7 +248,7 @@ void bind_camera(py::module_& module) {
       .def_static(
           "tum", &tum_camera, py::arg("name"),
           "tum(name)\n--\n\nA colour camera of the TUM RGB-D benchmark: 'fr1', 'fr2' or 'fr3'.")
-      .def_property_readonly("id", [](const Camera& self) { return self.id.value; })
+      .get("id", "", &Camera::id)
       .def_readonly("model", &Camera::model)
       .def_readonly("width", &Camera::width, "pixels")
       .def_readonly("height", &Camera::height, "pixels")
@@ -578,15 +277,8 @@ void bind_camera(py::module_& module) {
 }
 
 Keywords<SyntheticOptions> synthetic_keywords(const char* function) {
-  Keywords<SyntheticOptions> keywords(function);
-  keywords.add("seed", [](auto& o) -> auto& { return o.seed; })
-      .add("landmarks", [](auto& o) -> auto& { return o.landmarks; })
-      .add("frames", [](auto& o) -> auto& { return o.frames; })
-      .add("pixel_noise_px", [](auto& o) -> auto& { return o.pixel_noise_px; })
-      .add("depth_noise_m", [](auto& o) -> auto& { return o.depth_noise_m; })
-      .add("overlap", [](auto& o) -> auto& { return o.overlap; })
-      .add("outlier_fraction", [](auto& o) -> auto& { return o.outlier_fraction; });
-  return keywords;
+  return Keywords<SyntheticOptions>(function).add_table(SyntheticOptions::table,
+                                                        [](auto& o) -> auto& { return o; });
 }
 
 struct SharedPair {
@@ -597,24 +289,18 @@ struct SharedPair {
 };
 
 void bind_synthetic(py::module_& module) {
-  py::class_<SharedPair>(module, "SyntheticPair",
-                         "Two sessions of one synthetic scene, with the truth.")
+  Exposed<SharedPair>(module, "SyntheticPair",
+                      "Two sessions of one synthetic scene, with the truth.")
       .def_readonly("source", &SharedPair::source)
       .def_readonly("target", &SharedPair::target)
-      .def_property_readonly(
-          "target_from_source",
-          [](const SharedPair& self) { return pose_array(self.target_from_source); })
-      .def_property_readonly(
-          "shared",
-          [](const SharedPair& self) {
-            std::vector<std::uint32_t> pairs;
-            for (const auto& [source, target] : self.shared) {
-              pairs.push_back(source.value);
-              pairs.push_back(target.value);
-            }
-            return copied(pairs, {static_cast<py::ssize_t>(self.shared.size()), 2});
-          },
-          "(m, 2): indices, in source and target, of landmarks that are the same.")
+      .get("target_from_source", "", &SharedPair::target_from_source)
+      .get("shared", "(m, 2): indices, in source and target, of landmarks that are the same.",
+           &SharedPair::shared,
+           [](const auto& pairs) {
+             return row_array(pairs, [](const auto& pair) {
+               return std::array{pair.first.value, pair.second.value};
+             });
+           })
       .def("__repr__", [](const SharedPair& self) {
         return fmt::format("SyntheticPair(source: {}; target: {})", described(self.source),
                            described(self.target));
@@ -650,8 +336,6 @@ void bind_synthetic(py::module_& module) {
       kept(pair_keywords.signature("") +
            "Two synthetic sessions of one scene, each in its own world frame, with the truth."));
 }
-
-using MapClass = py::class_<LandmarkMap, SharedMap>;
 
 struct MapProperty {
   const char* name;
@@ -732,19 +416,15 @@ constexpr MapProperty kProperties[] = {
     {"sigmas_px",
      [](const SharedMap& m) { return with_nan(m->observations().sigmas_px, py::cast(m)); },
      "(o,), standard deviations of the pixels, NaN where unknown; or None."},
-    {"length_unit",
-     [](const SharedMap& m) -> py::object {
-       return py::cast(std::string(to_string(m->info().length_unit)));
-     },
+    {"length_unit", [](const SharedMap& m) { return seen(m->info().length_unit); },
      "'metres' or 'free'."},
-    {"world_frame", [](const SharedMap& m) { return decoded_or_none(m->info().world_frame); }, ""},
-    {"gravity", [](const SharedMap& m) -> py::object { return matrix_or_none(m->info().gravity); },
+    {"world_frame", [](const SharedMap& m) { return seen(m->info().world_frame); }, ""},
+    {"gravity", [](const SharedMap& m) { return seen(m->info().gravity); },
      "(3,), downward direction in the world frame; or None."},
-    {"georeference",
-     [](const SharedMap& m) -> py::object { return py::cast(m->info().georeference); },
+    {"georeference", [](const SharedMap& m) { return seen(m->info().georeference); },
      "GeoReference of the map; or None."},
-    {"uuid", [](const SharedMap& m) { return decoded_or_none(m->info().uuid); }, ""},
-    {"provenance", [](const SharedMap& m) -> py::object { return decoded(m->info().provenance); },
+    {"uuid", [](const SharedMap& m) { return seen(m->info().uuid); }, ""},
+    {"provenance", [](const SharedMap& m) { return seen(m->info().provenance); },
      "History of the map, oldest entry first."},
 };
 
@@ -777,8 +457,7 @@ constexpr MapProperty kPropertiesOfDescriptors[] = {
        return rows<std::uint8_t>(m->landmarks().descriptors->known, m).attr("view")("bool");
      },
      "(n,) bool; a view, or None."},
-    {"descriptor_kind",
-     [](const SharedMap& m) -> py::object { return py::cast(m->landmarks().descriptors->kind); },
+    {"descriptor_kind", [](const SharedMap& m) { return seen(m->landmarks().descriptors->kind); },
      "E.g. 'ORB'; None if absent."},
 };
 
@@ -901,35 +580,23 @@ Keywords<MapWriteOptions> write_keywords() {
 }
 
 void bind_maps(py::module_& module) {
+  bind_georeference(module);
   bind_camera(module);
-  const auto none = py::none();
   MapClass map(
       module, "LandmarkMap",
       "A landmark map: keyframes, landmarks and observations. Immutable.\n\n"
       "Columns are NumPy arrays: read-only views of the map's memory, which they keep alive, or "
       "copies\n"
       "if entries may be unknown. An absent column is None.");
-  map.def_static("from_arrays", &from_arrays, py::arg("positions"), py::kw_only(),
-                 py::arg("covariances") = none, py::arg("ids") = none, py::arg("colors") = none,
-                 py::arg("descriptors") = none, py::arg("descriptor_kind") = "",
-                 py::arg("further_descriptors") = none,
-                 py::arg("further_descriptor_offsets") = none, py::arg("columns") = none,
-                 py::arg("cameras") = none, py::arg("frame_poses") = none,
-                 py::arg("frame_ids") = none, py::arg("timestamps_s") = none,
-                 py::arg("frame_cameras") = none, py::arg("image_names") = none,
-                 py::arg("observed_landmarks") = none, py::arg("observing_frames") = none,
-                 py::arg("pixels") = none, py::arg("keypoints") = none, py::arg("depths") = none,
-                 py::arg("octaves") = none, py::arg("sigmas_px") = none,
-                 py::arg("length_unit") = "metres", py::arg("world_frame") = none,
-                 py::arg("gravity") = none, py::arg("provenance") = none, kFromArrays)
-      .def("write", &write, py::arg("path"), kept([] {
-             std::string text = write_keywords().signature("$self, path");
-             return text +
-                    "Writes the map, completely or not at all, in the format of the path's ending "
-                    "or "
-                    "in `format`.\n"
-                    "Warns of data that the format cannot hold.";
-           }()))
+  bind_from_arrays(map);
+  map.def("write", &write, py::arg("path"), kept([] {
+            std::string text = write_keywords().signature("$self, path");
+            return text +
+                   "Writes the map, completely or not at all, in the format of the path's ending "
+                   "or "
+                   "in `format`.\n"
+                   "Warns of data that the format cannot hold.";
+          }()))
       .def("__len__", &LandmarkMap::landmark_count)
       .def("__repr__",
            [](const SharedMap& self) { return "<LandmarkMap: " + described(self) + ">"; })

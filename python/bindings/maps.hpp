@@ -15,6 +15,11 @@ std::string_view to_string(LengthUnit unit);
 /// @throws Error (misuse) for another word
 LengthUnit length_unit_of(const std::string& text);
 
+using MapClass = py::class_<LandmarkMap, SharedMap>;
+
+/// Adds LandmarkMap.from_arrays().
+void bind_from_arrays(MapClass& map);
+
 Keywords<MapWriteOptions> write_keywords();
 
 }  // namespace cairn::python

@@ -5,6 +5,7 @@
 
 #include "cairn/geometry/angles.hpp"
 
+#include "bindings/properties.hpp"
 #include "bindings/text.hpp"
 
 namespace cairn::python {
@@ -19,8 +20,7 @@ const Keywords<MergeOptions>& merge_keywords() {
   static const auto table = [] {
     Keywords<MergeOptions> keywords("merge");
     keywords.add_table(LinkOptions::table, [](auto& o) -> auto& { return o.links; }, {"seed"});
-    add_merge_placed_to(keywords, [](auto& o) -> auto& { return o.placed; });
-    keywords.add("seed", [](auto& o) -> auto& { return o.seed; });
+    keywords.add_table(FusionOptions::table, [](auto& o) -> auto& { return o; });
     return keywords;
   }();
   return table;
@@ -58,113 +58,91 @@ Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_na
   return merged;
 }
 
-}  // namespace
+// Nothing of a map that is not placed.
+MapFusion fusion_of(const MergedPart& map) {
+  return map.part.fusion.value_or(MapFusion());
+}
 
-void bind_merging(py::module_& module) {
-  py::class_<MergedPart>(module, "MergedMap", "Result of a merge for one map.")
-      .def_property_readonly("name", [](const MergedPart& self) { return decoded(self.name); })
-      .def_property_readonly("placed", [](const MergedPart& self) { return self.part.placed; })
-      .def_property_readonly(
-          "reason", [](const MergedPart& self) { return decoded(self.part.reason); },
-          "Why the map is not placed, in one sentence; empty if it is placed.")
-      .def_property_readonly(
-          "world_from_map",
-          [](const MergedPart& self) { return pose_array(self.part.world_from_map); },
-          "4x4, including the scale; None if the map is not placed.")
-      .def_property_readonly(
-          "covariance", [](const MergedPart& self) { return copied_matrix(self.part.covariance); },
-          "(7, 7), of the left perturbation (dt, dphi, dlog s) in the world frame.")
-      .def_property_readonly("landmarks",
-                             [](const MergedPart& self) {
-                               return self.part.fusion ? self.part.fusion->landmarks
-                                                       : std::size_t{0};
-                             })
-      .def_property_readonly(
-          "fused",
-          [](const MergedPart& self) {
-            return self.part.fusion ? self.part.fusion->fused : std::size_t{0};
-          },
-          "Number of landmarks that were fused with a landmark of an earlier map.")
-      .def_property_readonly(
-          "bend_deg",
-          [](const MergedPart& self) -> std::optional<double> {
-            if (!self.part.bend) return std::nullopt;
-            return degrees(self.part.bend->rotation_rad);
-          },
-          "How far the map was bent, if it was straightened before the fusion; else None.")
+std::vector<MergedPart> merged_parts(const Merged& self) {
+  std::vector<MergedPart> parts;
+  for (std::size_t i = 0; i < self.names.size(); ++i) {
+    parts.push_back({self.names[i], self.result.maps[i]});
+  }
+  return parts;
+}
+
+std::vector<NamedLink> named_links(const Merged& self) {
+  std::vector<NamedLink> links;
+  for (std::size_t i = 0; i < self.result.links.size(); ++i) {
+    const Link& link = self.result.links[i];
+    links.push_back(
+        {self.names[link.source.value], self.names[link.target.value], link, self.result.used[i]});
+  }
+  return links;
+}
+
+void bind_parts(py::module_& module) {
+  Exposed<MergedPart>(module, "MergedMap", "Result of a merge for one map.")
+      .get("name", "", &MergedPart::name)
+      .get("placed", "", &MergedPart::part, &MergedMap::placed)
+      .get("reason", "Why the map is not placed, in one sentence; empty if it is placed.",
+           &MergedPart::part, &MergedMap::reason)
+      .get("world_from_map", "4x4, including the scale; None if the map is not placed.",
+           &MergedPart::part, &MergedMap::world_from_map)
+      .get("covariance", "(7, 7), of the left perturbation (dt, dphi, dlog s) in the world frame.",
+           &MergedPart::part, &MergedMap::covariance)
+      .get("landmarks", "", &fusion_of, &MapFusion::landmarks)
+      .get("fused", "Number of landmarks that were fused with a landmark of an earlier map.",
+           &fusion_of, &MapFusion::fused)
+      .get("bend_deg",
+           "How far the map was bent, if it was straightened before the fusion; else None.",
+           &MergedPart::part, &MergedMap::bend, &MapBend::rotation_rad, &degrees)
       .def("__repr__", [](const MergedPart& self) {
         return decoded(fmt::format("<MergedMap {}: {}>", self.name,
                                    self.part.placed ? "placed" : self.part.reason));
       });
-  py::class_<NamedLink>(module, "Link",
-                        "Link between two maps: from align(), odometry or a person.")
-      .def_property_readonly("source", [](const NamedLink& self) { return decoded(self.source); })
-      .def_property_readonly("target", [](const NamedLink& self) { return decoded(self.target); })
-      .def_property_readonly(
-          "kind", [](const NamedLink& self) { return std::string(to_string(self.link.kind)); },
-          "'placement' (from align()), 'odometry' or 'manual'.")
-      .def_property_readonly(
-          "verdict",
-          [](const NamedLink& self) {
-            return self.link.verdict ? std::optional(std::string(to_string(*self.link.verdict)))
-                                     : std::nullopt;
-          },
-          "'aligned', 'ambiguous' or 'rejected'; None if the link is stated, not judged.")
-      .def_property_readonly(
-          "probability", [](const NamedLink& self) { return self.link.probability; },
-          "Probability that the transform is right; None if it was not judged.")
-      .def_property_readonly("reason",
-                             [](const NamedLink& self) { return decoded(self.link.reason); })
-      .def_property_readonly(
-          "target_from_source",
-          [](const NamedLink& self) { return pose_array(self.link.target_from_source); },
-          "4x4; None unless the verdict is 'aligned' or the link is stated.")
-      .def_property_readonly(
-          "covariance", [](const NamedLink& self) { return matrix_or_none(self.link.covariance); },
-          "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.")
-      .def_property_readonly(
-          "covariance_with_scale",
-          [](const NamedLink& self) { return matrix_or_none(self.link.covariance_with_scale); },
-          "(7, 7), of (dt, dphi, dlog s); None unless the link measures the scale.")
+  Exposed<NamedLink>(module, "Link", "Link between two maps: from align(), odometry or a person.")
+      .get("source", "", &NamedLink::source)
+      .get("target", "", &NamedLink::target)
+      .get("kind", "'placement' (from align()), 'odometry' or 'manual'.", &NamedLink::link,
+           &Link::kind)
+      .get("verdict",
+           "'aligned', 'ambiguous' or 'rejected'; None if the link is stated, not judged.",
+           &NamedLink::link, &Link::verdict)
+      .get("probability", "Probability that the transform is right; None if it was not judged.",
+           &NamedLink::link, &Link::probability)
+      .get("reason", "", &NamedLink::link, &Link::reason)
+      .get("target_from_source", "4x4; None unless the verdict is 'aligned' or the link is stated.",
+           &NamedLink::link, &Link::target_from_source)
+      .get("covariance",
+           "(6, 6), of the left perturbation (dt, dphi) in the target frame; None if unknown.",
+           &NamedLink::link, &Link::covariance)
+      .get("covariance_with_scale",
+           "(7, 7), of (dt, dphi, dlog s); None unless the link measures the scale.",
+           &NamedLink::link, &Link::covariance_with_scale)
       .def_readonly("used", &NamedLink::used,
                     "Whether the link is aligned and agrees with the maps' poses.")
       .def("__repr__", [](const NamedLink& self) {
         return decoded(fmt::format("<Link {} to {}: {}{}>", self.source, self.target,
                                    self.link.status(), self.used ? "" : ", not used"));
       });
-  py::class_<Merged>(module, "MergeResult", "Result of merging maps.")
+}
+
+}  // namespace
+
+void bind_merging(py::module_& module) {
+  bind_parts(module);
+  Exposed<Merged>(module, "MergeResult", "Result of merging maps.")
       .def_readonly(
           "map", &Merged::map,
           "The merged map, in the frame of the first placed map; None if no two maps were "
           "placed.")
-      .def_property_readonly(
-          "maps",
-          [](const Merged& self) {
-            std::vector<MergedPart> parts;
-            for (std::size_t i = 0; i < self.names.size(); ++i) {
-              parts.push_back({self.names[i], self.result.maps[i]});
-            }
-            return parts;
-          },
-          "Results of the maps: a list of MergedMap.")
-      .def_property_readonly(
-          "links",
-          [](const Merged& self) {
-            std::vector<NamedLink> links;
-            for (std::size_t i = 0; i < self.result.links.size(); ++i) {
-              const Link& link = self.result.links[i];
-              links.push_back({self.names[link.source.value], self.names[link.target.value], link,
-                               self.result.used[i]});
-            }
-            return links;
-          },
-          "Links of all pairs that were tried or stated, aligned or not.")
-      .def_property_readonly(
-          "adjusted", [](const Merged& self) { return self.result.adjustment.has_value(); },
-          "Whether all keyframes and landmarks were adjusted, which `adjust` requests.")
-      .def_property_readonly(
-          "placed", [](const Merged& self) { return self.result.placed(); },
-          "Number of placed maps.")
+      .get("maps", "Results of the maps: a list of MergedMap.", &merged_parts)
+      .get("links", "Links of all pairs that were tried or stated, aligned or not.", &named_links)
+      .get("adjusted",
+           "Whether all keyframes and landmarks were adjusted, which `adjust` requests.",
+           [](const Merged& self) { return self.result.adjustment.has_value(); })
+      .get("placed", "Number of placed maps.", &Merged::result, &MergeResult::placed)
       .def("__repr__", [](const Merged& self) {
         return fmt::format("<MergeResult: {} of {} maps placed, {} landmarks>",
                            self.result.placed(), self.names.size(),
@@ -177,6 +155,8 @@ void bind_merging(py::module_& module) {
            "fuses landmarks\n"
            "that are the same. A map without a link to the largest group is left out, with a "
            "reason.\n\n"
+           "candidates         number of other maps to try each map with, the likeliest; 0: all.\n"
+           "                   None: all of up to 32 maps, otherwise 10\n"
            "straighten         straighten maps that others show to be bent\n"
            "adjust             optimise all keyframes and landmarks (bundle adjustment); warns if "
            "the\n"

@@ -9,6 +9,7 @@
 #include "cairn/vision/sequence.hpp"
 
 #include "bindings/images.hpp"
+#include "bindings/properties.hpp"
 #include "bindings/support.hpp"
 #include "bindings/text.hpp"
 
@@ -52,14 +53,10 @@ void add_odometry_keywords(Keywords<Options>& keywords, const Part& part) {
 template <class Options, class Part>
 void add_map_keywords(Keywords<Options>& keywords, const Part& part) {
   keywords.add_table(MapOptions::table, part)
-      .add("covariance", py::str("recursive"), [part](Options& options, py::handle value) {
-        std::string text;
-        from_python(value, "covariance", text);
-        part(options).covariance =
-            word<LandmarkCovariance>(text, "covariance",
-                                     {{"recursive", LandmarkCovariance::kRecursive},
-                                      {"marginal", LandmarkCovariance::kMarginal}});
-      });
+      .add(
+          "covariance", [part](auto& o) -> auto& { return part(o).covariance; },
+          Words<LandmarkCovariance>{{"recursive", LandmarkCovariance::kRecursive},
+                                    {"marginal", LandmarkCovariance::kMarginal}});
 }
 
 struct OdometryKeywords {
@@ -110,7 +107,7 @@ FrameReport track(SharedOdometry& self, double timestamp_s, const py::object& im
   });
 }
 
-std::string_view to_string(FrameStatus status) {
+std::string_view status_name(FrameStatus status) {
   switch (status) {
     case FrameStatus::kWaiting:
       return "waiting";
@@ -132,11 +129,7 @@ struct SequenceKeywords {
 const Keywords<SequenceKeywords>& sequence_keywords() {
   static const auto table = [] {
     Keywords<SequenceKeywords> keywords("map_sequence");
-    keywords
-        .add("depth_units_per_metre",
-             [](auto& o) -> auto& { return o.sequence.depth_units_per_metre; })
-        .add("max_time_difference_s",
-             [](auto& o) -> auto& { return o.sequence.max_time_difference_s; })
+    keywords.add_table(SequenceOptions::table, [](auto& o) -> auto& { return o.sequence; })
         .add("mini_map_metres", [](auto& o) -> auto& { return o.mini_map_metres; })
         .add("mini_map_frames", [](auto& o) -> auto& { return o.mini_map_frames; })
         .add("skip_unreadable", [](auto& o) -> auto& { return o.options.skip_unreadable; });
@@ -184,23 +177,19 @@ Mapped map_folder(const std::filesystem::path& folder, const Camera& camera,
 }  // namespace
 
 void bind_odometry(py::module_& module) {
-  py::class_<FrameReport>(module, "FrameReport", "Result of tracking one frame.")
-      .def_property_readonly(
-          "status", [](const FrameReport& self) { return std::string(to_string(self.status)); },
-          "'waiting', 'tracked' or 'lost'.")
+  Exposed<FrameReport>(module, "FrameReport", "Result of tracking one frame.")
+      .get("status", "'waiting', 'tracked' or 'lost'.", &FrameReport::status, &status_name)
       .def_readonly("keyframe", &FrameReport::keyframe)
       .def_readonly("landmarks", &FrameReport::landmarks, "Number of landmarks found in it.")
-      .def_property_readonly(
-          "reprojection_errors",
-          [](const FrameReport& self) { return copied(self.reprojection_errors); },
-          "(landmarks,) float32, pixels.")
+      .get("reprojection_errors", "(landmarks,) float32, pixels.",
+           &FrameReport::reprojection_errors)
       .def("__repr__", [](const FrameReport& self) {
-        return fmt::format("<FrameReport: {}, {} landmarks{}>", to_string(self.status),
+        return fmt::format("<FrameReport: {}, {} landmarks{}>", status_name(self.status),
                            self.landmarks, self.keyframe ? ", keyframe" : "");
       });
   static const std::string signature_of_init =
       odometry_keywords().signature("$self, camera", false);
-  py::class_<SharedOdometry>(
+  Exposed<SharedOdometry>(
       module, "Odometry",
       "RGB-D odometry: estimates poses and a landmark map from frames in time order.")
       .def(py::init(&make_odometry), py::arg("camera"),
@@ -239,23 +228,21 @@ void bind_odometry(py::module_& module) {
       .def_property_readonly(
           "last_pose",
           [](SharedOdometry& self) {
-            return pose_array(self.alone([](Odometry& odometry) { return odometry.last_pose(); }));
+            return seen(self.alone([](Odometry& odometry) { return odometry.last_pose(); }));
           },
           "4x4, world_from_camera of the last frame; None if it was not tracked.")
-      .def_property_readonly("camera", &SharedOdometry::camera)
+      .get("camera", "", &SharedOdometry::camera)
       .def("__repr__", [](const SharedOdometry& self) {
         return fmt::format("<Odometry: {} {}x{}>", self.camera().model, self.camera().width,
                            self.camera().height);
       });
-  py::class_<Mapped>(module, "MappedSequence", "Result of mapping a sequence.")
+  Exposed<Mapped>(module, "MappedSequence", "Result of mapping a sequence.")
       .def_readonly("maps", &Mapped::maps, "One map, or the mini-maps in time order.")
-      .def_property_readonly("trajectory",
-                             [](const Mapped& self) { return self.sequence.trajectory; })
-      .def_property_readonly("frames", [](const Mapped& self) { return self.sequence.frames; })
-      .def_property_readonly("tracked", [](const Mapped& self) { return self.sequence.tracked; })
-      .def_property_readonly("keyframes",
-                             [](const Mapped& self) { return self.sequence.keyframes; })
-      .def_property_readonly("lost", [](const Mapped& self) { return self.sequence.lost_frames(); })
+      .get("trajectory", "", &Mapped::sequence, &MappedSequence::trajectory)
+      .get("frames", "", &Mapped::sequence, &MappedSequence::frames)
+      .get("tracked", "", &Mapped::sequence, &MappedSequence::tracked)
+      .get("keyframes", "", &Mapped::sequence, &MappedSequence::keyframes)
+      .get("lost", "", &Mapped::sequence, &MappedSequence::lost_frames)
       .def("__repr__", [](const Mapped& self) {
         return fmt::format("<MappedSequence: {} maps, {} of {} frames tracked>", self.maps.size(),
                            self.sequence.tracked, self.sequence.frames);

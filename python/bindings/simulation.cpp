@@ -5,6 +5,7 @@
 #include "cairn/simulation/path.hpp"
 #include "cairn/simulation/simulator.hpp"
 
+#include "bindings/properties.hpp"
 #include "bindings/support.hpp"
 
 namespace cairn::python {
@@ -76,7 +77,7 @@ SharedSimulation simulate(const std::string& environment, const py::kwargs& give
   return simulation;
 }
 
-SharedRgbdFrame frame_of(const SharedSimulation& self, std::int64_t index) {
+SharedRgbdFrame rendered_frame(const SharedSimulation& self, std::int64_t index) {
   const auto count = static_cast<std::int64_t>(self->simulator.frame_count());
   if (index < -count || index >= count) {
     throw py::index_error(fmt::format("frame {} of {}", index, count));
@@ -97,13 +98,10 @@ py::array image(const std::vector<Scalar>& values, const SharedRgbdFrame& frame)
 }  // namespace
 
 void bind_simulation(py::module_& module) {
-  py::class_<RgbdFrame, SharedRgbdFrame>(module, "SimulatedFrame",
-                                         "One frame of a simulated sequence.")
+  Exposed<RgbdFrame, SharedRgbdFrame>(module, "SimulatedFrame",
+                                      "One frame of a simulated sequence.")
       .def_readonly("timestamp_s", &RgbdFrame::timestamp_s)
-      .def_property_readonly(
-          "world_from_camera",
-          [](const RgbdFrame& self) { return pose_array(Similarity3(self.world_from_camera)); },
-          "4x4, exact.")
+      .get("world_from_camera", "4x4, exact.", &RgbdFrame::world_from_camera)
       .def_property_readonly(
           "bgr",
           [](const SharedRgbdFrame& self) {
@@ -129,17 +127,15 @@ void bind_simulation(py::module_& module) {
         return fmt::format("<SimulatedFrame: {:.3f} s, {}x{}>", self.timestamp_s, self.width,
                            self.height);
       });
-  py::class_<Simulation, SharedSimulation>(
+  Exposed<Simulation, SharedSimulation>(
       module, "Simulation", "A simulated RGB-D sequence; frames are rendered when accessed.")
       .def("__len__", [](const Simulation& self) { return self.simulator.frame_count(); })
-      .def("__getitem__", &frame_of, py::arg("index"))
-      .def("frame", &frame_of, py::arg("index"),
+      .def("__getitem__", &rendered_frame, py::arg("index"))
+      .def("frame", &rendered_frame, py::arg("index"),
            "frame($self, index)\n--\n\nRenders a frame, which depends only on the options and its "
            "index.")
       .def_readonly("camera", &Simulation::camera)
-      .def_property_readonly(
-          "trajectory", [](const Simulation& self) { return self.simulator.trajectory(); },
-          "The true trajectory.")
+      .get("trajectory", "The true trajectory.", &Simulation::simulator, &RgbdSimulator::trajectory)
       .def("__repr__", [](const Simulation& self) {
         return fmt::format("<Simulation: {} frames, {}x{}>", self.simulator.frame_count(),
                            self.camera.width, self.camera.height);

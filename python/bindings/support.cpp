@@ -157,23 +157,6 @@ void run(const std::string& name, const CallOptions& call,
   if (failure) std::rethrow_exception(failure);
 }
 
-py::object pose_array(const Similarity3& pose) {
-  return copied_matrix(pose.matrix());
-}
-py::object pose_array(const Rigid3& pose) {
-  return copied_matrix(pose.matrix());
-}
-
-py::object pose_array(const std::optional<Similarity3>& pose) {
-  if (!pose) return py::none();
-  return pose_array(*pose);
-}
-
-py::object pose_array(const std::optional<Rigid3>& pose) {
-  if (!pose) return py::none();
-  return copied_matrix(pose->matrix());
-}
-
 py::array pose_arrays(const std::vector<Rigid3>& poses) {
   py::array_t<double> array(
       {static_cast<py::ssize_t>(poses.size()), py::ssize_t{4}, py::ssize_t{4}});
@@ -257,7 +240,7 @@ std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view nam
   const auto array = real_array(value, name, {-1, 3});
   const auto count = static_cast<std::size_t>(array.shape(0));
   std::vector<Eigen::Vector3d> positions;
-  reserve_populated(positions, count);
+  detail::reserve_populated(positions, count);
   positions.resize(count);
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
   if (!positions.empty()) {
@@ -266,15 +249,35 @@ std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view nam
   return positions;
 }
 
+namespace {
+
+void require_finite(const Matrix4d& matrix, std::string_view name) {
+  if (matrix.allFinite()) return;
+  throw Error(ErrorKind::kMisuse, name, "a number that is not finite", "a 4x4 matrix of numbers");
+}
+
+}  // namespace
+
+std::vector<Rigid3> rigids_of(py::handle value, std::string_view name) {
+  const auto array = real_array(value, name, {-1, 4, 4});
+  std::vector<Rigid3> poses;
+  for (py::ssize_t i = 0; i < array.shape(0); ++i) {
+    const Matrix4d matrix =
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(array.data() + 16 * i);
+    const std::string where = fmt::format("{}[{}]", name, i);
+    require_finite(matrix, where);
+    try {
+      poses.push_back(Rigid3::from_matrix(matrix));
+    } catch (const Error& error) {
+      throw Error(error.kind(), where, error.what(), "");
+    }
+  }
+  return poses;
+}
+
 Similarity3 similarity_of(py::handle value, std::string_view name) {
-  const auto array = real_array(value, name, {4, 4});
-  Matrix4d matrix;
-  for (int i = 0; i < 4; ++i) {
-    for (int j = 0; j < 4; ++j) matrix(i, j) = array.at(i, j);
-  }
-  if (!matrix.allFinite()) {
-    throw Error(ErrorKind::kMisuse, name, "a number that is not finite", "a 4x4 matrix of numbers");
-  }
+  const Matrix4d matrix = matrix_of<4>(value, name);
+  require_finite(matrix, name);
   return Similarity3::from_matrix(matrix);
 }
 

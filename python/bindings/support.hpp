@@ -2,11 +2,13 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <initializer_list>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -101,6 +103,20 @@ py::array copied(const std::vector<Scalar>& values) {
   return copied(values, {static_cast<py::ssize_t>(values.size())});
 }
 
+/// (n, k): for each item the numbers that `row` returns of it, a std::array.
+template <class Items, class Row>
+py::array row_array(const Items& items, const Row& row) {
+  using Numbers = decltype(row(*std::begin(items)));
+  using Number = typename Numbers::value_type;
+  py::array_t<Number> array({std::size(items), std::tuple_size_v<Numbers>});
+  Number* out = array.mutable_data();
+  for (const auto& item : items) {
+    const Numbers numbers = row(item);
+    out = std::copy(numbers.begin(), numbers.end(), out);
+  }
+  return array;
+}
+
 /// A copy of a matrix or vector.
 template <class Matrix>
 py::array copied_matrix(const Matrix& matrix) {
@@ -117,19 +133,8 @@ py::array copied_matrix(const Matrix& matrix) {
   }
 }
 
-/// 4x4, including the scale.
-py::object pose_array(const Similarity3& pose);
-py::object pose_array(const Rigid3& pose);
-py::object pose_array(const std::optional<Similarity3>& pose);
-py::object pose_array(const std::optional<Rigid3>& pose);
 /// (n, 4, 4).
 py::array pose_arrays(const std::vector<Rigid3>& poses);
-
-template <class Matrix>
-py::object matrix_or_none(const std::optional<Matrix>& matrix) {
-  if (!matrix) return py::none();
-  return copied_matrix(*matrix);
-}
 
 /// What an argument makes of an array's masked entries (numpy.ma).
 enum class Masked {
@@ -161,15 +166,26 @@ std::vector<std::uint8_t> known_rows(py::handle value, std::size_t count);
 
 /// (n, 3).
 std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view name);
+/// (kRows, kRows).
+template <int kRows>
+Eigen::Matrix<double, kRows, kRows> matrix_of(py::handle value, std::string_view name) {
+  const auto array = real_array(value, name, {kRows, kRows});
+  return Eigen::Map<const Eigen::Matrix<double, kRows, kRows, Eigen::RowMajor>>(array.data());
+}
+/// (n, 4, 4) of scale 1.
+std::vector<Rigid3> rigids_of(py::handle value, std::string_view name);
 /// (4, 4): a rigid motion or similarity.
 Similarity3 similarity_of(py::handle value, std::string_view name);
 /// (4, 4) of scale 1.
 Rigid3 rigid_of(py::handle value, std::string_view name);
 
-/// A list of alternatives for error messages: "'a', 'b' or 'c'".
+/// Words for values.
 template <class Value>
-Value word(const std::string& text, std::string_view name,
-           const std::vector<std::pair<std::string_view, Value>>& words) {
+using Words = std::vector<std::pair<std::string_view, Value>>;
+
+/// @throws Error (misuse) naming the argument and all words, for another text
+template <class Value>
+Value word(const std::string& text, std::string_view name, const Words<Value>& words) {
   std::string expected;
   for (std::size_t i = 0; i < words.size(); ++i) {
     if (words[i].first == text) return words[i].second;
@@ -264,6 +280,20 @@ class Keywords {
       });
     }
     return *this;
+  }
+  /// The same for an enumerator, by its word.
+  template <class Field, class Value>
+  Keywords& add(const std::string& name, const Field& field, const Words<Value>& words) {
+    Options defaults;
+    std::string initial;
+    for (const auto& [text, value] : words) {
+      if (value == field(defaults)) initial = text;
+    }
+    return add(name, py::str(initial), [=](Options& options, py::handle value) {
+      std::string text;
+      from_python(value, name, text);
+      field(options) = word(text, name, words);
+    });
   }
   /// @param initial the default value in Python
   Keywords& add(const std::string& name, const py::object& initial, Set set) {

@@ -14,11 +14,6 @@ py::str decoded(const std::string& text) {
   return result;
 }
 
-py::object decoded_or_none(const std::optional<std::string>& text) {
-  if (!text) return py::none();
-  return decoded(*text);
-}
-
 py::list decoded(const std::vector<std::string>& texts) {
   py::list list;
   for (const std::string& text : texts) list.append(decoded(text));

@@ -12,8 +12,6 @@ namespace cairn::python {
 
 /// For text from files, paths and names: bytes that are not UTF-8 become surrogates, as in os.fsdecode().
 py::str decoded(const std::string& text);
-/// None for std::nullopt.
-py::object decoded_or_none(const std::optional<std::string>& text);
 py::list decoded(const std::vector<std::string>& texts);
 /// The reverse.
 /// @throws TypeError naming the argument, unless it is text

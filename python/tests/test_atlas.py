@@ -459,7 +459,7 @@ class Misuse(Folder):
                 (lambda: atlas.map("x"), "no map 'x'; expected one of its maps: monday, friday"),
                 (lambda: atlas.link(only=["x"]), "no map 'x'"), (lambda: atlas.merge(frame="x"), "no map 'x'"),
                 (lambda: atlas.merge(frame="monday"), "no pose"), (lambda: atlas.merge(at=99), "99"),
-                (lambda: atlas.merge(fusion_probability=2.0), "min_probability"),
+                (lambda: atlas.merge(fusion_probability=2.0), "fusion_probability"),
                 (lambda: atlas.link(min_probability=2.0), "min_probability"),
                 (lambda: atlas.link(shard=2, shards=2), "shard"), (lambda: atlas.link(threads=-1), "threads"),
                 (lambda: atlas.optimize(agreement=0.0), "agreement"), (lambda: atlas.split("monday", 0), "frames"),

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "cli.hpp"

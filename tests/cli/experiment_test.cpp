@@ -41,7 +41,7 @@ TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
   EXPECT_THAT(text, HasSubstr("by true pose"));
   EXPECT_THAT(text, HasSubstr("starts     the true pose, displaced"));
   EXPECT_EQ(runs("results").size(), 180U);
-  EXPECT_EQ(parse_csv(content("results/timings.csv"), "t").size(), 181U);
+  EXPECT_EQ(cairn::detail::parse_csv(content("results/timings.csv"), "t").size(), 181U);
   EXPECT_THAT(content("results/summary.md"), HasSubstr("| k | 5 | y 1 z 0.4 roll 10 yaw 22.5 |"));
   for (const char* const name :
        {"table1_k", "yaw", "xy", "xy_yaw", "iterations", "durations", "successes",

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cstring>
 
-#include "cairn/core/hash.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/core/detail/hash.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "fuzz/round_trip.hpp"
 
@@ -22,10 +22,10 @@ std::string sealed(std::string bytes) {
   constexpr std::size_t kSizePlace = 16;
   const std::uint64_t size = bytes.size();
   std::memcpy(bytes.data() + kSizePlace, &size, sizeof size);
-  const std::size_t checksum_place = bytes.size() - sizeof(cairn::Hash128);
-  cairn::Hasher hasher;
+  const std::size_t checksum_place = bytes.size() - sizeof(cairn::detail::Hash128);
+  cairn::detail::Hasher hasher;
   hasher.update(std::string_view(bytes).substr(0, checksum_place));
-  const cairn::Hash128 hash = hasher.digest();
+  const cairn::detail::Hash128 hash = hasher.digest();
   std::memcpy(bytes.data() + checksum_place, &hash, sizeof hash);
   return bytes;
 }

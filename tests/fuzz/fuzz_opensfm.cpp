@@ -7,7 +7,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "fuzz/round_trip.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "fuzz/round_trip.hpp"
 #include "fuzz/token_mutator.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
-#include "cairn/formats/foreign/carry_along.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "fuzz/imported.hpp"
 

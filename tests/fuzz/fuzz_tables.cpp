@@ -12,12 +12,13 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text = cairn::testing::text_of(data, size);
   cairn::testing::expect_read_or_refused([&] {
-    for (const cairn::CsvRow& row : cairn::parse_csv(text, "input")) {
-      cairn::Csv csv;
+    for (const cairn::detail::CsvRow& row : cairn::detail::parse_csv(text, "input")) {
+      cairn::detail::Csv csv;
       for (const std::string& cell : row.cells) csv << cell;
       csv.end_row();
       // Not first, where a byte order mark would be no part of it.
-      const std::vector<cairn::CsvRow> again = cairn::parse_csv("header\n" + csv.text(), "written");
+      const std::vector<cairn::detail::CsvRow> again =
+          cairn::detail::parse_csv("header\n" + csv.text(), "written");
       if (again.size() != 2 || again[1].cells != row.cells) {
         cairn::testing::abort_because("a row written and read back differs");
       }

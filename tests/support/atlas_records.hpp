@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "cairn/atlas/store/store.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/refusal.hpp"

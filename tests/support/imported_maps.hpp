@@ -51,8 +51,7 @@ class ImportTest : public ::testing::Test {
  protected:
   LandmarkMap read(const std::filesystem::path& path) {
     remarks_.clear();
-    return all_formats().read(
-        path, {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
+    return all_formats().read(path, {.log = remarks_.sink()});
   }
   /// Reads a file of that content.
   LandmarkMap read_bytes(std::string_view bytes, std::string_view name = "input") {
@@ -65,13 +64,13 @@ class ImportTest : public ::testing::Test {
   std::filesystem::path write(const LandmarkMap& map, const std::string& name,
                               MapWriteOptions options = {}) {
     remarks_.clear();
-    options.log = [&](std::string_view remark) { remarks_.emplace_back(remark); };
+    options.log = remarks_.sink();
     all_formats().write(map, folder_ / name, options);
     return folder_ / name;
   }
 
   TemporaryFolder folder_;
-  std::vector<std::string> remarks_;
+  Remarks remarks_;
 };
 
 }  // namespace cairn::testing

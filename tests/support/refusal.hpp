@@ -2,10 +2,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/log.hpp"
 
 namespace cairn::testing {
 
@@ -28,5 +30,19 @@ std::string message_of(ErrorKind kind, const Act& act) {
   EXPECT_NE(message, "") << "no Error";
   return message;
 }
+
+/// What reading and writing log.
+struct Remarks {
+  std::vector<std::string> texts;
+  std::vector<std::string> losses;  ///< those of the texts that are losses
+
+  LogSink sink() {
+    return [this](const Remark& remark) {
+      texts.emplace_back(remark.text);
+      if (remark.kind == RemarkKind::kLoss) losses.emplace_back(remark.text);
+    };
+  }
+  void clear() { *this = {}; }
+};
 
 }  // namespace cairn::testing

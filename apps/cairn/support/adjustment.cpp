@@ -9,16 +9,9 @@
 
 namespace cairn::cli {
 
-void add_adjustment_to(const Command& command, MergePlacedOptions& options) {
-  command.add_flag("--straighten,!--no-straighten", options.straighten,
-                   "Straighten maps that others show to be bent. Default: on");
-  const Option adjust = command.add_flag("--adjust,!--no-adjust", options.adjust,
-                                         "Bundle-adjust the merged map: minimise the reprojection "
-                                         "errors over all keyframes and landmarks");
-  command
-      .add_flag("--refine-intrinsics", options.adjustment.refine_intrinsics,
-                "With --adjust: also adjust the cameras' parameters")
-      .needs(adjust);
+void add_adjustment_to(const Command& command, FusionOptions& options) {
+  add_options(command, FusionOptions::table, &options);
+  command.option("--refine-intrinsics").needs(command.option("--adjust"));
 }
 
 Json bend_json(const std::optional<MapBend>& bend) {

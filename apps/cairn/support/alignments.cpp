@@ -11,7 +11,6 @@
 #include "cairn/core/error.hpp"
 
 #include "support/console.hpp"
-#include "support/interrupt.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -164,11 +163,9 @@ std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const Landma
                                          AlignOptions options,
                                          const std::optional<Similarity3>& truth,
                                          const CommonArguments& common) {
-  options.execution.executor = common.executor();
-  options.execution.stop = interrupt_requests();
   std::vector<StrategyResult> results;
   for (const Strategy& strategy : strategies) {
-    options.execution.progress = common.console().progress("aligning, confidence " + strategy.name);
+    options.execution = common.execution("aligning, confidence " + strategy.name);
     options.confidence = strategy.metric;
     StrategyResult result;
     result.alignment = align(source, target, options);

@@ -20,6 +20,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
 
+#include "support/interrupt.hpp"
 #include "support/refusals.hpp"
 
 namespace cairn::cli {
@@ -146,44 +147,34 @@ Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer
 
 }  // namespace
 
-namespace {
+OptionNames::OptionNames(const OptionTable& table) {
+  for (const OptionField& field : table.fields) {
+    if (field.flag.empty()) continue;
+    const std::string name = long_name(std::string(field.flag));
+    options.emplace_back(fmt::format("{}.{}", table.options, field.name),
+                         name.substr(name.front() == '!' ? 1 : 0));
+  }
+}
 
-using Renaming = std::pair<std::string, std::string>;  // a name in the library, an option
-
-void with_renamings(const std::vector<Renaming>& renamings, const std::function<void()>& call) {
+void with_option_names(const std::vector<OptionNames>& names, const std::function<void()>& call) {
   try {
     call();
   } catch (const Error& error) {
     const std::string_view message = error.what();
-    for (const auto& [name, option] : renamings) {
-      const std::string start = name + ": ";
-      if (message.starts_with(start)) {
-        throw Error(error.kind(), option, message.substr(start.size()), "");
+    for (const OptionNames& some : names) {
+      for (const auto& [name, option] : some.options) {
+        const std::string start = name + ": ";
+        if (message.starts_with(start)) {
+          throw Error(error.kind(), option, message.substr(start.size()), "");
+        }
       }
     }
     throw;
   }
 }
 
-}  // namespace
-
-void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
-                       const std::function<void()>& call) {
-  with_renamings({options.begin(), options.end()}, call);
-}
-
-void with_option_names(std::initializer_list<OptionTable> tables,
-                       const std::function<void()>& call) {
-  std::vector<Renaming> renamings;
-  for (const OptionTable& table : tables) {
-    for (const OptionField& field : table.fields) {
-      if (field.flag.empty()) continue;
-      const std::string name = long_name(std::string(field.flag));
-      renamings.emplace_back(fmt::format("{}.{}", table.options, field.name),
-                             name.substr(name.front() == '!' ? 1 : 0));
-    }
-  }
-  with_renamings(renamings, call);
+Execution CommonArguments::execution(const std::string& work) const {
+  return {executor(), interrupt_requests(), console().progress(work)};
 }
 
 std::vector<Option> add_options(const Command& command, const OptionTable& table, void* options) {

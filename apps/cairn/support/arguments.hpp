@@ -16,7 +16,7 @@
 #include <fmt/format.h>
 
 #include "cairn/confidence/metric.hpp"
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/experiments/run.hpp"
 #include "cairn/formats/camera_file.hpp"
@@ -38,15 +38,19 @@ enum ExitCode {
   kNoTrustworthyAlignment = 4,
 };
 
-/// The library names its own parameters and fields; people know the options. Calls `call`; of an
-/// Error about one of the library's names ("IcpOptions.k") the message names its option instead.
-/// @param options (name in the library, option)
-void with_option_names(std::initializer_list<std::pair<std::string_view, std::string_view>> options,
-                       const std::function<void()>& call);
+/// Options of names in the library.
+struct OptionNames {
+  OptionNames(std::string name, std::string option)
+      : options{{std::move(name), std::move(option)}} {}
+  /// The fields of a table, e.g. "IcpOptions.k".
+  OptionNames(const OptionTable& table);
 
-/// The same for the fields of these tables.
-void with_option_names(std::initializer_list<OptionTable> tables,
-                       const std::function<void()>& call);
+  std::vector<std::pair<std::string, std::string>> options;
+};
+
+/// The library names its own parameters and fields; people know the options. Calls `call`; of an
+/// Error about one of the library's names the message names its option instead.
+void with_option_names(const std::vector<OptionNames>& names, const std::function<void()>& call);
 
 /// Number from a word of the command line; `option` is for the message.
 /// @throws Error (misuse)
@@ -115,6 +119,8 @@ struct CommonArguments {
     return {quiet, stdout_is_taken ? Console::Answer::kToStderr : Console::Answer::kToStdout};
   }
   Executor executor() const { return Executor(threads); }
+  /// Of work that an interrupt stops, with a progress bar of this name.
+  Execution execution(const std::string& work) const;
 };
 
 /// "x y z roll pitch yaw": metres and degrees, R = Rz(yaw)·Ry(pitch)·Rx(roll).

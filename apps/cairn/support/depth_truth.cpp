@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cairn/core/detail/time_association.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/time_association.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
@@ -59,7 +59,7 @@ std::vector<std::optional<Eigen::Vector3d>> true_positions_from_depth(
   for (const SequenceFrame& frame : sequence.frames()) sequence_times.push_back(frame.timestamp_s);
   constexpr double kSameTime = 1e-3;
   std::vector<StoredDepthImage> depths(map.frame_count());
-  for (const auto& [frame, at] : associate_times(map_times, sequence_times, kSameTime)) {
+  for (const auto& [frame, at] : detail::associate_times(map_times, sequence_times, kSameTime)) {
     if (const auto& path = sequence.frames()[at].depth) depths[frame] = read_depth_image(*path);
   }
 

@@ -261,9 +261,10 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
 Json options_of(const OptionTable& table, const void* options) {
   Json json = Json::object();
   for (const OptionField& field : table.fields) {
+    if (field.name == "seed") continue;  // of the document
     const auto read = [](const auto* value) {
       using Value = std::decay_t<decltype(*value)>;
-      if constexpr (std::is_same_v<Value, std::optional<double>>) {
+      if constexpr (requires { value->has_value(); }) {
         return to_json(*value);
       } else if constexpr (std::is_same_v<Value, double>) {
         return std::isfinite(*value) ? Json(*value) : Json(nullptr);
@@ -284,7 +285,7 @@ void write_document(const Json& json, const CommonArguments& common) {
   if (!common.json_path.empty()) write_text(to_text(json), common.json_path);
 }
 
-void write_rows(const Csv& rows, const CommonArguments& common) {
+void write_rows(const detail::Csv& rows, const CommonArguments& common) {
   if (!common.csv_path.empty()) write_text(rows.text(), common.csv_path);
 }
 

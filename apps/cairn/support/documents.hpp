@@ -97,7 +97,7 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options,
               unsigned version = 1);
 
-/// The fields of an options struct, by name; null for a number that is not given or not finite.
+/// The fields of an options struct, by name, but for the seed; null for a number that is not given or not finite.
 Json options_of(const OptionTable& table, const void* options);
 
 /// A document as files hold it; what is no UTF-8 in it is replaced.
@@ -107,7 +107,7 @@ std::string to_text(const Json& json);
 void write_document(const Json& json, const CommonArguments& common);
 
 /// Writes a table where --csv says; nothing if it was not given.
-void write_rows(const Csv& rows, const CommonArguments& common);
+void write_rows(const detail::Csv& rows, const CommonArguments& common);
 
 /// What a document says of any input file: path and, where there will be a document or report, hash.
 /// @param with_hash even where there will be none

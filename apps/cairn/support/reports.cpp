@@ -141,7 +141,7 @@ void add_sequence_to(const Command& command, const std::string& option, std::str
       option, folder,
       fmt::format("Show in the report what keyframes of {} saw, at most {}: folder of the RGB-D "
                   "sequence that it was built from",
-                  whose, report::FrameImagesOptions().count),
+                  whose, report::kMostFrameImages),
       "DIR");
   if (command.has_option("--report")) given.needs(command.option("--report"));
 }
@@ -149,7 +149,7 @@ void add_sequence_to(const Command& command, const std::string& option, std::str
 std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
                                           const CommonArguments& common) {
   if (folder.empty()) return {};
-  return report::frame_images(map, folder, {.log = common.console().log()});
+  return report::frame_images(map, folder, common.console().log());
 }
 #else
 void add_sequence_to(const Command&, const std::string&, std::string&, const std::string&) {}

@@ -64,20 +64,13 @@ LandmarkCloud scaled(LandmarkCloud cloud, double scale);
 LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>& weights = {},
                              const PointSetOptions& options = {});
 
-/// Limits of the parts of a map.
-struct CutOptions {
-  std::size_t landmarks = 600;  ///< approximate number per part; at least 20
-  std::size_t parts = 12;       ///< largest number; at least 1
-  /// Largest number of a part's landmarks that are placed: the most observed ones.
-  std::size_t placed = 1500;
-};
-
 /// Options of PreparedMap.
 struct PrepareOptions {
   std::optional<Metric> confidence =
       {};                       ///< metric of the landmarks' confidences; std::nullopt: all equal
   PointSetOptions points = {};  ///< landmarks that take part
-  CutOptions cut = {};          ///< limits of the parts that the map can be cut into
+  std::size_t part_landmarks =
+      600;  ///< approximate number in each part that the map can be cut into; at least 1
   std::uint64_t seed = 0;
   Executor executor = Executor();
 };
@@ -88,7 +81,7 @@ class PreparedMap {
  public:
   /// @throws Error (input) if the map lacks the input of the confidence metric
   explicit PreparedMap(const LandmarkMap& map, const PrepareOptions& options = {});
-  /// Landmarks in metres, without a vertical and without parts. PrepareOptions::confidence, points and cut have no
+  /// Landmarks in metres, without a vertical and without parts. PrepareOptions::confidence and points have no
   /// effect.
   /// @param name of the cloud, for messages
   /// @throws Error (misuse) as LandmarkCloud::validate()

@@ -9,7 +9,7 @@
 #include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace cairn {

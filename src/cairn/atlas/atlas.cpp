@@ -15,7 +15,7 @@
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
 
@@ -266,7 +266,7 @@ bool is_used(const AtlasState& state, const Link& link) {
          has_poses_of(state, link.id, true);
 }
 
-MergeResult Atlas::merge(const MergePlacedOptions& options, std::optional<NodeId> frame,
+MergeResult Atlas::merge(const FusionOptions& options, std::optional<NodeId> frame,
                          std::optional<CommitId> at) {
   const AtlasState state = store_->state(at);
   const AtlasComponent chosen = component_with(state, frame, store_->name());

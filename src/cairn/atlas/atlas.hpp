@@ -120,8 +120,7 @@ class Atlas {
   /// @param frame a map of the component; std::nullopt: the largest
   /// @return of all maps of the atlas, by ascending id
   /// @throws Error (misuse) if no two maps have poses in one frame, or in that of `frame`
-  MergeResult merge(const MergePlacedOptions& options = {},
-                    std::optional<NodeId> frame = std::nullopt,
+  MergeResult merge(const FusionOptions& options = {}, std::optional<NodeId> frame = std::nullopt,
                     std::optional<CommitId> at = std::nullopt);
 
   /// Removes a map, its links and its pose, and the poses in its frame.

@@ -282,13 +282,12 @@ TEST_F(AtlasTest, ExportsTheComponentOfAMapOrTheLargest) {
   EXPECT_THROW(component_with(state, alone, "town"), Error);
 
   std::vector<std::string> remarks;
-  const AtlasExportOptions options{
-      .frame = b, .log = [&](std::string_view remark) { remarks.emplace_back(remark); }};
-  export_atlas(atlas(), state, folder_ / "town.ply", options);
+  const LogSink log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  export_atlas(atlas(), state, folder_ / "town.ply", b, log);
   EXPECT_EQ(read_map(folder_ / "town.ply").landmark_count(), 80U);
   ASSERT_EQ(remarks.size(), 1U);
   EXPECT_THAT(remarks.front(), HasSubstr("left out 4 of 6 maps, which are not in the frame of a"));
-  export_atlas(atlas(), state, folder_ / "town.tum", options);
+  export_atlas(atlas(), state, folder_ / "town.tum", b, log);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "town.tum"));
 }
 

@@ -177,19 +177,18 @@ AtlasExport export_of(const fs::path& path) {
 }
 
 void export_atlas(Atlas& atlas, const AtlasState& state, const fs::path& path,
-                  const AtlasExportOptions& options) {
+                  std::optional<NodeId> frame, const LogSink& log) {
   const AtlasExport what = export_of(path);
   refuse_own_file(atlas, path);
   if (what == AtlasExport::kFolder) return write_folder(atlas, state, path);
   if (what == AtlasExport::kGraph) return write_graph(state, path);
-  if (what == AtlasExport::kG2o) return write_g2o_graph(state, path, options.log);
-  const AtlasComponent component = component_with(state, options.frame, atlas.store().name());
+  if (what == AtlasExport::kG2o) return write_g2o_graph(state, path, log);
+  const AtlasComponent component = component_with(state, frame, atlas.store().name());
   write_component(atlas, state, component, what, path);
   const std::size_t others = state.nodes.size() - component.nodes.size();
-  if (others > 0 && options.log) {
-    options.log(fmt::format("{}: left out {} of {} maps, which are not in the frame of {}",
-                            path.string(), others, state.nodes.size(),
-                            state.nodes.at(component.frame).name));
+  if (others > 0 && log) {
+    log(fmt::format("{}: left out {} of {} maps, which are not in the frame of {}", path.string(),
+                    others, state.nodes.size(), state.nodes.at(component.frame).name));
   }
 }
 

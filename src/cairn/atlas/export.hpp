@@ -38,16 +38,12 @@ enum class AtlasExport {
 /// @throws Error (misuse) for another ending
 AtlasExport export_of(const std::filesystem::path& path);
 
-struct AtlasExportOptions {
-  /// Of a trajectory, cloud or recording: a map of the component; std::nullopt: the largest.
-  std::optional<NodeId> frame = {};
-  LogSink log = {};  ///< told what is left out
-};
-
 /// Writes what export_of() says; a file whole or not at all.
+/// @param frame of a trajectory, cloud or recording: a map of the component; std::nullopt: the largest
+/// @param log   told what is left out
 /// @throws Error (misuse) as export_of() and component_with(), or before anything is written if that would replace
 ///         the atlas, (input) if a trajectory would be empty, (storage) if it cannot be written
 void export_atlas(Atlas& atlas, const AtlasState& state, const std::filesystem::path& path,
-                  const AtlasExportOptions& options = {});
+                  std::optional<NodeId> frame = {}, const LogSink& log = {});
 
 }  // namespace cairn

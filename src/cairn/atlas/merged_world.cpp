@@ -11,8 +11,8 @@
 
 #include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/map_file.hpp"
 
@@ -47,7 +47,7 @@ class KeyHasher {
   std::string digest() const { return to_string(hasher_.digest()); }
 
  private:
-  Hasher hasher_;
+  detail::Hasher hasher_;
 };
 
 // Of all that Atlas::merge() reads; ids alone would not do, because another atlas may have the same.
@@ -122,9 +122,9 @@ LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, std::uint64_t se
   if (is_file) {
     if (auto map = kept(path, key)) return *std::move(map);
   }
-  MergePlacedOptions options;
-  options.fusion.seed = seed;
-  options.fusion.execution = execution;
+  FusionOptions options;
+  options.seed = seed;
+  options.execution = execution;
   LandmarkMap map = *std::move(atlas.merge(options, {}, state.commit).map);
   if (!is_file || ::access(location.c_str(), W_OK) != 0) return map;
   return keep(std::move(map), path, key);

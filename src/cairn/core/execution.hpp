@@ -1,12 +1,50 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <functional>
+#include <memory>
 #include <stop_token>
-
-#include "cairn/core/executor.hpp"
+#include <utility>
 
 namespace cairn {
+
+/// Runs work on a bounded number of threads. Copies share the threads.
+///
+/// Work is cut into blocks whose bounds depend only on the amount of work, so results computed by block are
+/// the same for any number of threads.
+class Executor {
+ public:
+  /// @param threads at most this many, and at most one per core; 0 means one per core
+  explicit Executor(unsigned threads = 1);
+
+  /// The actual number of threads.
+  unsigned threads() const noexcept;
+
+  /// Calls `body(begin, end)` for consecutive ranges that cover [0, count), each of `block` items except
+  /// the last. Returns when all are done; rethrows an exception of `body`.
+  void for_blocks(std::size_t count, std::size_t block,
+                  const std::function<void(std::size_t begin, std::size_t end)>& body) const;
+
+  /// Calls `use(i, make(i))` for i in [0, count), one after the other in that order, while `make` runs up
+  /// to `ahead` items ahead on the other threads. Rethrows an exception of either.
+  template <class Make, class Use>
+  void in_order(std::size_t count, std::size_t ahead, const Make& make, const Use& use) const {
+    using Item = decltype(make(std::size_t{}));
+    run_in_order(
+        count, ahead,
+        [&](std::size_t i) -> std::shared_ptr<void> { return std::make_shared<Item>(make(i)); },
+        [&](std::size_t i, void* item) { use(i, std::move(*static_cast<Item*>(item))); });
+  }
+
+ private:
+  void run_in_order(std::size_t count, std::size_t ahead,
+                    const std::function<std::shared_ptr<void>(std::size_t)>& make,
+                    const std::function<void(std::size_t, void*)>& use) const;
+
+  struct Threads;
+  std::shared_ptr<Threads> threads_;
+};
 
 /// Called occasionally with the share of the work that is done, in [0, 1]. From one thread at a time; may
 /// be empty. To cancel the work, use the std::stop_token passed with it.

@@ -15,8 +15,8 @@
 
 #include "cairn/core/detail/file_lock.hpp"
 #include "cairn/core/detail/files_read.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/core/text.hpp"
 
 namespace cairn {
@@ -339,7 +339,7 @@ void sync_files(const std::filesystem::path& folder) {
 
 std::string hash_file(const std::filesystem::path& path) {
   FileReader file(path);
-  Hasher hasher;
+  detail::Hasher hasher;
   std::vector<char> block(block_size_for(file));
   while (const std::size_t count = file.read(block.data(), block.size())) {
     hasher.update({block.data(), count});

@@ -20,7 +20,7 @@ std::string text_of(const OptionRange& range) {
 
 template <class Value>
 void check_field(const OptionTable& table, const OptionField& field, const Value& value) {
-  if constexpr (std::is_same_v<Value, std::optional<double>>) {
+  if constexpr (requires { value.has_value(); }) {
     if (value) check_field(table, field, *value);
   } else if constexpr (!std::is_same_v<Value, bool>) {
     if (field.range.contains(static_cast<double>(value))) return;

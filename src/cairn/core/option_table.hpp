@@ -11,7 +11,7 @@ namespace cairn {
 
 /// Where a field of an options struct is stored.
 using OptionValue = std::variant<bool*, int*, unsigned*, unsigned long*, unsigned long long*,
-                                 double*, std::optional<double>*>;
+                                 double*, std::optional<double>*, std::optional<unsigned long>*>;
 
 /// Values that a number may have. NaN is never among them; std::nullopt always is.
 struct OptionRange {

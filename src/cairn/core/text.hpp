@@ -15,6 +15,22 @@ constexpr bool is_blank(char c) {
   return c == ' ' || c == '\t' || c == '\r';
 }
 
+/// Whether `c` is visible ASCII: a letter, a digit or punctuation.
+constexpr bool is_visible(char c) {
+  return c > ' ' && c < '\x7f';
+}
+
+/// Whether `text` is visible ASCII, of one character at least.
+constexpr bool is_visible(std::string_view text) {
+  for (const char c : text) {
+    if (!is_visible(c)) return false;
+  }
+  return !text.empty();
+}
+
+/// `text` with small letters for the capitals of ASCII.
+std::string lower_case(std::string_view text);
+
 /// `text` without leading and trailing blanks; a view of the argument.
 constexpr std::string_view trimmed(std::string_view text) {
   const std::size_t first = text.find_first_not_of(kBlanks);

@@ -18,20 +18,6 @@
 namespace cairn {
 namespace {
 
-template <class Bound>
-void require_ascending(const std::vector<Bound>& bins, std::string_view field) {
-  bool ascending = true;
-  for (std::size_t i = 0; i < bins.size(); ++i) {
-    // Written so that NaN fails.
-    if constexpr (std::is_floating_point_v<Bound>) ascending = ascending && std::isfinite(bins[i]);
-    if (i > 0) ascending = ascending && bins[i - 1] < bins[i];
-  }
-  if (!ascending) {
-    throw Error(ErrorKind::kMisuse, fmt::format("CovarianceCalibrationOptions.{}", field),
-                fmt::format("{}", fmt::join(bins, ", ")), "finite numbers that ascend");
-  }
-}
-
 std::optional<NeesStatistics> nees_statistics(const std::vector<double>& nees) {
   if (nees.empty()) return std::nullopt;
   NeesStatistics result;
@@ -50,7 +36,7 @@ std::optional<NeesStatistics> nees_statistics(const std::vector<double>& nees) {
 template <class Bound>
 std::vector<NeesBin<Bound>> binned(std::span<const LandmarkEstimate> landmarks,
                                    const std::vector<std::optional<double>>& nees,
-                                   const std::vector<Bound>& bounds,
+                                   const std::vector<Bound>& bounds,  // lower, ascending
                                    std::optional<Bound> LandmarkEstimate::*property) {
   std::vector<std::vector<double>> values(bounds.size());
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
@@ -84,11 +70,6 @@ void require_count(std::string_view name, std::size_t count, std::size_t expecte
 
 }  // namespace
 
-void CovarianceCalibrationOptions::validate() const {
-  require_ascending(depth_bins, "depth_bins");
-  require_ascending(observation_bins, "observation_bins");
-}
-
 std::optional<double> normalised_squared_error(const Eigen::Vector3d& error,
                                                const Eigen::Matrix3d& covariance) {
   constexpr double kSmallestRatio = 1e-14;
@@ -98,9 +79,7 @@ std::optional<double> normalised_squared_error(const Eigen::Vector3d& error,
   return (along.array().square() / variances.array()).sum();
 }
 
-CovarianceCalibration calibrate_covariances(std::span<const LandmarkEstimate> landmarks,
-                                            const CovarianceCalibrationOptions& options) {
-  options.validate();
+CovarianceCalibration calibrate_covariances(std::span<const LandmarkEstimate> landmarks) {
   CovarianceCalibration result;
   result.nees.resize(landmarks.size());
   std::vector<double> judged;
@@ -121,9 +100,10 @@ CovarianceCalibration calibrate_covariances(std::span<const LandmarkEstimate> la
     }
   }
   result.all = nees_statistics(judged);
-  result.by_depth = binned(landmarks, result.nees, options.depth_bins, &LandmarkEstimate::depth);
-  result.by_observations =
-      binned(landmarks, result.nees, options.observation_bins, &LandmarkEstimate::observations);
+  result.by_depth =
+      binned<double>(landmarks, result.nees, {0.0, 1.0, 2.0, 3.0, 4.0}, &LandmarkEstimate::depth);
+  result.by_observations = binned<std::size_t>(landmarks, result.nees, {2, 3, 5, 10, 20},
+                                               &LandmarkEstimate::observations);
   return result;
 }
 

@@ -35,15 +35,6 @@ struct LandmarkEstimate {
   std::optional<std::size_t> observations;
 };
 
-struct CovarianceCalibrationOptions {
-  /// Lower bounds of the bins; each ends at the next, the last is unbounded.
-  std::vector<double> depth_bins = {0.0, 1.0, 2.0, 3.0, 4.0};     ///< ascending; the map's unit
-  std::vector<std::size_t> observation_bins = {2, 3, 5, 10, 20};  ///< ascending
-
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-};
-
 /// Normalised errors of a set of landmarks.
 struct NeesStatistics {
   std::size_t count = 0;
@@ -61,9 +52,9 @@ struct NeesBin {
 };
 
 struct CovarianceCalibration {
-  std::optional<NeesStatistics> all;  ///< std::nullopt if no landmark could be evaluated
-  std::vector<NeesBin<double>> by_depth;
-  std::vector<NeesBin<std::size_t>> by_observations;
+  std::optional<NeesStatistics> all;      ///< std::nullopt if no landmark could be evaluated
+  std::vector<NeesBin<double>> by_depth;  ///< from 0, 1, 2, 3 and 4 of the map's unit
+  std::vector<NeesBin<std::size_t>> by_observations;  ///< from 2, 3, 5, 10 and 20
   std::vector<std::optional<double>> nees;  ///< one per landmark; std::nullopt if not evaluated
 
   // Why landmarks were not evaluated; each counts once.
@@ -79,8 +70,7 @@ std::optional<double> normalised_squared_error(const Eigen::Vector3d& error,
                                                const Eigen::Matrix3d& covariance);
 
 /// Compares covariances with the errors, over all landmarks and in bins.
-CovarianceCalibration calibrate_covariances(std::span<const LandmarkEstimate> landmarks,
-                                            const CovarianceCalibrationOptions& options = {});
+CovarianceCalibration calibrate_covariances(std::span<const LandmarkEstimate> landmarks);
 
 // Landmarks in coordinates of the first keyframe that observed them. There, errors exclude the map's drift
 // up to that keyframe, and no common world frame with the truth is needed.

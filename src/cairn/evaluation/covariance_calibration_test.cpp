@@ -175,24 +175,5 @@ TEST(CalibrateCovariances, CountsWhatItCouldNotJudgeOnce) {
   EXPECT_FALSE(calibrate_covariances({}).all);
 }
 
-TEST(CalibrateCovariances, RefusesBinsThatDoNotAscend) {
-  CovarianceCalibrationOptions options;
-  options.depth_bins = {0.0, 2.0, 2.0};
-  EXPECT_THROW(calibrate_covariances({}, options), Error);
-  options.depth_bins = {0.0, std::nan("")};
-  EXPECT_THROW(calibrate_covariances({}, options), Error);
-  for (const double no_number : {std::nan(""), std::numeric_limits<double>::infinity()}) {
-    options.depth_bins = {no_number};
-    EXPECT_THROW(calibrate_covariances({}, options), Error);
-  }
-  options.depth_bins = {2.0, 1.0, 3.0};
-  EXPECT_THROW(calibrate_covariances({}, options), Error);
-  options = {};
-  options.observation_bins = {5, 3, 7};
-  EXPECT_THROW(calibrate_covariances({}, options), Error);
-  options.observation_bins = {5, 3};
-  EXPECT_THROW(calibrate_covariances({}, options), Error);
-}
-
 }  // namespace
 }  // namespace cairn

@@ -20,6 +20,7 @@ constexpr int kUnknowns = 14;  // hand-eye 6, world 6, log scale, clock
 constexpr int kLogScale = 12;
 constexpr int kClock = 13;
 constexpr std::size_t kFewestPoses = 30;
+constexpr double kMaxGap = 0.1;  // over which the truth is interpolated, seconds
 
 using Vector14 = Eigen::Matrix<double, kUnknowns, 1>;
 using Matrix14 = Eigen::Matrix<double, kUnknowns, kUnknowns>;
@@ -126,8 +127,12 @@ Residual residual_of(const State& state, const Rigid3& world_from_camera,
 
 class Solver {
  public:
-  Solver(const Trajectory& estimate, const Trajectory& truth, const HandEyeOptions& options)
-      : estimate_(estimate), truth_(truth), options_(options) {}
+  Solver(const Trajectory& estimate, const Trajectory& truth, double max_clock_offset_s,
+         bool with_scale)
+      : estimate_(estimate),
+        truth_(truth),
+        max_clock_offset_s_(max_clock_offset_s),
+        with_scale_(with_scale) {}
 
   HandEyeResult run();
 
@@ -139,14 +144,15 @@ class Solver {
   Matrix14 covariance(const Matrix14& normal) const;
   // Unknowns that are not estimated have no derivative.
   bool is_free(int unknown) const {
-    return unknown == kLogScale ? options_.with_scale
-           : unknown == kClock  ? options_.max_clock_offset_s > 0.0
+    return unknown == kLogScale ? with_scale_
+           : unknown == kClock  ? max_clock_offset_s_ > 0.0
                                 : true;
   }
 
   const Trajectory& estimate_;
   const Trajectory& truth_;
-  const HandEyeOptions& options_;
+  double max_clock_offset_s_;
+  bool with_scale_;
   // One per pose: whitened and weighted.
   std::vector<Residual> residuals_;
   std::vector<Derivative> derivatives_;
@@ -154,14 +160,14 @@ class Solver {
 
 std::optional<State> Solver::start() const {
   constexpr double kStep = 0.02;
-  const int most = static_cast<int>(std::floor(options_.max_clock_offset_s / kStep));
+  const int most = static_cast<int>(std::floor(max_clock_offset_s_ / kStep));
   std::optional<State> best;
   double least = std::numeric_limits<double>::max();
   for (int i = -most; i <= most; ++i) {
     const double offset = kStep * i;
-    const auto pairs = pairs_at(estimate_, truth_, offset, options_.max_gap_s);
+    const auto pairs = pairs_at(estimate_, truth_, offset, kMaxGap);
     if (pairs.size() < kFewestPoses) continue;
-    const auto [state, squared] = start_from(pairs, options_.with_scale);
+    const auto [state, squared] = start_from(pairs, with_scale_);
     if (squared >= least) continue;
     least = squared;
     best = state;
@@ -173,7 +179,7 @@ std::optional<State> Solver::start() const {
 void Solver::linearise(const State& state) {
   residuals_.clear();
   derivatives_.clear();
-  const double gap = options_.max_gap_s;
+  const double gap = kMaxGap;
   for (const TimedPose& pose : estimate_.poses()) {
     const double time = pose.timestamp_s + state.clock_offset_s;
     constexpr double kHalf = 0.01;  // s, of the difference that gives the body's velocity
@@ -269,7 +275,7 @@ HandEyeResult Solver::run() {
   };
   const auto begin = start();
   if (!begin) {
-    return too_few(pairs_at(estimate_, truth_, 0.0, options_.max_gap_s).size());
+    return too_few(pairs_at(estimate_, truth_, 0.0, kMaxGap).size());
   }
   State state = *begin;
   constexpr int kMostSteps = 50;
@@ -299,9 +305,9 @@ HandEyeResult Solver::run() {
         "the motion does not determine the hand-eye offset: it needs turns about two axes or more";
     return result;
   }
-  if (std::abs(state.clock_offset_s) > 1.5 * options_.max_clock_offset_s) {
+  if (std::abs(state.clock_offset_s) > 1.5 * max_clock_offset_s_) {
     result.reason = fmt::format("the clocks differ by {:.3f} s, more than {:g} s",
-                                state.clock_offset_s, options_.max_clock_offset_s);
+                                state.clock_offset_s, max_clock_offset_s_);
     return result;
   }
   const Matrix14 spread = covariance(normal);
@@ -318,17 +324,11 @@ HandEyeResult Solver::run() {
 
 }  // namespace
 
-void HandEyeOptions::validate() const {
-  detail::require(max_clock_offset_s >= 0.0 && max_clock_offset_s <= 10.0,
-                  "HandEyeOptions.max_clock_offset_s", max_clock_offset_s, "0 to 10 seconds");
-  detail::require(max_gap_s > 0.0 && std::isfinite(max_gap_s), "HandEyeOptions.max_gap_s",
-                  max_gap_s, "a positive number of seconds");
-}
-
 HandEyeResult estimate_hand_eye(const Trajectory& estimate, const Trajectory& truth,
-                                const HandEyeOptions& options) {
-  options.validate();
-  return Solver(estimate, truth, options).run();
+                                double max_clock_offset_s, bool with_scale) {
+  detail::require(max_clock_offset_s >= 0.0 && max_clock_offset_s <= 10.0, "max_clock_offset_s",
+                  max_clock_offset_s, "0 to 10 seconds");
+  return Solver(estimate, truth, max_clock_offset_s, with_scale).run();
 }
 
 Trajectory corrected_truth(const Trajectory& truth, const HandEye& hand_eye) {

@@ -11,16 +11,7 @@
 
 namespace cairn {
 
-struct HandEyeOptions {
-  /// Largest clock offset between the trajectories; 0: one clock. At most 10.
-  double max_clock_offset_s = 0.2;
-  /// Largest gap over which the truth is interpolated; positive.
-  double max_gap_s = 0.1;
-  bool with_scale = false;  ///< the estimate has a different unit than the truth
-
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-};
+inline constexpr double kMaxClockOffset = 0.2;  ///< default of estimate_hand_eye(), seconds
 
 /// Transform between the camera and the body that the truth tracks, such as markers of motion capture.
 struct HandEye {
@@ -48,9 +39,13 @@ struct HandEyeResult {
 /// Initial values in closed form: the rotation from the axes of relative rotations (Park and Martin, 1994),
 /// the translations by linear least squares, the clock offset by search. Then Gauss-Newton over all
 /// parameters, with residuals of position and orientation divided by their median deviations, under Huber's
-/// kernel.
+/// kernel. Interpolates the truth over gaps of up to 0.1 s.
+/// @param max_clock_offset_s largest clock offset between the trajectories; 0: one clock; at most 10
+/// @param with_scale         the estimate has a different unit than the truth
+/// @throws Error (misuse) naming the argument
 HandEyeResult estimate_hand_eye(const Trajectory& estimate, const Trajectory& truth,
-                                const HandEyeOptions& options = {});
+                                double max_clock_offset_s = kMaxClockOffset,
+                                bool with_scale = false);
 
 /// True poses of the camera instead of the body, in the estimate's clock.
 Trajectory corrected_truth(const Trajectory& truth, const HandEye& hand_eye);

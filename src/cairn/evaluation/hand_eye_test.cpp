@@ -77,9 +77,8 @@ TEST(HandEye, FindsAnExactOffset) {
 
 TEST(HandEye, FindsTheScaleIfAsked) {
   const Scene exact = scene(kOffset, 0.0, 0.0, 1, 4.0);
-  HandEyeOptions options;
-  options.with_scale = true;
-  const HandEyeResult result = estimate_hand_eye(exact.estimate, exact.truth, options);
+  const HandEyeResult result =
+      estimate_hand_eye(exact.estimate, exact.truth, kMaxClockOffset, true);
   ASSERT_TRUE(result.hand_eye);
   EXPECT_NEAR(result.hand_eye->truth_from_estimate.scale(), 0.25, 1e-4);
   EXPECT_LT(kOffset.difference_to(result.hand_eye->body_from_camera).norm(), 5e-4);
@@ -153,12 +152,7 @@ TEST(HandEye, SaysWhereTooFewPosesAreNearInTime) {
 }
 
 TEST(HandEye, RefusesOptionsOutsideTheirRange) {
-  HandEyeOptions options;
-  options.max_clock_offset_s = -1.0;
-  EXPECT_THROW(estimate_hand_eye(Trajectory(), Trajectory(), options), Error);
-  options = {};
-  options.max_gap_s = 0.0;
-  EXPECT_THROW(estimate_hand_eye(Trajectory(), Trajectory(), options), Error);
+  EXPECT_THROW(estimate_hand_eye(Trajectory(), Trajectory(), -1.0), Error);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 
 namespace cairn {
@@ -138,18 +139,46 @@ std::vector<QuadrantSearch> search_quadrants(const PaperRunner& runner, const Pa
 
 }  // namespace
 
+constexpr OptionField kPaperFields[] = {
+    {"success_score", option_at<&PaperOptions::success_score>, kPositive, "--success-score",
+     "Largest score of a success, m^2 (default: the score of base ICP without displacement, times "
+     "the ratio of 0.0037 to that score in the paper)"},
+    {"max_rotation_deg", option_at<&PaperOptions::tolerance, &PoseTolerance::rotation_deg>,
+     kPositive, "--max-rotation-deg",
+     "Largest rotation error of a success, and largest difference of agreeing poses, degrees"},
+    {"max_translation_m", option_at<&PaperOptions::tolerance, &PoseTolerance::translation_m>,
+     kPositive, "--max-translation-m",
+     "Largest displacement of the source's centroid in a success, metres"},
+    {"search_xy",
+     option_at<&PaperOptions::search_xy>,
+     {},
+     "--search-xy",
+     "Also search for the displacement at which each XY quadrant fails, as in the paper"},
+    {"max_iterations",
+     option_at<&PaperOptions::align, &IcpOptions::max_iterations>,
+     {},
+     "--max-iterations",
+     "Largest number of iterations"},
+    {"max_distance",
+     option_at<&PaperOptions::align, &IcpOptions::max_distance>,
+     {},
+     "--max-distance",
+     "Largest distance of a match, metres (default: unlimited, as in the paper)"},
+    {"min_observations",
+     option_at<&PaperOptions::points, &PointSetOptions::min_observations>,
+     {},
+     "--min-observations",
+     "Leave out landmarks with fewer observations"},
+};
+constinit const OptionTable PaperOptions::table = {"PaperOptions", kPaperFields};
+
 void PaperOptions::validate() const {
   align.validate();
-  const auto require_positive = [](double value, std::string_view field) {
-    if (value > 0.0) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("PaperOptions.{}", field), fmt::format("{}", value),
-                "a positive number");
-  };
-  if (success_score) require_positive(*success_score, "success_score");
-  require_positive(tolerance.rotation_deg, "tolerance.rotation_deg");
-  require_positive(tolerance.translation_m, "tolerance.translation_m");
-  require_positive(search_limit_m, "search_limit_m");
-  require_positive(search_resolution_m, "search_resolution_m");
+  check_options(*this);
+  detail::require(search_limit_m > 0.0, "PaperOptions.search_limit_m", search_limit_m,
+                  "a positive number");
+  detail::require(search_resolution_m > 0.0, "PaperOptions.search_resolution_m",
+                  search_resolution_m, "a positive number");
 }
 
 PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options) {

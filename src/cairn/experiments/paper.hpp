@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/experiments/run.hpp"
 
 /// The paper's experiments: as published, and on another pair of maps.
@@ -77,6 +78,7 @@ struct PaperOptions {
   double search_resolution_m = 0.01;  ///< positive
   Execution execution = {};
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

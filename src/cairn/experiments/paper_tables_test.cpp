@@ -78,7 +78,7 @@ TEST(PaperTables, WriteMarkdownAndCsv) {
   const ResultTable table{
       "t", "Title.", {{"name"}, {"value", "m"}}, {{"a|b", 1.0 / 3.0}, {"c", {}}}};
   EXPECT_EQ(table.markdown(), "| name | value (m) |\n|---|--:|\n| a\\|b | 0.3333 |\n| c | - |\n");
-  const auto rows = parse_csv(table.csv(), "t.csv");
+  const auto rows = detail::parse_csv(table.csv(), "t.csv");
   ASSERT_EQ(rows.size(), 3U);
   EXPECT_THAT(rows[1].cells, ::testing::ElementsAre("a|b", "0.3333333333333333"));
   EXPECT_THAT(rows[2].cells, ::testing::ElementsAre("c", ""));

@@ -43,7 +43,7 @@ void ResultTable::round() {
 }
 
 std::string ResultTable::csv() const {
-  Csv csv;
+  detail::Csv csv;
   for (const Column& column : columns) csv << label(column);
   csv.end_row();
   for (const auto& row : rows) {

@@ -10,8 +10,8 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/detail/csv.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/experiments/run.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -49,7 +49,7 @@ constexpr std::array kStopReasons = {StopReason::kMseChange,      StopReason::kN
                                      StopReason::kIterationLimit, StopReason::kTimeLimit,
                                      StopReason::kTooFewMatches,  StopReason::kCancelled};
 
-void add_key(Csv& row, const Trial& trial) {
+void add_key(detail::Csv& row, const Trial& trial) {
   const Displacement& d = trial.initial;
   row << trial.pair << trial.experiment << std::uint64_t{trial.number} << to_string(trial.method)
       << trial.strategy << std::uint64_t{trial.k} << d.x_m << d.y_m << d.z_m << d.roll_deg
@@ -64,7 +64,7 @@ std::vector<std::string_view> runs_columns() {
 }
 
 // The row with its checksum and line end.
-std::string sealed(const Csv& row) {
+std::string sealed(const detail::Csv& row) {
   const std::string before = row.text() + ",";
   return before + detail::row_checksum(before) + "\n";
 }
@@ -79,7 +79,8 @@ bool is_sealed(std::string_view row) {
 // The cells of one row, one after another.
 class RowReader {
  public:
-  RowReader(const CsvRow& row, std::span<const std::string_view> columns, std::string_view name)
+  RowReader(const detail::CsvRow& row, std::span<const std::string_view> columns,
+            std::string_view name)
       : row_(row), columns_(columns), name_(name) {}
 
   const std::string& text() { return row_.cells[next_++]; }
@@ -122,7 +123,7 @@ class RowReader {
                 printable(row_.cells[next_ - 1]), expected);
   }
 
-  const CsvRow& row_;
+  const detail::CsvRow& row_;
   std::span<const std::string_view> columns_;
   std::string_view name_;
   std::size_t next_ = 0;
@@ -177,11 +178,11 @@ bool is_lost(std::string_view start, std::string_view header) {
 }  // namespace
 
 std::string runs_header() {
-  return Csv(runs_columns()).text();
+  return detail::Csv(runs_columns()).text();
 }
 
 std::string runs_row(const TrialResult& run) {
-  Csv row;
+  detail::Csv row;
   add_key(row, run.trial);
   row << to_string(run.status) << to_string(run.stop_reason)
       << static_cast<std::uint64_t>(run.iterations);
@@ -211,18 +212,18 @@ std::string timings_header() {
   std::vector<std::string_view> columns(kKeys.begin(), kKeys.end());
   columns.emplace_back("duration_s");
   columns.push_back(kChecksum);
-  return Csv(columns).text();
+  return detail::Csv(columns).text();
 }
 
 std::string timings_row(const TrialResult& run) {
-  Csv row;
+  detail::Csv row;
   add_key(row, run.trial);
   row << run.duration_s;
   return sealed(row);
 }
 
 std::string detail::row_checksum(std::string_view before) {
-  Hasher hasher;
+  detail::Hasher hasher;
   hasher.update(before);
   return to_string(hasher.digest()).substr(0, kChecksumSize);
 }
@@ -249,7 +250,7 @@ std::size_t detail::sound_size(std::string_view table, std::string_view header,
 
 std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name) {
   const std::vector<std::string_view> columns = runs_columns();
-  const std::vector<CsvRow> rows = parse_csv(text, name);
+  const std::vector<detail::CsvRow> rows = detail::parse_csv(text, name);
   if (rows.empty() ||
       !std::equal(rows[0].cells.begin(), rows[0].cells.end(), columns.begin(), columns.end())) {
     throw Error(ErrorKind::kInput, fmt::format("{}:1", name), "no header of a table of runs",

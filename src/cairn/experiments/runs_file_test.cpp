@@ -116,8 +116,8 @@ TEST(RunsFile, HoldsNoTimesButTheTimingsFileDoes) {
   other.duration_s = 99.0;
   EXPECT_EQ(runs_row(full_run()), runs_row(other));
   EXPECT_NE(timings_row(full_run()), timings_row(other));
-  EXPECT_EQ(parse_csv(timings_header(), "t")[0].cells.size(),
-            parse_csv(timings_row(other), "t")[0].cells.size());
+  EXPECT_EQ(detail::parse_csv(timings_header(), "t")[0].cells.size(),
+            detail::parse_csv(timings_row(other), "t")[0].cells.size());
 }
 
 TEST(RunsFile, NamesLineAndColumnOfADefect) {

@@ -14,7 +14,7 @@
 #include <variant>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/experiments/run.hpp"
 
@@ -172,21 +172,15 @@ class StudyFolder {
   std::size_t done_ = 0;
 };
 
-struct StudyOptions {
-  Executor executor = Executor();
-  std::stop_token stop = {};
-  /// Called after each run, with the number of finished runs of the shard and the number of all.
-  std::function<void(std::size_t done, std::size_t all)> progress = {};
-  /// Called with each run before that.
-  std::function<void(const TrialResult& run)> each_run = {};
-};
-
 /// Makes the missing runs of the folder, in order, several at once; loads a pair's maps only if one of its
 /// runs is missing. The rows do not depend on the number of threads.
+/// @param execution its progress is called after each run
+/// @param each_run  called with each run, before the progress
 /// @throws Error (cancelled); what `load_pair` and the folder throw
 void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
-               const StudyOptions& options = {});
+               const Execution& execution = {},
+               const std::function<void(const TrialResult& run)>& each_run = {});
 
 /// Whether the folder holds all runs of the shard, each row sound. Changes nothing.
 /// @param inputs as of StudyFolder

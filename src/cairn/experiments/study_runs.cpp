@@ -177,14 +177,14 @@ struct SoundTable {
     const std::size_t sound = sound_size(text, header, path.string());
     is_whole = sound == text.size();
     text.resize(sound);
-    rows = parse_csv(text, path.string());
+    rows = detail::parse_csv(text, path.string());
   }
 
   std::size_t runs() const { return rows.empty() ? 0 : rows.size() - 1; }
 
   std::string text;
-  std::vector<CsvRow> rows = {};  // the header is the first
-  bool is_whole = false;          // nothing follows
+  std::vector<detail::CsvRow> rows = {};  // the header is the first
+  bool is_whole = false;                  // nothing follows
 };
 
 // A table that is only ever appended to.
@@ -302,14 +302,15 @@ void StudyFolder::sync() {
 
 void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
-               const StudyOptions& options) {
+               const Execution& execution,
+               const std::function<void(const TrialResult& run)>& each_run) {
   shard.validate();
   const Study& study = plan.study();
   const std::size_t first = shard.begin(plan.size());
   const std::size_t end = shard.end(plan.size());
   IcpOptions align = study.align;
   align.execution.executor = Executor();  // runs are spread over threads, not the work of one
-  align.execution.stop = options.stop;
+  align.execution.stop = execution.stop;
 
   const bool with_clouds = std::any_of(study.methods.begin(), study.methods.end(), needs_clouds);
   for (std::size_t next = first + folder.done(); next < end;) {
@@ -322,7 +323,7 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
     }
     const Eigen::Vector3d centre = centroid(points.at(study.strategies.front()).source.positions);
     constexpr std::size_t kAhead = 64;
-    options.executor.in_order(
+    execution.executor.in_order(
         pair_end - next, kAhead,
         [&](std::size_t i) {
           Trial trial = plan.trial(next + i);
@@ -333,8 +334,11 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
         },
         [&](std::size_t, const TrialResult& run) {
           folder.append(run);
-          if (options.each_run) options.each_run(run);
-          if (options.progress) options.progress(folder.done(), end - first);
+          if (each_run) each_run(run);
+          if (execution.progress) {
+            execution.progress(static_cast<double>(folder.done()) /
+                               static_cast<double>(end - first));
+          }
         });
     next = pair_end;
     folder.sync();

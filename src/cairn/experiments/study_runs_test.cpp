@@ -57,9 +57,7 @@ class StudyRunsTest : public ::testing::Test {
  protected:
   void run(const fs::path& folder, const Shard& shard = {}, unsigned threads = 1) const {
     StudyFolder rows(folder, plan_, shard);
-    StudyOptions options;
-    options.executor = Executor(threads);
-    run_study(plan_, shard, rows, load, options);
+    run_study(plan_, shard, rows, load, {.executor = Executor(threads)});
   }
 
   // The message of a refusal; the folder must be what it was.
@@ -146,12 +144,11 @@ TEST_F(StudyRunsTest, GoOnAfterTheyWereStopped) {
   std::stop_source stop;
   {
     StudyFolder rows(folder_ / "a", plan_, {});
-    StudyOptions options;
-    options.stop = stop.get_token();
-    options.progress = [&](std::size_t done, std::size_t) {
-      if (done == 5) stop.request_stop();
+    const auto stop_after_five = [&](double) {
+      if (rows.done() == 5) stop.request_stop();
     };
-    EXPECT_THROW(run_study(plan_, {}, rows, load, options), Error);
+    const Execution execution{.stop = stop.get_token(), .progress = stop_after_five};
+    EXPECT_THROW(run_study(plan_, {}, rows, load, execution), Error);
     EXPECT_LT(rows.done(), plan_.size());
   }
   run(folder_ / "a");

@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/content_uuid.hpp"
-
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "cairn/core/hash.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/core/detail/hash.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 namespace {
 
-std::string uuid_of(const Hash128& hash) {
+std::string uuid_of(const detail::Hash128& hash) {
   constexpr std::uint64_t kVersion8 = 0x8000;
   constexpr std::uint64_t kVariant = 0x8000;
   return fmt::format("{:08x}-{:04x}-{:04x}-{:04x}-{:012x}", hash.high >> 32,
@@ -22,13 +20,13 @@ std::string uuid_of(const Hash128& hash) {
 }  // namespace
 
 std::string uuid_of(std::string_view bytes) {
-  Hasher hasher;
+  detail::Hasher hasher;
   hasher.update(bytes);
   return uuid_of(hasher.digest());
 }
 
 std::string content_uuid(const LandmarkMap& map) {
-  Hasher hasher;
+  detail::Hasher hasher;
   const auto hash = [&](const LandmarkMap& content) {
     write_binary(content, [&](std::string_view bytes) { hasher.update(bytes); });
   };

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/content_uuid.hpp"
-
 #include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace cairn {

@@ -10,6 +10,7 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/format_row.hpp"
 #include "cairn/formats/map_file.hpp"
 
@@ -143,11 +144,15 @@ constexpr Sign kXmlSigns[] = {
 };
 
 std::string lower_extension(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return extension;
+  return lower_case(path.extension().string());
+}
+
+// What the first sign says for which `is_there`.
+template <class Signs, class IsThere>
+std::optional<ForeignContent> first_sign(const Signs& signs, const IsThere& is_there) {
+  const auto sign = std::find_if(std::begin(signs), std::end(signs), is_there);
+  if (sign == std::end(signs)) return std::nullopt;
+  return ForeignContent{sign->what, sign->advice};
 }
 
 // The words of the first lines that are neither blank nor comments.
@@ -155,15 +160,10 @@ std::vector<std::vector<std::string_view>> first_lines(std::string_view bytes, s
   std::vector<std::vector<std::string_view>> lines;
   while (!bytes.empty() && lines.size() < most) {
     const std::size_t end = std::min(bytes.find('\n'), bytes.size());
-    std::string_view line = trimmed(bytes.substr(0, end));
+    const std::string_view line = trimmed(bytes.substr(0, end));
     bytes.remove_prefix(std::min(end + 1, bytes.size()));
     if (line.empty() || line.starts_with('#')) continue;
-    auto& words = lines.emplace_back();
-    while (!line.empty()) {
-      const std::size_t size = std::min(line.find_first_of(kBlanks), line.size());
-      words.push_back(line.substr(0, size));
-      line = trimmed(line.substr(size));
-    }
+    lines.push_back(detail::words_of(line));
   }
   return lines;
 }
@@ -213,19 +213,17 @@ std::optional<ForeignContent> foreign_file(const MapInput& input) {
   if (extension == ".spz") return ForeignContent{"is a file of Gaussian splats (SPZ)", kSplats};
   if (extension == ".splat") return ForeignContent{"is a file of Gaussian splats", kSplats};
   if (extension == ".sens") return ForeignContent{"is an RGB-D recording of ScanNet", kLists};
-  for (const Sign& sign : kSigns) {
-    if (bytes.size() > sign.offset && bytes.substr(sign.offset).starts_with(sign.bytes)) {
-      return ForeignContent{sign.what, sign.advice};
-    }
+  if (const auto known = first_sign(kSigns, [&](const Sign& sign) {
+        return bytes.size() > sign.offset && bytes.substr(sign.offset).starts_with(sign.bytes);
+      })) {
+    return known;
   }
   const std::size_t first = bytes.find_first_not_of(" \t\r\n");
   if (first == std::string_view::npos) return std::nullopt;
   if (bytes[first] == '<') {
-    for (const Sign& sign : kXmlSigns) {
-      if (bytes.find(sign.bytes) != std::string_view::npos) {
-        return ForeignContent{sign.what, sign.advice};
-      }
-    }
+    return first_sign(kXmlSigns, [&](const Sign& sign) {
+      return bytes.find(sign.bytes) != std::string_view::npos;
+    });
   }
   if (bytes[first] == '{' || bytes[first] == '[') {
     if (bytes.find("\"cairn.") != std::string_view::npos) {
@@ -279,12 +277,12 @@ constexpr FolderSign kFolderSigns[] = {
 
 std::optional<ForeignContent> foreign_folder(const fs::path& folder) {
   std::error_code error;
-  for (const FolderSign& sign : kFolderSigns) {
-    if (std::all_of(sign.entries.begin(), sign.entries.end(), [&](std::string_view entry) {
+  if (const auto known = first_sign(kFolderSigns, [&](const FolderSign& sign) {
+        return std::all_of(sign.entries.begin(), sign.entries.end(), [&](std::string_view entry) {
           return entry.empty() || fs::exists(folder / entry, error);
-        })) {
-      return ForeignContent{sign.what, sign.advice};
-    }
+        });
+      })) {
+    return known;
   }
   constexpr std::array<std::string_view, 5> kImages = {".jpg", ".jpeg", ".png", ".heic", ".tif"};
   std::size_t images = 0;

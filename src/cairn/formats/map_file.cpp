@@ -12,7 +12,6 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/format_row.hpp"
 #include "cairn/formats/detail/losses.hpp"
-#include "cairn/formats/own_formats.hpp"
 
 namespace cairn {
 namespace {

@@ -13,6 +13,7 @@
 #include "cairn/core/execution.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
+#include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn {
@@ -140,5 +141,65 @@ struct ForeignContent {
 /// What a file is, by its first bytes and its name, or a folder, by the names in it; std::nullopt if unknown.
 std::optional<ForeignContent> foreign_content(const MapInput& input);
 std::optional<ForeignContent> foreign_content(const std::filesystem::path& path);
+
+// ---- the formats of Cairn, PLY and PCD
+
+/// Reads Cairn's text format, version 1, 2 or 3 (docs/formats.md).
+/// @throws Error (input) naming source, line, field, value and constraint
+LandmarkMap read_native(ByteSource& source, const MapReadOptions& options = {});
+
+/// What version 1 of the text format cannot hold of `map`, in words; std::nullopt if it can hold all.
+std::optional<std::string> version_1_loss(const LandmarkMap& map);
+
+/// Writes Cairn's text format.
+/// @param version 1, 2 or 3; std::nullopt: the lowest that can hold the whole map
+/// @throws Error (misuse) if the requested version cannot hold the map
+void write_native(const LandmarkMap& map, const ByteSink& sink,
+                  std::optional<int> version = std::nullopt, const Progress& progress = {});
+
+/// First bytes of Cairn's binary format. No text begins with them, and a transfer that converts line ends
+/// breaks them.
+inline constexpr std::string_view kBinaryMagic =
+    "\x89"
+    "CAIRN\r\n";
+
+/// Reads Cairn's binary format (docs/formats.md), memory-mapped if the source can be.
+/// @throws Error (input) naming source, byte, field, value and constraint
+LandmarkMap read_binary(ByteSource& source, const MapReadOptions& options = {});
+
+/// Writes Cairn's binary format.
+/// @throws Error (misuse) if a text of the map has 2^32 bytes or more
+void write_binary(const LandmarkMap& map, const ByteSink& sink, const Progress& progress = {});
+
+/// Reads the vertices of a PLY 1.0 file as landmarks (docs/formats.md lists the properties).
+/// @throws Error (input) naming source, line or byte, value and constraint
+LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options = {});
+
+/// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, count, named columns.
+void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
+
+/// Reads the points of a PCD 0.7 file as landmarks (docs/formats.md lists the fields).
+/// @throws Error (input) naming source, line or byte, value and constraint
+LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options = {});
+
+/// Writes the landmarks as PCD 0.7 points: position, covariance, colour, count, named columns.
+void write_pcd(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
+
+/// Transforms a point cloud or mesh in PLY that belongs to a map: positions, normals and
+/// covariances (cov_xx ... cov_zz) of the vertices. All other content is copied byte for byte.
+/// @param source ascii, binary little- or big-endian; the result has the same form
+/// @throws Error (input) naming source, line or byte: not PLY, truncated, without x, y and z, or with
+///        Gaussian splats that are turned or scaled, for their spherical harmonics would not follow
+void move_ply(ByteSource& source, const Similarity3& new_from_old, const ByteSink& sink);
+
+/// A UUID (RFC 9562, version 8) from a hash of the bytes.
+std::string uuid_of(std::string_view bytes);
+
+/// UUID of a map's content without its own UUID: of its bytes in the binary format. Maps made with the same
+/// inputs, options and seed have the same.
+std::string content_uuid(const LandmarkMap& map);
+
+/// The map with that UUID.
+LandmarkMap with_content_uuid(LandmarkMap map);
 
 }  // namespace cairn

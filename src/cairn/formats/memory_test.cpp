@@ -15,10 +15,10 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/hash.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #if defined(__has_feature)
@@ -189,9 +189,9 @@ TEST_F(MapMemory, IsNotDecidedByTheCountsOfTheBinaryForm) {
          {~std::uint64_t{0}, std::uint64_t{1} << 60, std::uint64_t{1} << 31, intact.size() / 20}) {
       std::string bytes = intact;
       std::memcpy(bytes.data() + byte, &count, sizeof count);
-      Hasher hasher;
+      detail::Hasher hasher;
       hasher.update(std::string_view(bytes).substr(0, bytes.size() - 16));
-      const Hash128 hash = hasher.digest();
+      const detail::Hash128 hash = hasher.digest();
       std::memcpy(bytes.data() + bytes.size() - 16, &hash, sizeof hash);
       const Usage usage = read_as_binary(bytes);
       EXPECT_NE(usage.refusal, "") << byte << " " << count;

@@ -9,8 +9,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/time_association.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/time_association.hpp"
 #include "cairn/geometry/limits.hpp"
 
 namespace cairn {
@@ -100,7 +100,7 @@ PosePairs associate(const Trajectory& a, const Trajectory& b, double max_differe
     for (const TimedPose& pose : trajectory.poses()) result.push_back(pose.timestamp_s);
     return result;
   };
-  return associate_times(times(a), times(b), max_difference_s);
+  return detail::associate_times(times(a), times(b), max_difference_s);
 }
 
 }  // namespace cairn

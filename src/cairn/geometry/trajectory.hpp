@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
-#include "cairn/core/time_association.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/geometry/similarity3.hpp"
 
@@ -51,10 +51,10 @@ std::optional<Rigid3> interpolated(const Trajectory& trajectory, double timestam
                                    double max_gap_s = 0.1);
 
 /// Pairs of positions in two trajectories.
-using PosePairs = IndexPairs;
+using PosePairs = std::vector<std::pair<std::size_t, std::size_t>>;
 
-/// Pairs poses of two trajectories by time, as the TUM benchmark's associate.py does; see
-/// associate_times().
+/// Pairs poses of two trajectories by time, as the TUM benchmark's associate.py does: takes pairs that differ by less than
+/// `max_difference_s`, closest first, each pose at most once.
 PosePairs associate(const Trajectory& a, const Trajectory& b, double max_difference_s = 0.02);
 
 }  // namespace cairn

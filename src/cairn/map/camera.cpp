@@ -10,7 +10,6 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/map/camera_projection.hpp"
 
 namespace cairn {
 namespace {

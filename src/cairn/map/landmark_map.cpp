@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
 
@@ -30,17 +31,24 @@ std::string text_of(const Eigen::Vector3d& v) {
 constexpr std::string_view kExpectedGeodetic =
     "degrees from -90 to 90 and -180 to 180, metres from -1e9 to 1e9";
 
+// The first of the offsets that do not cut `count` entries into one range for each of `rows`; std::nullopt if they do.
+std::optional<std::size_t> wrong_offset(const std::vector<std::uint64_t>& offsets, std::size_t rows,
+                                        std::size_t count) {
+  if (offsets.size() != rows + 1 || offsets.front() != 0) return 0;
+  const auto unsorted = std::is_sorted_until(offsets.begin(), offsets.end());
+  if (unsorted != offsets.end()) return static_cast<std::size_t>(unsorted - offsets.begin());
+  return offsets.back() == count ? std::nullopt : std::optional(rows);
+}
+
+constexpr std::string_view kExpectedOffsets =
+    "ascending from 0 to their number, one more than there are landmarks";
+
 double norm_of(const std::array<double, 4>& q) {
   return std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
 }
 
 bool is_unit(double norm) {
   return std::abs(norm - 1.0) <= 1e-3;  // false for NaN
-}
-
-bool is_plain_name(std::string_view name) {
-  return !name.empty() &&
-         std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c < '\x7f'; });
 }
 
 // Checks the tables of a map.
@@ -266,7 +274,7 @@ class Checks {
       refuse_kind(fmt::format("of {} bytes", descriptors.bytes_each),
                   fmt::format("1 to {}", kMostDescriptorBytes));
     }
-    if (!is_plain_name(descriptors.kind)) {
+    if (!is_visible(descriptors.kind)) {
       refuse_kind("kind is not a name", "visible ASCII, no blanks");
     }
     check_size("descriptor bytes", descriptors.bytes.size(), count * descriptors.bytes_each, false);
@@ -287,22 +295,14 @@ class Checks {
   void check_further(const DescriptorColumn& descriptors) const {
     const auto& offsets = descriptors.further_offsets;
     const std::size_t count = tables_.landmarks.ids.size();
-    const auto refuse_offset = [&](std::size_t row) {
-      refuse(MapColumn::kFurtherOffsets, row, "offsets of further descriptors",
-             "do not cut the further descriptors into one range a landmark",
-             "ascending from 0 to their number, one more than there are landmarks");
-    };
     if (offsets.empty()) {
       check_size("further descriptor bytes", descriptors.further.size(), 0, false);
       return;
     }
-    if (offsets.size() != count + 1 || offsets.front() != 0) refuse_offset(0);
-    const auto unsorted = std::is_sorted_until(offsets.begin(), offsets.end());
-    if (unsorted != offsets.end()) {
-      refuse_offset(static_cast<std::size_t>(unsorted - offsets.begin()));
-    }
-    if (offsets.back() != descriptors.further.size() / descriptors.bytes_each) {
-      refuse_offset(count);
+    if (const auto wrong =
+            wrong_offset(offsets, count, descriptors.further.size() / descriptors.bytes_each)) {
+      refuse(MapColumn::kFurtherOffsets, *wrong, "offsets of further descriptors",
+             "do not cut the further descriptors into one range a landmark", kExpectedOffsets);
     }
     check_size("further descriptor bytes", descriptors.further.size(),
                offsets.back() * descriptors.bytes_each, false);
@@ -331,7 +331,7 @@ class Checks {
       const NamedColumn& column = columns[i];
       const std::string name = "column " + printable(column.name);
       check_size(name, column.values.size(), count, false);
-      if (!is_plain_name(column.name)) {
+      if (!is_visible(column.name)) {
         refuse(MapColumn::kColumnNames, i, name, "not a name", "visible ASCII, no blanks");
       }
       for (std::size_t j = 0; j < i; ++j) {
@@ -375,23 +375,6 @@ class Checks {
     }
   }
 
-  void check_offsets() const {
-    const auto& offsets = tables_.observations.offsets;
-    const std::size_t count = tables_.observations.frames.size();
-    const auto refuse_offset = [&](std::size_t row) {
-      refuse(MapColumn::kOffsets, row, "observation offsets",
-             "do not cut the observations into one range a landmark",
-             "ascending from 0 to their number, one more than there are landmarks");
-    };
-    if (offsets.size() != tables_.landmarks.ids.size() + 1 || offsets.front() != 0)
-      refuse_offset(0);
-    const auto unsorted = std::is_sorted_until(offsets.begin(), offsets.end());
-    if (unsorted != offsets.end()) {
-      refuse_offset(static_cast<std::size_t>(unsorted - offsets.begin()));
-    }
-    if (offsets.back() != count) refuse_offset(offsets.size() - 1);
-  }
-
   void check_observations() const {
     const ObservationTable& observations = tables_.observations;
     const std::size_t count = observations.frames.size();
@@ -408,7 +391,11 @@ class Checks {
       }
       return;
     }
-    check_offsets();
+    if (const auto wrong =
+            wrong_offset(observations.offsets, tables_.landmarks.ids.size(), count)) {
+      refuse(MapColumn::kOffsets, *wrong, "observation offsets",
+             "do not cut the observations into one range a landmark", kExpectedOffsets);
+    }
     const std::size_t frame_count = tables_.frames.ids.size();
     for (std::size_t i = 0; i < count; ++i) {
       if (observations.frames[i].value >= frame_count) {
@@ -565,6 +552,34 @@ const NamedColumn* LandmarkMap::column(std::string_view name) const {
   const auto found = std::find_if(columns.begin(), columns.end(),
                                   [&](const NamedColumn& column) { return column.name == name; });
   return found == columns.end() ? nullptr : &*found;
+}
+
+Similarity3 GeoReference::enu_from_map() const {
+  return {scale,
+          Rigid3(Eigen::Quaterniond(quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
+                 translation)};
+}
+
+GeoReference GeoReference::moved(const Similarity3& new_from_old) const {
+  const Similarity3 enu_from_new = enu_from_map() * new_from_old.inverse();
+  const Eigen::Quaterniond q = enu_from_new.rigid().quaternion();
+  return {origin, enu_from_new.scale(), {q.w(), q.x(), q.y(), q.z()}, enu_from_new.translation()};
+}
+
+bool GeoReference::is_enu() const {
+  constexpr double kTolerance = 1e-9;
+  constexpr double kTolerance_m = 1e-6;
+  return std::abs(scale - 1.0) <= kTolerance && enu_from_map().rigid().angle() <= kTolerance &&
+         translation.norm() <= kTolerance_m;
+}
+
+GeodeticPosition GeoReference::geodetic(const Eigen::Vector3d& x_in_map) const {
+  return geodetic_from_ecef(ecef_from_enu(origin) * (enu_from_map() * x_in_map));
+}
+
+Eigen::Vector3d GeoReference::in_map(const GeodeticPosition& position) const {
+  return enu_from_map().inverse() *
+         (ecef_from_enu(origin).inverse() * ecef_from_geodetic(position));
 }
 
 }  // namespace cairn

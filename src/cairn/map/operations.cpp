@@ -2,13 +2,17 @@
 #include "cairn/map/operations.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <limits>
 #include <numeric>
+#include <string>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/limits.hpp"
 
@@ -101,6 +105,25 @@ MapTables copied_tables(const LandmarkMap& map) {
   MapTables tables = std::move(copy).tables();
   tables.info.uuid.reset();
   return tables;
+}
+
+// "Normal_X" as "normalx".
+std::string plain_name(std::string_view name) {
+  std::string plain = lower_case(name);
+  std::erase(plain, '_');
+  return plain;
+}
+
+TurningColumns turning_columns_of(std::span<const NamedColumn> columns) {
+  std::vector<std::string_view> names;
+  for (const NamedColumn& column : columns) names.push_back(column.name);
+  return turning_columns(names);
+}
+
+[[noreturn]] void refuse_splats(std::string_view name) {
+  throw Error(ErrorKind::kInput, name,
+              "has Gaussian splats, whose spherical harmonics would not follow",
+              "points without the columns of splats");
 }
 
 }  // namespace
@@ -319,6 +342,107 @@ bool states_image_sizes(const MapInfo& info) {
 
 void note_unstated_image_sizes(MapInfo& info) {
   info.provenance.emplace_back(kUnstatedSizes);
+}
+
+TurningColumns turning_columns(std::span<const std::string_view> names) {
+  std::vector<std::string> plain;
+  for (const std::string_view name : names) plain.push_back(plain_name(name));
+  const auto find = [&](std::string_view sought) {
+    return static_cast<std::size_t>(std::find(plain.begin(), plain.end(), sought) - plain.begin());
+  };
+  TurningColumns result;
+  for (const std::string stem : {"n", "normal"}) {
+    const std::array<std::size_t, 3> vector = {find(stem + "x"), find(stem + "y"),
+                                               find(stem + "z")};
+    if (*std::max_element(vector.begin(), vector.end()) < plain.size()) {
+      result.vectors.push_back(vector);
+    }
+  }
+  result.are_splats = std::min(find("rot0"), find("frest0")) < plain.size();
+  return result;
+}
+
+void require_no_splats(const LandmarkMap& map, std::string_view name) {
+  if (turning_columns_of(map.landmarks().columns).are_splats) refuse_splats(name);
+}
+
+std::vector<NamedColumn> transformed_columns(std::span<const NamedColumn> columns,
+                                             const Similarity3& new_from_old) {
+  std::vector<NamedColumn> result(columns.begin(), columns.end());
+  if (new_from_old.linear() == Eigen::Matrix3d::Identity()) return result;
+  const TurningColumns turning = turning_columns_of(columns);
+  if (turning.are_splats) refuse_splats("map");
+  const Eigen::Matrix3d rotation = new_from_old.rigid().rotation();
+  for (const std::array<std::size_t, 3>& at : turning.vectors) {
+    for (std::size_t i = 0; i < result[at[0]].values.size(); ++i) {
+      const Eigen::Vector3d turned =
+          rotation * Eigen::Vector3d(result[at[0]].values[i], result[at[1]].values[i],
+                                     result[at[2]].values[i]);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        result[at.at(axis)].values[i] = turned[static_cast<Eigen::Index>(axis)];
+      }
+    }
+  }
+  return result;
+}
+
+bool is_binary(std::string_view kind) {
+  constexpr std::array<std::string_view, 6> kBinary = {"ORB",   "BRIEF", "BRISK",
+                                                       "AKAZE", "FREAK", "LATCH"};
+  return std::find(kBinary.begin(), kBinary.end(), kind) != kBinary.end();
+}
+
+std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
+                                    std::span<const std::uint8_t> b, DescriptorNorm norm) {
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (norm == DescriptorNorm::kHamming) {
+      sum += static_cast<std::uint64_t>(std::popcount(static_cast<std::uint8_t>(a[i] ^ b[i])));
+    } else {
+      const int by = int{a[i]} - int{b[i]};
+      sum += static_cast<std::uint64_t>(by * by);
+    }
+  }
+  return sum;
+}
+
+std::vector<std::size_t> distinct_descriptors(
+    std::span<const std::span<const std::uint8_t>> descriptors, std::size_t first, std::size_t most,
+    DescriptorNorm norm) {
+  constexpr std::size_t kMost = 64;
+  const std::size_t count = std::min(descriptors.size(), kMost);
+  std::vector<std::uint64_t> nearest(count, std::numeric_limits<std::uint64_t>::max());
+  std::vector<std::size_t> chosen = {first};
+  while (chosen.size() < most) {
+    for (std::size_t i = 0; i < count; ++i) {
+      nearest[i] = std::min(
+          nearest[i], descriptor_difference(descriptors[i], descriptors[chosen.back()], norm));
+    }
+    const auto farthest = std::max_element(nearest.begin(), nearest.end());
+    if (farthest == nearest.end() || *farthest == 0) break;
+    chosen.push_back(static_cast<std::size_t>(farthest - nearest.begin()));
+  }
+  return chosen;
+}
+
+void append_descriptors(DescriptorColumn& column,
+                        std::span<const std::span<const std::uint8_t>> descriptors) {
+  const std::size_t row = column.known.size();
+  column.known.push_back(descriptors.empty() ? 0 : 1);
+  if (descriptors.empty()) {
+    column.bytes.resize(column.bytes.size() + column.bytes_each);
+  } else {
+    column.bytes.insert(column.bytes.end(), descriptors[0].begin(), descriptors[0].end());
+  }
+  if (descriptors.size() > 1) {
+    column.further_offsets.resize(row + 1, column.further.size() / column.bytes_each);
+    for (const auto& further : descriptors.subspan(1)) {
+      column.further.insert(column.further.end(), further.begin(), further.end());
+    }
+  }
+  if (column.has_further()) {
+    column.further_offsets.resize(row + 2, column.further.size() / column.bytes_each);
+  }
 }
 
 }  // namespace cairn

@@ -16,7 +16,6 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
-#include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/operations.hpp"
 
@@ -748,32 +747,23 @@ LandmarkMap moved(LandmarkMap map, const Rigid3& new_from_old, std::string_view 
   return LandmarkMap(std::move(tables));
 }
 
-void require(bool valid, std::string_view field, std::string_view what, std::string_view expected) {
-  if (valid) return;
-  throw Error(ErrorKind::kMisuse, fmt::format("SyntheticOptions.{}", field), what, expected);
-}
-
-void require_between(double value, double least, double most, std::string_view field) {
-  require(value >= least && value <= most, field, fmt::format("{}", value),
-          fmt::format("{} to {}", least, most));
-}
-
 }  // namespace
 
+constexpr OptionField kSyntheticFields[] = {
+    {"seed", option_at<&SyntheticOptions::seed>},
+    {"landmarks", option_at<&SyntheticOptions::landmarks>,
+     within(1, std::numeric_limits<std::uint32_t>::max())},
+    {"frames", option_at<&SyntheticOptions::frames>, within(1, 1e6)},
+    {"pixel_noise_px", option_at<&SyntheticOptions::pixel_noise_px>, within(0, 20)},
+    // A depth must stay positive: noise is small against it in all of the scene.
+    {"depth_noise_m", option_at<&SyntheticOptions::depth_noise_m>, within(0, 0.03)},
+    {"overlap", option_at<&SyntheticOptions::overlap>, within(0, 1)},
+    {"outlier_fraction", option_at<&SyntheticOptions::outlier_fraction>, within(0, 1)},
+};
+constinit const OptionTable SyntheticOptions::table = {"SyntheticOptions", kSyntheticFields};
+
 void SyntheticOptions::validate() const {
-  constexpr std::size_t kMostLandmarks = std::numeric_limits<std::uint32_t>::max();
-  constexpr std::size_t kMostFrames = 1'000'000;
-  // A depth must stay positive: noise is small against it in all of the scene.
-  constexpr double kMostDepthNoiseMetres = 0.03;
-  constexpr double kMostPixelNoisePixels = 20.0;
-  require(landmarks >= 1 && landmarks <= kMostLandmarks, "landmarks", fmt::format("{}", landmarks),
-          fmt::format("1 to {}", kMostLandmarks));
-  require(frames >= 1 && frames <= kMostFrames, "frames", fmt::format("{}", frames),
-          fmt::format("1 to {}", kMostFrames));
-  require_between(pixel_noise_px, 0.0, kMostPixelNoisePixels, "pixel_noise_px");
-  require_between(depth_noise_m, 0.0, kMostDepthNoiseMetres, "depth_noise_m");
-  require_between(overlap, 0.0, 1.0, "overlap");
-  require_between(outlier_fraction, 0.0, 1.0, "outlier_fraction");
+  check_options(*this);
 }
 
 LandmarkMap synthetic_map(const SyntheticOptions& options) {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -23,6 +24,7 @@ struct SyntheticOptions {
   /// share of landmarks at random places, with covariances that do not show it; 0 to 1
   double outlier_fraction = 0.0;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

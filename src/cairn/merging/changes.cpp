@@ -10,8 +10,6 @@
 #include <unordered_map>
 #include <utility>
 
-#include <fmt/format.h>
-
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
@@ -523,21 +521,35 @@ std::vector<PlacePair> moved_pairs(const std::vector<OneSide::Group>& before,
 
 }  // namespace
 
+constexpr OptionRange kChangeLength = {.least = 0.0,
+                                       .expected = "a positive length",
+                                       .least_is = OptionRange::End::kExcluded,
+                                       .most_is = OptionRange::End::kExcluded};
+constexpr OptionField kChangeFields[] = {
+    {"min_observations", option_at<&ChangeOptions::min_observations>, kAtLeastOne},
+    {"tolerance", option_at<&ChangeOptions::tolerance>, kChangeLength},
+    {"reach", option_at<&ChangeOptions::reach>, kChangeLength},
+    {"min_landmarks", option_at<&ChangeOptions::min_landmarks>, {.least = 3}},
+    {"min_size",
+     option_at<&ChangeOptions::min_size>,
+     {.least = 0.0, .expected = "a length, 0 or more", .most_is = OptionRange::End::kExcluded},
+     "--min-size",
+     "With --world: least size of a thing, along its longest side, in the map's unit"},
+    {"min_confidence",
+     option_at<&ChangeOptions::min_confidence>,
+     {.least = 0.0,
+      .most = 1.0,
+      .expected = "between 0 and 1",
+      .least_is = OptionRange::End::kExcluded,
+      .most_is = OptionRange::End::kExcluded},
+     "--min-confidence",
+     "With --world: least confidence of a reported thing, above 0 and below 1"},
+    {"seed", option_at<&ChangeOptions::seed>},
+};
+constinit const OptionTable ChangeOptions::table = {"ChangeOptions", kChangeFields};
+
 void ChangeOptions::validate() const {
-  const auto require = [](bool valid, const char* field, double value, const char* expected) {
-    if (!valid) throw Error(ErrorKind::kMisuse, field, fmt::format("{}", value), expected);
-  };
-  const auto positive = [](double value) { return value > 0.0 && std::isfinite(value); };
-  require(min_observations >= 1, "ChangeOptions.min_observations",
-          static_cast<double>(min_observations), "at least 1");
-  require(positive(tolerance), "ChangeOptions.tolerance", tolerance, "a positive length");
-  require(positive(reach), "ChangeOptions.reach", reach, "a positive length");
-  require(min_landmarks >= 3, "ChangeOptions.min_landmarks", static_cast<double>(min_landmarks),
-          "at least 3");
-  require(min_size >= 0.0 && std::isfinite(min_size), "ChangeOptions.min_size", min_size,
-          "a length, 0 or more");
-  require(min_confidence > 0.0 && min_confidence < 1.0, "ChangeOptions.min_confidence",
-          min_confidence, "between 0 and 1");
+  check_options(*this);
 }
 
 std::string_view to_string(ChangeKind kind) {

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/merging/fusion/fuse_maps.hpp"
 
 namespace cairn {
@@ -30,6 +31,7 @@ struct ChangeOptions {
   std::uint64_t seed = 0;
   Execution execution = {};  ///< its progress is not used
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

@@ -57,15 +57,12 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
 
 void MergeOptions::validate() const {
   links.validate();
-  placed.validate();
+  FusionOptions::validate();
 }
 
-MergePlacedOptions MergeOptions::fusing_from(double begin) const {
-  MergePlacedOptions fusing = placed;
-  fusing.fusion.seed = seed;
-  fusing.fusion.execution = execution;
-  fusing.fusion.execution.progress = stage_of(execution.progress, begin, 1.0);
-  fusing.fusion.log = log;
+FusionOptions MergeOptions::fusing_from(double begin) const {
+  FusionOptions fusing = *this;
+  fusing.execution.progress = detail::stage_of(execution.progress, begin, 1.0);
   return fusing;
 }
 
@@ -141,7 +138,7 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
 }
 
 std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
-                                                 const MergePlacedOptions& options,
+                                                 const FusionOptions& options,
                                                  MergeResult& result) {
   std::vector<std::vector<FrameIndex>> frames(maps.size());
   std::vector<PlacedMap> placed;
@@ -177,7 +174,7 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
 
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options) {
   MergeOptions placing = options;
-  placing.execution.progress = stage_of(options.execution.progress, 0.0, 0.9);
+  placing.execution.progress = detail::stage_of(options.execution.progress, 0.0, 0.9);
   MergeResult result = place_maps(maps, placing);
   fuse_placed(maps, options.fusing_from(0.9), result);
   return result;

@@ -20,19 +20,15 @@ struct MergeInput {
   std::string session = {};          ///< shared by maps of one run; empty if unknown
 };
 
-struct MergeOptions {
-  LinkOptions links = {};  ///< execution and seed are replaced by those below
+/// Options of merge(): those of the fusion, whose seed, execution and log are of the whole, and of the links.
+struct MergeOptions : FusionOptions {
+  LinkOptions links = {};  ///< its seed and execution have no effect
   /// Known links, of maps by index, such as odometry between mini-maps of one run.
   std::vector<Link> stated = {};
-  MergePlacedOptions placed =
-      {};  ///< seed, execution and log of its fusion are replaced by those below
-  std::uint64_t seed = 0;
-  Execution execution = {};
-  LogSink log = {};
 
-  /// Those of fuse_placed(), with this seed, execution and log.
+  /// Those of fuse_placed().
   /// @param begin share of the progress at which the fusion begins
-  MergePlacedOptions fusing_from(double begin) const;
+  FusionOptions fusing_from(double begin) const;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
@@ -84,7 +80,6 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
 /// @return per map and frame: its index in the map; nothing for a map that is not placed
 /// @throws Error as merge_placed()
 std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
-                                                 const MergePlacedOptions& options,
-                                                 MergeResult& result);
+                                                 const FusionOptions& options, MergeResult& result);
 
 }  // namespace cairn

@@ -59,7 +59,7 @@ TEST(Merge, AdjustmentMakesResidualsSmallerAndKeepsTheFirstFrame) {
   const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &maps.source}};
   MergeOptions options;
   EXPECT_FALSE(merge(inputs, options).adjustment);
-  options.placed.adjust = true;
+  options.adjust = true;
   const MergeResult result = merge(inputs, options);
   ASSERT_TRUE(result.adjustment);
   EXPECT_TRUE(result.adjustment->converged);
@@ -98,7 +98,7 @@ TEST(Merge, MendsABentMap) {
   EXPECT_GT(result.maps[1].fusion->fused, of_sound.maps[1].fusion->fused * 9 / 10);
   EXPECT_FALSE(of_sound.maps[1].bend) << degrees(of_sound.maps[1].bend->rotation_rad);
   MergeOptions options;
-  options.placed.straighten = false;
+  options.straighten = false;
   const MergeResult as_it_is = merge(inputs, options);
   EXPECT_FALSE(as_it_is.maps[1].bend);
   EXPECT_LT(as_it_is.maps[1].fusion->fused, of_sound.maps[1].fusion->fused * 9 / 10);
@@ -131,7 +131,7 @@ TEST(Merge, UndoesTheDeformationOfAMapOfFreeScale) {
   ASSERT_TRUE(result.maps[1].bend);
   EXPECT_FALSE(result.maps[0].bend);
   MergeOptions options;
-  options.placed.straighten = false;
+  options.straighten = false;
   const MergeResult as_it_is = merge(inputs, options);
   EXPECT_FALSE(as_it_is.maps[1].bend);
   EXPECT_GT(result.maps[1].fusion->fused, as_it_is.maps[1].fusion->fused * 11 / 10);
@@ -144,7 +144,7 @@ TEST(Merge, MapsWithoutCamerasAreMergedButNotAdjusted) {
   const LandmarkMap without(std::move(tables));
   const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &without}};
   MergeOptions options;
-  options.placed.adjust = true;
+  options.adjust = true;
   std::vector<std::string> lines;
   options.log = [&](std::string_view line) { lines.emplace_back(line); };
   const MergeResult result = merge(inputs, options);

@@ -10,10 +10,7 @@
 #include <tuple>
 #include <utility>
 
-#include <fmt/format.h>
-
 #include "cairn/core/detail/disjoint_sets.hpp"
-#include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/pose_graph/detail/grown_poses.hpp"
 #include "cairn/pose_graph/detail/pose_edges.hpp"
@@ -324,15 +321,20 @@ NodeExtent node_extent(std::span<const Eigen::Vector3d> landmarks) {
   return extent;
 }
 
+constexpr OptionField kPoseOptimisationFields[] = {
+    {"agreement",
+     option_at<&PoseOptimisationOptions::agreement>,
+     {.least = 0.0,
+      .most = 1.0,
+      .expected = "above 0, at most 1",
+      .least_is = OptionRange::End::kExcluded}},
+    {"max_iterations", option_at<&PoseOptimisationOptions::max_iterations>, kAtLeastOne},
+};
+constinit const OptionTable PoseOptimisationOptions::table = {"PoseOptimisationOptions",
+                                                              kPoseOptimisationFields};
+
 void PoseOptimisationOptions::validate() const {
-  if (!(agreement > 0.0 && agreement <= 1.0)) {
-    throw Error(ErrorKind::kMisuse, "PoseOptimisationOptions.agreement",
-                fmt::format("{}", agreement), "above 0, at most 1");
-  }
-  if (max_iterations < 1) {
-    throw Error(ErrorKind::kMisuse, "PoseOptimisationOptions.max_iterations",
-                fmt::format("{}", max_iterations), "at least 1");
-  }
+  check_options(*this);
 }
 
 OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,

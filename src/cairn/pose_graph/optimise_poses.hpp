@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cairn/core/execution.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
 namespace cairn {
@@ -30,6 +31,7 @@ struct PoseOptimisationOptions {
   int max_iterations = 100;  ///< of the solver
   Execution execution = {};  ///< one thread, so that results do not depend on their number
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

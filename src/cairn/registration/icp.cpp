@@ -163,24 +163,15 @@ class IcpAlignment {
   Correspondence correspondence() const {
     std::optional<ConfidentSet<BatchTree>> source;
     if (options_.reciprocal) source.emplace(*source_tree_, source_, source_confidences_);
-    return {target_set(), source, matching(), options_.execution.executor};
+    return {target_set(), source, options_};
   }
 
   ConfidentSet<BatchTree> target_set() const {
     return {target_tree_, target_, target_confidences_};
   }
 
-  // Without confidences k is meaningless; a k beyond the target is the whole target.
-  ConfidentNeighborOptions matching() const {
-    return {std::min(options_.k, target_.size()), options_.max_distance, options_.trimmed_fraction};
-  }
-
   detail::CoarseAlignment align_samples() const {
-    return detail::align_samples({source_, source_confidences_, weights_}, target_set(),
-                                 {.matching = matching(),
-                                  .reciprocal = options_.reciprocal,
-                                  .max_iterations = options_.max_iterations,
-                                  .execution = options_.execution});
+    return detail::align_samples({source_, source_confidences_, weights_}, target_set(), options_);
   }
 
   // centred_target_from_centred_source as target_from_source.

@@ -212,7 +212,7 @@ TEST(Align, SearchesInBatchesAsIfEveryPointWereLookedAt) {
   const auto initial = Rigid3::from_roll_pitch_yaw({0.1, 0.1, 0.0}, 0.05, 0.0, 0.2);
   const auto run = [&]<class Search>(const Search& search, std::size_t k) {
     const ConfidentNeighborCorrespondence<Search> find_matches(
-        {search, target.positions, target.confidences}, std::nullopt, {.k = k}, Executor());
+        {search, target.positions, target.confidences}, std::nullopt, {.k = k});
     std::vector<Iteration> steps;
     run_icp(source.positions, initial, find_matches, PointToPointEstimation(target.positions),
             PclCriteria{.max_iterations = 6}, {},

@@ -16,7 +16,7 @@
 
 #include <Eigen/Core>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
 /// The replaceable stages of an ICP, the types passed between them, and the loop that combines any four, run_icp().

@@ -17,7 +17,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/map/camera.hpp"
-#include "cairn/map/camera_projection.hpp"
 #include "cairn/report/detail/map_builder.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
@@ -194,28 +193,17 @@ class Shrinkings {
 
 }  // namespace
 
-void FrameImagesOptions::validate() const {
-  const auto require = [](bool valid, std::string_view field, auto value, std::string_view what) {
-    if (valid) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("FrameImagesOptions.{}", field),
-                fmt::format("{}", value), what);
-  };
-  require(count > 0, "count", count, "at least 1");
-  require(width > 0, "width", width, "at least 1");
-  require(quality >= 0 && quality <= 100, "quality", quality, "0 to 100");
-}
-
 std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
-                                     const FrameImagesOptions& options) {
-  options.validate();
-  const RgbdSequence recorded(sequence, {}, options.log);
+                                     const LogSink& log) {
+  constexpr int kQuality = 80;  // of the JPEG, 0 to 100
+  const RgbdSequence recorded(sequence, {}, log);
   const auto seen = seen_frames(map, recorded.frames());
   if (seen.empty()) refuse(map, recorded.frames(), sequence);
-  Shrinkings shrinkings(map, options.width);
+  Shrinkings shrinkings(map, kWidestFrameImage);
   std::vector<FrameImage> images;
-  for (const auto& [frame, image] : spread(seen, options.count)) {
+  for (const auto& [frame, image] : spread(seen, kMostFrameImages)) {
     const ColorImage color = read_color_image(recorded.frames()[image].color);
-    const std::string jpeg = jpeg_bytes(shrinkings.of(frame, color)(color), options.quality);
+    const std::string jpeg = jpeg_bytes(shrinkings.of(frame, color)(color), kQuality);
     images.push_back({frame, ImageType::kJpeg, {jpeg.begin(), jpeg.end()}});
   }
   return images;

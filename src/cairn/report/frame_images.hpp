@@ -12,17 +12,10 @@
 
 namespace cairn::report {
 
-struct FrameImagesOptions {
-  std::size_t count = 60;     ///< most frames with an image; spread evenly
-  std::uint32_t width = 320;  ///< most pixels of a row; positive
-  int quality = 80;           ///< of the JPEG, 0 to 100
-  LogSink log = {};
+inline constexpr std::size_t kMostFrameImages = 60;
+inline constexpr std::uint32_t kWidestFrameImage = 320;  ///< pixels
 
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-};
-
-/// Images of a map's frames, from the RGB-D sequence that it was built from. A frame has the colour image
+/// Images of a map's frames, spread evenly over those that have one, from the RGB-D sequence that it was built from. A frame has the colour image
 /// nearest in time if that is within half the median interval between colour images. If the frame has a
 /// camera, the image is resampled to fill the map's frustum without lens distortion; what the camera did not
 /// see is grey.
@@ -31,6 +24,6 @@ struct FrameImagesOptions {
 /// @throws Error (input) naming the folder if no colour image is near a frame in time, and as RgbdSequence
 ///        and read_color_image()
 std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
-                                     const FrameImagesOptions& options = {});
+                                     const LogSink& log = {});
 
 }  // namespace cairn::report

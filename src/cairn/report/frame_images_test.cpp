@@ -79,17 +79,14 @@ TEST(FrameImages, AreSpreadEvenly) {
   const TemporaryFolder folder;
   std::vector<double> times;
   std::vector<std::optional<double>> frames;
-  for (int i = 0; i < 21; ++i) {
-    times.push_back(i);
-    frames.emplace_back(i);
+  for (std::size_t i = 0; i < 2 * kMostFrameImages - 1; ++i) {
+    times.push_back(static_cast<double>(i));
+    frames.emplace_back(times.back());
   }
   write_sequence(folder / "s", times);
-  const auto with_count = [&](std::size_t count) {
-    return frames_of_images(frame_images(map_at(frames), folder / "s", {.count = count}));
-  };
-  EXPECT_THAT(with_count(5), ElementsAre(0, 5, 10, 15, 20));
-  EXPECT_THAT(with_count(1), ElementsAre(10));
-  EXPECT_EQ(with_count(60).size(), 21U);
+  const auto shown = frames_of_images(frame_images(map_at(frames), folder / "s"));
+  ASSERT_EQ(shown.size(), kMostFrameImages);
+  for (std::size_t i = 0; i < shown.size(); ++i) EXPECT_EQ(shown[i], 2 * i);
 }
 
 TEST(FrameImages, AreMadeSmaller) {
@@ -114,23 +111,25 @@ TEST(FrameImages, AreMadeSmaller) {
 TEST(FrameImages, FillTheFrustumWithoutDistortion) {
   const TemporaryFolder folder;
   const Camera camera{
-      CameraId{1}, "OPENCV", 256, 192, {200.0, 205.0, 120.0, 104.0, 0.12, -0.2, 0.003, -0.002}};
-  ColorImage places(256, 192);  // each pixel holds its place: blue the column, green the row
+      CameraId{1}, "OPENCV", 1024, 768, {800.0, 820.0, 480.0, 416.0, 0.12, -0.2, 0.003, -0.002}};
+  ColorImage places(1024, 768);  // each pixel holds its place / 4: blue the column, green the row
   for (std::size_t row = 0; row < places.height; ++row) {
     for (std::size_t column = 0; column < places.width; ++column) {
-      places.values[3 * (row * places.width + column)] = static_cast<std::uint8_t>(column);
-      places.values[3 * (row * places.width + column) + 1] = static_cast<std::uint8_t>(row);
+      places.values[3 * (row * places.width + column)] = static_cast<std::uint8_t>(column / 4);
+      places.values[3 * (row * places.width + column) + 1] = static_cast<std::uint8_t>(row / 4);
     }
   }
   SequenceWriter writer(folder / "s");
-  writer.add(1.0, places, DepthImage(256, 192, 1.0F));
+  writer.add(1.0, places, DepthImage(1024, 768, 1.0F));
   writer.finish();
   const LandmarkMap map = map_at({1.0}, camera);
-  const ColorImage small =
-      decoded(folder, frame_images(map, folder / "s", {.width = 128, .quality = 100}).front());
-  ASSERT_EQ(small.width, 128U);
+  const ColorImage small = decoded(folder, frame_images(map, folder / "s").front());
+  ASSERT_EQ(small.width, kWidestFrameImage);
   const Frustum frustum = *detail::frustum_of(map);
   int unseen = 0;  // colours come back from JPEG only roughly
+  int seen = 0;
+  int far = 0;
+  double off_by = 0.0;
   for (std::uint32_t row = 2; row + 2 < small.height; ++row) {
     for (std::uint32_t column = 2; column + 2 < small.width; ++column) {
       const double x = (2.0 * (column + 0.5) / small.width - 1.0) * frustum.half_width;
@@ -138,15 +137,22 @@ TEST(FrameImages, FillTheFrustumWithoutDistortion) {
       const auto pixel = project(camera, {x, y, 1.0});
       ASSERT_TRUE(pixel);
       const std::size_t at = std::size_t{3} * (row * small.width + column);
-      if (pixel->u < -2.0 || pixel->v < -2.0 || pixel->u > 257.0 || pixel->v > 193.0) {
+      const double u = pixel->u / 4.0;
+      const double v = pixel->v / 4.0;
+      if (u < -2.0 || v < -2.0 || u > 257.0 || v > 193.0) {
         ++unseen;
         continue;
       }
-      if (pixel->u < 8.0 || pixel->v < 8.0 || pixel->u > 247.0 || pixel->v > 183.0) continue;
-      ASSERT_NEAR(small.values[at], pixel->u, 5.0) << column << " " << row;
-      ASSERT_NEAR(small.values[at + 1], pixel->v, 5.0) << column << " " << row;
+      if (u < 8.0 || v < 8.0 || u > 247.0 || v > 183.0) continue;
+      for (const double off : {small.values[at] - u, small.values[at + 1] - v}) {
+        off_by += std::abs(off);
+        if (std::abs(off) > 8.0) ++far;
+        ++seen;
+      }
     }
   }
+  EXPECT_LT(off_by / seen, 2.0);
+  EXPECT_LT(far, seen / 1000);
   EXPECT_GT(unseen, 100) << "the principal point is off the middle";
 }
 
@@ -178,13 +184,6 @@ TEST(FrameImages, ADamagedImageIsNamed) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("1.000000.png"));
-  }
-}
-
-TEST(FrameImages, OptionsAreChecked) {
-  for (const FrameImagesOptions& wrong :
-       {FrameImagesOptions{.count = 0}, {.width = 0}, {.quality = 101}, {.quality = -1}}) {
-    EXPECT_THROW(frame_images(map_at({1.0}), "anywhere", wrong), Error);
   }
 }
 

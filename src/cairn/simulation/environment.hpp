@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/simulation/scene.hpp"
 

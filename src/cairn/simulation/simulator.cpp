@@ -67,15 +67,12 @@ void SensorOptions::validate() const {
                   fmt::format("more than min_depth_m, {}", min_depth_m));
 }
 
-void RendererOptions::validate() const {
-  detail::require_within(light_grid_m, 0.01, 1.0, "RendererOptions.light_grid_m");
-}
-
 constexpr OptionField kSimulatorFields[] = {
     {"shutter_s", option_at<&SimulatorOptions::shutter_s>, within(0, 1), "--motion-blur",
      "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower"},
     {"readout_s", option_at<&SimulatorOptions::readout_s>, within(0, 1), "--readout",
      "Readout time of a rolling shutter, from the first image row to the last, seconds"},
+    {"light_grid_m", option_at<&SimulatorOptions::light_grid_m>, within(0.01, 1)},
     {"blur_samples", option_at<&SimulatorOptions::blur_samples>, within(2, 100)},
 };
 constinit const OptionTable SimulatorOptions::table = {"SimulatorOptions", kSimulatorFields};
@@ -88,7 +85,6 @@ void SimulatorOptions::validate() const {
                   fmt::format("an image of {} x {}", camera.width, camera.height),
                   "at most 8192 pixels a side");
   sensor.validate();
-  renderer.validate();
   check_options(*this);
 }
 
@@ -109,7 +105,8 @@ RgbdSimulator::RgbdSimulator(Scene scene, Trajectory trajectory, const Simulator
       trajectory_(std::move(trajectory)),
       optics_(std::make_shared<const Optics>(
           Optics{options.camera, options.readout_s, detail::ray_table(options.camera),
-                 detail::Renderer(std::move(scene), options.renderer, executor)})) {}
+                 detail::Renderer(std::move(scene), options.light_grid_m, options.smooth_edges,
+                                  executor)})) {}
 
 const Scene& RgbdSimulator::scene() const {
   return optics_->renderer.scene();

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/camera.hpp"
@@ -47,23 +47,16 @@ struct SensorOptions {
   void validate() const;
 };
 
-struct RendererOptions {
-  /// Grid of the precomputed light on each surface, metres; 0.01 to 1.
-  double light_grid_m = 0.08;
-  /// Averages four lines of sight in pixels with an edge; if false, each pixel uses its centre.
-  bool smooth_edges = true;
-
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-};
-
 /// 640 x 480 pixels, focal length 525 pixels, no distortion.
 Camera default_simulated_camera();
 
 struct SimulatorOptions {
   Camera camera = default_simulated_camera();
   SensorOptions sensor;
-  RendererOptions renderer;
+  /// Grid of the precomputed light on each surface, metres; 0.01 to 1.
+  double light_grid_m = 0.08;
+  /// Averages four lines of sight in pixels with an edge; if false, each pixel uses its centre.
+  bool smooth_edges = true;
   double shutter_s = 0.0;        ///< exposure time, which causes motion blur; 0 to 1
   std::size_t blur_samples = 5;  ///< images averaged for motion blur; 2 to 100
   /// Readout time of a rolling shutter, from the first row of the colour and depth images to the last,

@@ -20,7 +20,7 @@ using ::testing::HasSubstr;
 SimulatorOptions small(std::uint64_t seed = 1) {
   SimulatorOptions options;
   options.camera = {CameraId{0}, "PINHOLE", 80, 60, {65.6, 65.6, 39.5, 29.5}};
-  options.renderer.light_grid_m = 1.0;
+  options.light_grid_m = 1.0;
   options.seed = seed;
   return options;
 }

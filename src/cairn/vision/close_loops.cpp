@@ -12,7 +12,7 @@
 
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/corrected_trajectory.hpp"
@@ -148,14 +148,8 @@ void take_largest_moves(const std::vector<detail::CorrectedKeyframe>& keyframes,
 
 }  // namespace
 
-void CloseLoopsOptions::validate() const {
-  merging.validate();
-  if (min_observations >= 1) return;
-  throw Error(ErrorKind::kMisuse, "CloseLoopsOptions.min_observations",
-              fmt::format("{}", min_observations), "at least 1");
-}
-
-ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& options) {
+ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& options,
+                        std::size_t min_observations) {
   options.validate();
   if (session.maps.empty() || session.links.size() + 1 != session.maps.size()) {
     throw Error(ErrorKind::kMisuse, "session",
@@ -166,12 +160,12 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   const std::size_t count = session.maps.size();
   if (count < 2) return result;
   const std::vector<MergeInput> inputs = inputs_of(session);
-  MergeOptions how = options.merging;
+  MergeOptions how = options;
   how.stated = session.links;
   if (!how.links.candidates && count > kMiniMapsTriedInFull) {
     how.links.candidates = kDefaultCandidates;
   }
-  how.execution.progress = stage_of(options.merging.execution.progress, 0.0, 0.5);
+  how.execution.progress = detail::stage_of(options.execution.progress, 0.0, 0.5);
   MergeResult merged = place_maps(inputs, how);
   const std::size_t tried = merged.links.size() - session.links.size();
   result.odometry_refuted = static_cast<std::size_t>(std::count(
@@ -187,7 +181,7 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
   if (result.closed == 0) return result;
 
   place_all(session, merged.maps);
-  MergePlacedOptions fusing = options.merging.fusing_from(0.5);
+  FusionOptions fusing = options.fusing_from(0.5);
   fusing.straighten = false;
   fusing.adjust = true;
   const std::vector<std::vector<FrameIndex>> frames = fuse_placed(inputs, fusing, merged);
@@ -200,7 +194,7 @@ ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& 
       moved_keyframes(session, *merged.map, frames);
   take_largest_moves(keyframes, result);
   result.trajectory = detail::corrected(session.trajectory, keyframes);
-  result.map = finished(*std::move(merged.map), session, result, options.min_observations);
+  result.map = finished(*std::move(merged.map), session, result, min_observations);
   return result;
 }
 
@@ -213,7 +207,7 @@ MiniMapLength usual_length_to_close_loops() {
 
 LoopClosedSequence map_and_close_loops(const RgbdSequence& sequence, const Camera& camera,
                                        const MapSequenceOptions& mapping,
-                                       const CloseLoopsOptions& options) {
+                                       const MergeOptions& options) {
   options.validate();
   MapSequenceOptions in_pieces = mapping;
   if (!in_pieces.mini_maps) in_pieces.mini_maps = usual_length_to_close_loops();
@@ -224,9 +218,7 @@ LoopClosedSequence map_and_close_loops(const RgbdSequence& sequence, const Camer
   result.mapped = map_sequence(sequence, camera, in_pieces);
   result.mini_maps = result.mapped.maps.size();
   if (result.mapped.maps.empty()) return result;
-  CloseLoopsOptions how = options;
-  how.min_observations = std::max(options.min_observations, mapping.map.min_observations);
-  result.loops = close_loops(result.mapped, how);
+  result.loops = close_loops(result.mapped, options, mapping.map.min_observations);
   if (result.loops.map) {
     MappedSequence& mapped = result.mapped;
     mapped.maps.clear();

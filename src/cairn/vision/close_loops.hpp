@@ -10,17 +10,6 @@
 
 namespace cairn {
 
-struct CloseLoopsOptions {
-  /// Of the mini-maps, which are never straightened and always adjusted. Unless candidates are given, all pairs of up to
-  /// 20 mini-maps are tried.
-  MergeOptions merging = {};
-  /// Leaves out landmarks of the map with fewer observations; at least 1.
-  std::size_t min_observations = 1;
-
-  /// @throws Error (misuse) naming the field, its value and the constraint
-  void validate() const;
-};
-
 struct ClosedLoops {
   std::vector<Link> links;  ///< of the pairs of mini-maps that were tried
   std::vector<bool> used;   ///< per link: whether it is aligned and agrees with the poses
@@ -42,9 +31,13 @@ struct ClosedLoops {
 /// number of threads.
 ///
 /// A mini-map that the optimised graph leaves out keeps its odometry pose relative to its neighbour.
+/// @param options of the mini-maps, which are never straightened and always adjusted. Unless candidates are given, all
+///        pairs of up to 20 mini-maps are tried
+/// @param min_observations leaves out landmarks of the map with fewer
 /// @param session maps in metres whose keyframes have cameras and timestamps, as from map_sequence()
 /// @throws Error (misuse) for invalid options or a session without maps, (cancelled)
-ClosedLoops close_loops(const MappedSequence& session, const CloseLoopsOptions& options = {});
+ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& options = {},
+                        std::size_t min_observations = 1);
 
 /// Default length of mini-maps for closing loops: short enough for small odometry errors within one, by
 /// path and by rotation.
@@ -59,9 +52,10 @@ struct LoopClosedSequence {
 
 /// map_sequence() and close_loops(). If no loop closes, maps the sequence again as one map.
 /// @param mapping without mini_maps, the default length is used
+/// @param options as for close_loops()
 /// @throws Error as both
 LoopClosedSequence map_and_close_loops(const RgbdSequence& sequence, const Camera& camera,
                                        const MapSequenceOptions& mapping,
-                                       const CloseLoopsOptions& options = {});
+                                       const MergeOptions& options = {});
 
 }  // namespace cairn

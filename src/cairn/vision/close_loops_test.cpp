@@ -143,18 +143,18 @@ TEST(CloseLoops, MendsWhatOdometryDriftedAndMakesOneMap) {
 TEST(CloseLoops, SameResultWithAnyNumberOfThreadsAndByRecognition) {
   const LandmarkMap truth = desk();
   const MappedSequence session = session_in_pieces(truth, 3, 0.02);
-  CloseLoopsOptions options;
-  options.merging.placed.matching_rounds = 0;
+  MergeOptions options;
+  options.matching_rounds = 0;
   const ClosedLoops one = close_loops(session, options);
-  options.merging.execution.executor = Executor(2);
+  options.execution.executor = Executor(2);
   const ClosedLoops two = close_loops(session, options);
   ASSERT_TRUE(one.map && two.map);
   EXPECT_THAT(*two.map, EqualsMap(*one.map));
 }
 
 TEST(CloseLoops, StatesHowUncertainKeyframesAreAsOdometryDoes) {
-  CloseLoopsOptions options;
-  options.merging.placed.matching_rounds = 0;
+  MergeOptions options;
+  options.matching_rounds = 0;
   const ClosedLoops loops = close_loops(session_in_pieces(desk(), 3, 0.0), options);
   ASSERT_TRUE(loops.map);
   const auto& covariances = loops.map->frames().pose_covariances;
@@ -178,25 +178,20 @@ TEST(CloseLoops, NeighboursAloneAreNoLoop) {
 
 TEST(CloseLoops, LeavesOutLandmarksThatTooFewKeyframesObserved) {
   const MappedSequence session = session_in_pieces(desk(), 3, 0.0);
-  CloseLoopsOptions options;
-  options.merging.placed.matching_rounds = 0;
-  options.min_observations = 6;
-  const ClosedLoops loops = close_loops(session, options);
+  MergeOptions options;
+  options.matching_rounds = 0;
+  const ClosedLoops loops = close_loops(session, options, 6);
   ASSERT_TRUE(loops.map);
   for (std::uint32_t l = 0; l < loops.map->landmark_count(); ++l) {
     EXPECT_GE(loops.map->observation_count(LandmarkIndex{l}), 6U);
   }
 }
 
-TEST(CloseLoops, RefusesASessionWithoutItsLinksAndOptionsOutOfRange) {
+TEST(CloseLoops, RefusesASessionWithoutItsLinks) {
   MappedSequence session = session_in_pieces(desk(), 2, 0.0);
   session.links.clear();
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { close_loops(session); }),
               HasSubstr("2 maps, 0 links"));
-  CloseLoopsOptions options;
-  options.min_observations = 0;
-  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
-              HasSubstr("min_observations"));
 }
 
 }  // namespace

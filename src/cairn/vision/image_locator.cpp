@@ -14,9 +14,9 @@
 
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/detail/descriptor_kernel.hpp"
+#include "cairn/core/detail/hamming.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hamming.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
@@ -88,10 +88,21 @@ double probability_of(const Candidate& candidate) {
 
 }  // namespace
 
+constexpr OptionField kLocateFields[] = {
+    {"features",
+     option_at<&LocateOptions::features, &FeatureOptions::count>,
+     {},
+     "--features",
+     "Number of corners to detect in an image"},
+    {"min_probability", option_at<&LocateOptions::min_probability>, kProbability,
+     "--min-probability", "Least probability of a located image, at least 0.5 and below 1"},
+    {"seed", option_at<&LocateOptions::seed>},
+};
+constinit const OptionTable LocateOptions::table = {"LocateOptions", kLocateFields};
+
 void LocateOptions::validate() const {
   features.validate();
-  detail::require(min_probability >= 0.5 && min_probability < 1.0, "LocateOptions.min_probability",
-                  min_probability, "at least 0.5 and below 1");
+  check_options(*this);
 }
 
 class ImageLocator::Parts {
@@ -181,11 +192,11 @@ class ImageLocator::Parts {
   std::vector<Pair> nearest(const Features& features) const {
     std::vector<Pair> pairs;
     if (features.size() == 0 || descriptors_.empty()) return pairs;
-    const auto found = descriptor_kernel::nearest_both_ways(
+    const auto found = detail::descriptor_kernel::nearest_both_ways(
         bytes_of(features.descriptors()), bytes_of(descriptors_), kDescriptorBytes,
-        descriptor_kernel::Norm::kHamming);
+        detail::descriptor_kernel::Norm::kHamming);
     for (std::uint32_t i = 0; i < positions_.size(); ++i) {
-      descriptor_kernel::Nearest corner;
+      detail::descriptor_kernel::Nearest corner;
       for (std::size_t k = begins_[i]; k < begins_[i + 1]; ++k) {
         if (found.of_b[k].first < corner.first) corner = found.of_b[k];
       }
@@ -289,7 +300,7 @@ class ImageLocator::Parts {
       for (std::size_t k = begins_[landmark]; k < begins_[landmark + 1]; ++k) {
         for (const std::uint32_t corner : near) {
           const auto bits = static_cast<std::uint32_t>(
-              hamming_distance(features.descriptors()[corner], descriptors_[k]));
+              detail::hamming_distance(features.descriptors()[corner], descriptors_[k]));
           if (bits < pair.bits) pair = {corner, 0, bits, false};
         }
       }

@@ -22,6 +22,7 @@ struct LocateOptions {
   double min_probability = 0.99;  ///< least probability of a located pose; at least 0.5 and below 1
   std::uint64_t seed = 0;
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };

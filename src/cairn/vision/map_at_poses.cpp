@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/vision/detail/bundle_adjustment.hpp"
 #include "cairn/vision/detail/covariances.hpp"
 #include "cairn/vision/detail/keyframe_map.hpp"

@@ -10,7 +10,7 @@
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/vision/detail/landmark_colors.hpp"
 #include "cairn/vision/detail/tracker.hpp"
 

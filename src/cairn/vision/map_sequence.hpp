@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/landmark_map.hpp"

@@ -72,9 +72,16 @@ void OdometryOptions::validate() const {
 }
 
 constexpr OptionField kMapFields[] = {
-    {"min_observations", option_at<&MapOptions::min_observations>, kAtLeastOne},
-    {"descriptors", option_at<&MapOptions::descriptors>, {}},
-    {"descriptors_each", option_at<&MapOptions::descriptors_each>, within(1, kMostDescriptorsEach)},
+    {"min_observations", option_at<&MapOptions::min_observations>, kAtLeastOne,
+     "--min-observations", "Leave out landmarks with fewer observations"},
+    {"descriptors",
+     option_at<&MapOptions::descriptors>,
+     {},
+     "!--no-descriptors",
+     "Leave out the landmarks' descriptors"},
+    {"descriptors_each", option_at<&MapOptions::descriptors_each>, within(1, kMostDescriptorsEach),
+     "--descriptors-each",
+     "Largest number of descriptors per landmark, of its most distinct views"},
 };
 constinit const OptionTable MapOptions::table = {"MapOptions", kMapFields};
 

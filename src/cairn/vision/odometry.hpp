@@ -12,8 +12,8 @@
 
 #include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
 

@@ -22,14 +22,21 @@ std::vector<detail::ImageEntry> list_in(const std::filesystem::path& file, const
 
 }  // namespace
 
+constexpr OptionRange kSequenceRange = {.least = 0.0,
+                                        .most = 1e9,
+                                        .expected = "a positive number",
+                                        .least_is = OptionRange::End::kExcluded,
+                                        .most_is = OptionRange::End::kExcluded};
+constexpr OptionField kSequenceFields[] = {
+    {"depth_units_per_metre", option_at<&SequenceOptions::depth_units_per_metre>, kSequenceRange},
+    {"max_time_difference_s", option_at<&SequenceOptions::max_time_difference_s>, kSequenceRange,
+     "--max-time-difference",
+     "Largest time difference between a colour image and its depth image, seconds"},
+};
+constinit const OptionTable SequenceOptions::table = {"SequenceOptions", kSequenceFields};
+
 void SequenceOptions::validate() const {
-  const auto require_positive = [](double value, std::string_view field) {
-    if (value > 0.0 && value < 1e9) return;
-    throw Error(ErrorKind::kMisuse, fmt::format("SequenceOptions.{}", field),
-                fmt::format("{}", value), "a positive number");
-  };
-  require_positive(max_time_difference_s, "max_time_difference_s");
-  require_positive(depth_units_per_metre, "depth_units_per_metre");
+  check_options(*this);
 }
 
 RgbdSequence::RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options,

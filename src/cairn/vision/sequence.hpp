@@ -13,6 +13,7 @@
 
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn {
@@ -32,6 +33,7 @@ struct SequenceOptions {
   double depth_units_per_metre = 5000.0;  ///< of the stored depth; positive
   double max_time_difference_s = 0.02;    ///< between a colour image and its depth image; positive
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
@@ -72,14 +74,6 @@ enum class ColorFormat {
   kJpeg,  ///< quality 95: several times faster to write and smaller
 };
 
-struct SequenceWriterOptions {
-  double depth_units_per_metre = 5000.0;  ///< of the stored depth; positive
-  ColorFormat color_format = ColorFormat::kPng;
-
-  /// @throws Error (misuse) naming the field
-  void validate() const;
-};
-
 /// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written by add(), the lists by
 /// finish(), so that an unfinished folder is not mistaken for a sequence. Destroying an unfinished writer
 /// removes what it wrote. A folder has one writer at a time. A killed process leaves a hidden file in it that lists
@@ -87,10 +81,12 @@ struct SequenceWriterOptions {
 class SequenceWriter {
  public:
   /// Creates the folder.
+  /// @param depth_units_per_metre of the stored depth; positive
   /// @throws Error (storage) if it cannot be created or another writer is at work in it, (misuse) if it holds a
   ///        sequence
   explicit SequenceWriter(const std::filesystem::path& folder,
-                          const SequenceWriterOptions& options = {});
+                          ColorFormat color_format = ColorFormat::kPng,
+                          double depth_units_per_metre = SequenceOptions().depth_units_per_metre);
   ~SequenceWriter();
   SequenceWriter(const SequenceWriter&) = delete;
   SequenceWriter& operator=(const SequenceWriter&) = delete;
@@ -124,7 +120,8 @@ class SequenceWriter {
   void discard();
 
   std::filesystem::path folder_;
-  SequenceWriterOptions options_;
+  ColorFormat color_format_;
+  double depth_units_per_metre_;
   // The hidden file, locked until the sequence is finished.
   std::unique_ptr<detail::FileLock> unfinished_;
   std::vector<std::filesystem::path> made_;  // created folders, outermost first

@@ -106,7 +106,7 @@ TEST(SequenceWriter, DoesNotOverwriteASequence) {
 TEST(SequenceWriter, ListsFramesInTheOrderOfTimeHoweverTheyCame) {
   const TemporaryFolder folder;
   const DepthImage depth(32, 24, 1.5F);
-  SequenceWriter writer(folder / "s", {.color_format = ColorFormat::kJpeg});
+  SequenceWriter writer(folder / "s", ColorFormat::kJpeg);
   std::thread other([&] {
     for (int i = 9; i > 0; i -= 2) writer.add(i, kColor, depth);
   });
@@ -198,7 +198,7 @@ TEST(SequenceWriter, RefusesATimeTwiceAndUnitsThatAreNone) {
   SequenceWriter writer(folder / "s");
   writer.add(1.0, kColor, depth);
   EXPECT_THAT(message_of([&] { writer.add(1.0, kColor, depth); }), HasSubstr("added before"));
-  EXPECT_THAT(message_of([&] { SequenceWriter(folder / "t", {.depth_units_per_metre = 0.0}); }),
+  EXPECT_THAT(message_of([&] { SequenceWriter(folder / "t", ColorFormat::kPng, 0.0); }),
               HasSubstr("depth_units_per_metre"));
 }
 

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "cairn/core/detail/file_lock.hpp"
+#include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/vision/image.hpp"
@@ -44,17 +45,11 @@ StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre)
 
 }  // namespace
 
-void SequenceWriterOptions::validate() const {
-  const bool possible = depth_units_per_metre > 0.0 && std::isfinite(depth_units_per_metre);
-  if (!possible) {
-    throw Error(ErrorKind::kMisuse, "SequenceWriterOptions.depth_units_per_metre",
-                fmt::format("{}", depth_units_per_metre), "a positive number");
-  }
-}
-
-SequenceWriter::SequenceWriter(const fs::path& folder, const SequenceWriterOptions& options)
-    : folder_(folder), options_(options) {
-  options_.validate();
+SequenceWriter::SequenceWriter(const fs::path& folder, ColorFormat color_format,
+                               double depth_units_per_metre)
+    : folder_(folder), color_format_(color_format), depth_units_per_metre_(depth_units_per_metre) {
+  detail::require(depth_units_per_metre > 0.0 && std::isfinite(depth_units_per_metre),
+                  "depth_units_per_metre", depth_units_per_metre, "a positive number");
   try {
     take_folder();
     for (const char* const part : {"rgb", "depth"}) make_folder(folder / part);
@@ -153,7 +148,7 @@ void SequenceWriter::add(double timestamp_s, const ColorImage& color, const Dept
     throw Error(ErrorKind::kMisuse, "image", "colour and depth do not go together", "one size");
   }
   const std::string time = fmt::format("{:.6f}", timestamp_s);
-  const bool png = options_.color_format == ColorFormat::kPng;
+  const bool png = color_format_ == ColorFormat::kPng;
   const Entry entry{timestamp_s, time, "rgb/" + time + (png ? ".png" : ".jpg"),
                     "depth/" + time + ".png"};
   {
@@ -170,7 +165,7 @@ void SequenceWriter::add(double timestamp_s, const ColorImage& color, const Dept
   } else {
     write_jpeg(folder_ / entry.color, color, kJpegQuality, Durability::kLater);
   }
-  write_png(folder_ / entry.depth, stored_depth(depth_m, options_.depth_units_per_metre),
+  write_png(folder_ / entry.depth, stored_depth(depth_m, depth_units_per_metre_),
             Durability::kLater);
 }
 

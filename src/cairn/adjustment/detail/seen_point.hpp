@@ -7,7 +7,6 @@
 #include <Eigen/Core>
 
 #include "cairn/map/camera.hpp"
-#include "cairn/map/camera_projection.hpp"
 
 namespace cairn::detail {
 

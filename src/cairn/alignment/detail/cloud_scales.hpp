@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cairn/alignment/prepared_map.hpp"
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn::detail {

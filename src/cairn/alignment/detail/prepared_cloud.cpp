@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "cairn/alignment/detail/spatial_groups.hpp"
-#include "cairn/core/hash.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/central_part.hpp"
@@ -20,7 +20,7 @@ namespace {
 
 // Makes the samples of two maps independent, even if their landmarks have the same order.
 Random random_of(const LandmarkCloud& cloud, std::uint64_t seed) {
-  Hasher hasher;
+  detail::Hasher hasher;
   hasher.update({reinterpret_cast<const char*>(cloud.positions.data()),
                  cloud.size() * sizeof(Eigen::Vector3d)});
   return Random(seed).fork(hasher.digest().low);

@@ -12,7 +12,7 @@
 #include "cairn/alignment/detail/evidence/proximity.hpp"
 #include "cairn/alignment/detail/evidence/seen_views.hpp"
 #include "cairn/alignment/prepared_map.hpp"
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn::detail {

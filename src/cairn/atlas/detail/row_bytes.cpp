@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cairn/core/hash.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/geometry/decompositions.hpp"
 
 namespace cairn {
@@ -132,9 +132,9 @@ RowBytes& RowBytes::add(double value) {
 }
 
 std::string RowBytes::digest() const {
-  Hasher hasher;
+  detail::Hasher hasher;
   hasher.update(bytes_);
-  const Hash128 hash = hasher.digest();
+  const detail::Hash128 hash = hasher.digest();
   std::string result;
   for (const std::uint64_t half : {hash.high, hash.low}) {
     for (int i = 7; i >= 0; --i) result += static_cast<char>((half >> (8 * i)) & 0xff);

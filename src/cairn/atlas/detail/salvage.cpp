@@ -11,7 +11,7 @@
 #include "cairn/atlas/detail/stores.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -10,9 +10,9 @@
 #include <fmt/format.h>
 
 #include "cairn/atlas/detail/row_bytes.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn::detail {
 namespace {

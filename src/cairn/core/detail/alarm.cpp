@@ -10,7 +10,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 Alarm::Alarm(std::chrono::steady_clock::time_point at, std::stop_token caller)
     : passed_on_(std::move(caller), [stop = stop_]() mutable { stop.request_stop(); }) {
@@ -28,4 +28,4 @@ Alarm::Alarm(std::chrono::steady_clock::time_point at, std::stop_token caller)
   }
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -6,7 +6,7 @@
 #include <stop_token>
 #include <thread>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A stop token that requests a stop at a given time, or earlier if the caller's token does.
 class Alarm {
@@ -22,4 +22,4 @@ class Alarm {
   std::jthread clock_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using std::chrono::steady_clock;
@@ -41,4 +41,4 @@ TEST(Alarm, DoesNotAskOnceItIsGone) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -9,7 +9,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 Csv::Csv(std::initializer_list<std::string_view> header)
     : Csv(std::span(header.begin(), header.size())) {}
@@ -104,4 +104,4 @@ std::vector<CsvRow> parse_csv(std::string_view text, std::string_view name) {
   return rows;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A table as comma-separated values (RFC 4180, lines end with LF): a header and rows. Numbers are the
 /// shortest decimals that parse back; unknown values are empty.
@@ -54,4 +54,4 @@ struct CsvRow {
 ///        within it
 std::vector<CsvRow> parse_csv(std::string_view text, std::string_view name);
 
-}  // namespace cairn
+}  // namespace cairn::detail

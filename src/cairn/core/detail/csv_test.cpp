@@ -6,7 +6,7 @@
 
 #include "cairn/core/error.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::ElementsAre;
@@ -66,4 +66,4 @@ TEST(ParseCsv, LeavesOutAByteOrderMark) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

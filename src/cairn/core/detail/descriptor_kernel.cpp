@@ -17,7 +17,7 @@
 
 #ifndef CAIRN_CORE_DESCRIPTOR_KERNEL_ONCE
 #define CAIRN_CORE_DESCRIPTOR_KERNEL_ONCE
-namespace cairn::descriptor_kernel {
+namespace cairn::detail::descriptor_kernel {
 
 // Most lanes of 32 bits that any instruction set has; columns are padded to a multiple of it.
 inline constexpr std::size_t kPadding = 16;
@@ -34,12 +34,12 @@ struct Columns {
   const std::uint32_t* word(std::size_t k) const { return values.data() + k * padded; }
 };
 
-}  // namespace cairn::descriptor_kernel
+}  // namespace cairn::detail::descriptor_kernel
 #endif
 
 // Compiled once for each instruction set.
 HWY_BEFORE_NAMESPACE();
-namespace cairn::descriptor_kernel::HWY_NAMESPACE {
+namespace cairn::detail::descriptor_kernel::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -201,12 +201,12 @@ void compare_any(const Columns& a, const Columns& b, Norm norm, NearestBothWays&
 }
 
 }  // namespace
-}  // namespace cairn::descriptor_kernel::HWY_NAMESPACE
+}  // namespace cairn::detail::descriptor_kernel::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 
-namespace cairn::descriptor_kernel {
+namespace cairn::detail::descriptor_kernel {
 namespace {
 
 HWY_EXPORT(compare_any);
@@ -249,6 +249,6 @@ NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<con
   return result;
 }
 
-}  // namespace cairn::descriptor_kernel
+}  // namespace cairn::detail::descriptor_kernel
 
 #endif  // HWY_ONCE

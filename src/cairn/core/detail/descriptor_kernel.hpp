@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-namespace cairn::descriptor_kernel {
+namespace cairn::detail::descriptor_kernel {
 
 /// Distance between two descriptors.
 enum class Norm {
@@ -38,4 +38,4 @@ NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<con
                                   std::size_t bytes_each, Norm norm,
                                   std::span<const std::uint32_t> owners_of_b = {});
 
-}  // namespace cairn::descriptor_kernel
+}  // namespace cairn::detail::descriptor_kernel

@@ -9,7 +9,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn::descriptor_kernel {
+namespace cairn::detail::descriptor_kernel {
 namespace {
 
 using Rows = std::vector<std::uint8_t>;
@@ -118,4 +118,4 @@ TEST(DescriptorKernel, HasNoSecondAmongOne) {
 }
 
 }  // namespace
-}  // namespace cairn::descriptor_kernel
+}  // namespace cairn::detail::descriptor_kernel

@@ -4,9 +4,9 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/hash.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -7,7 +7,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-namespace cairn {
+namespace cairn::detail {
 
 void populate([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t bytes) {
 #if defined(MADV_HUGEPAGE) || defined(MADV_POPULATE_WRITE)
@@ -27,4 +27,4 @@ void populate([[maybe_unused]] void* memory, [[maybe_unused]] std::size_t bytes)
 #endif
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

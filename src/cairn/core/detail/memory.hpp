@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Allocates all pages of a memory range at once, huge ones where they fit: page faults take longer than filling the
 /// memory. Keeps the content. Has no effect if the operating system does not support it.
@@ -17,4 +17,4 @@ void reserve_populated(std::vector<T>& vector, std::size_t count) {
   populate(vector.data() + vector.size(), (vector.capacity() - vector.size()) * sizeof(T));
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -9,7 +9,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 std::size_t page_size() {
@@ -68,4 +68,4 @@ TEST(Memory, AVectorHasItsElementsAndRoomForMore) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

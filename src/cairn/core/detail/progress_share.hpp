@@ -3,7 +3,7 @@
 
 #include "cairn/core/execution.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Progress of a stage that extends from `begin` to `end` of the whole work. Empty if `progress` is.
 inline Progress stage_of(const Progress& progress, double begin, double end) {
@@ -11,4 +11,4 @@ inline Progress stage_of(const Progress& progress, double begin, double end) {
   return [=](double share) { progress(begin + (end - begin) * share); };
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

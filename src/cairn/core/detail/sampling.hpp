@@ -7,7 +7,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Draws one random index from each run of `stride` consecutive indices in [0, count); the last run may be
 /// shorter. Returns an even, ascending sample, unbiased by periods in the order.
@@ -20,4 +20,4 @@ inline std::vector<std::size_t> one_of_each(std::size_t stride, std::size_t coun
   return sample;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

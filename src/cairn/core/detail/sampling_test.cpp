@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 TEST(OneOfEach, TakesOneOfEachRowAndOfTheRest) {
@@ -25,4 +25,4 @@ TEST(OneOfEach, HasNoPeriod) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

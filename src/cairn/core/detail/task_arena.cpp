@@ -18,7 +18,7 @@
 #include <sanitizer/tsan_interface.h>
 #endif
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // The thread sanitizer does not instrument TBB or this file, so it does not know TBB's guarantee that code
@@ -136,4 +136,4 @@ void TaskArena::in_order(std::size_t count, std::size_t ahead,
   execute(arena_->arena, [&] { tbb::parallel_pipeline(ahead, number & making & using_up); });
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

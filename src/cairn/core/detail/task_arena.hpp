@@ -5,7 +5,7 @@
 #include <functional>
 #include <memory>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// TBB threads for Executor. Only this class's source includes TBB; the thread sanitizer instruments neither
 /// that source nor TBB's library.
@@ -32,4 +32,4 @@ class TaskArena {
   std::unique_ptr<Arena> arena_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

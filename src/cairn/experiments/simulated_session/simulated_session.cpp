@@ -12,16 +12,15 @@
 namespace cairn {
 namespace {
 
-RgbdSimulator make_simulator(const SimulatedSessionOptions& options, const Executor& executor) {
-  const SessionSeeds seeds = session_seeds(options.environment.seed, options.environment.session);
-  Environment place = make_environment(options.environment, executor);
-  Trajectory path = make_path(place, {.kind = options.path,
-                                      .seed = seeds.path,
-                                      .frames = options.frames,
-                                      .rate_hz = options.rate_hz});
+RgbdSimulator make_simulator(const EnvironmentOptions& environment, PathOptions path,
+                             const Executor& executor) {
+  const SessionSeeds seeds = session_seeds(environment.seed, environment.session);
+  path.seed = seeds.path;
+  Environment place = make_environment(environment, executor);
+  Trajectory trajectory = make_path(place, path);
   SimulatorOptions simulator;
   simulator.seed = seeds.noise;
-  return {std::move(place.scene), std::move(path), simulator, executor};
+  return {std::move(place.scene), std::move(trajectory), simulator, executor};
 }
 
 FrameImages render(const RgbdSimulator& simulator, std::size_t index) {
@@ -36,24 +35,24 @@ Rigid3 SimulatedSession::world_from_map() const {
   return pose_at(truth, first.timestamp_s) * first.world_from_camera.inverse();
 }
 
-SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,
-                                       MapSequenceOptions mapping) {
-  const RgbdSimulator simulator = make_simulator(options, mapping.executor);
+SimulatedSession map_simulated_session(const EnvironmentOptions& environment, PathOptions path,
+                                       SessionStart start, MapSequenceOptions mapping) {
+  const RgbdSimulator simulator = make_simulator(environment, path, mapping.executor);
   SimulatedSession session;
   session.truth = simulator.trajectory();
   mapping.odometry.start = {};
-  if (options.in_world_frame) {
+  if (start == SessionStart::kTruePose) {
     mapping.odometry.start = [&](double timestamp_s) {
       return pose_at(session.truth, timestamp_s);
     };
   }
   session.mapped = map_frames(
-      options.frames, [&](std::size_t index) { return render(simulator, index); },
+      path.frames, [&](std::size_t index) { return render(simulator, index); },
       default_simulated_camera(), mapping);
   if (session.mapped.maps.empty()) {
-    throw Error(ErrorKind::kMisuse, "SimulatedSessionOptions.frames",
-                fmt::format("none of {} frames of session {} could be tracked", options.frames,
-                            options.environment.session),
+    throw Error(ErrorKind::kMisuse, "PathOptions.frames",
+                fmt::format("none of {} frames of session {} could be tracked", path.frames,
+                            environment.session),
                 "more");
   }
   for (const SceneObject& object : simulator.scene().objects) {
@@ -66,16 +65,14 @@ SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,
 MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping) {
   const auto& simulation = std::get<PairSimulation>(pair.maps);
   const auto session = [&](std::uint64_t number) {
-    SimulatedSessionOptions options;
-    options.environment.kind = environment_kind(simulation.environment);
-    options.environment.seed = simulation.seed;
-    options.environment.session = number;
-    options.environment.changed_fraction = number == 0 ? 0.0 : simulation.changed;
-    options.path = path_kind(simulation.path);
-    options.frames = simulation.frames;
-    options.rate_hz = simulation.rate_hz;
-    options.in_world_frame = true;
-    return map_simulated_session(options, mapping);
+    return map_simulated_session({.kind = environment_kind(simulation.environment),
+                                  .seed = simulation.seed,
+                                  .session = number,
+                                  .changed_fraction = number == 0 ? 0.0 : simulation.changed},
+                                 {.kind = path_kind(simulation.path),
+                                  .frames = simulation.frames,
+                                  .rate_hz = simulation.rate_hz},
+                                 SessionStart::kTruePose, mapping);
   };
   SimulatedSession target = session(0);
   SimulatedSession source = session(1);

@@ -11,18 +11,7 @@
 
 namespace cairn {
 
-/// A camera's session in a simulated place. Path and noise derive from the place's seed and the session
-/// number.
-struct SimulatedSessionOptions {
-  EnvironmentOptions environment;
-  PathKind path = PathKind::kSweep;
-  std::size_t frames = 150;
-  double rate_hz = 10.0;
-  /// Start the map at the true pose of the first camera, so its frame is the place's, with z up; if false,
-  /// it is that camera's.
-  bool in_world_frame = false;
-};
-
+/// A camera's session in a simulated place.
 struct SimulatedSession {
   MappedSequence mapped;  ///< with at least one map
   Trajectory truth;       ///< world_from_camera of all frames
@@ -34,12 +23,19 @@ struct SimulatedSession {
   Rigid3 world_from_map() const;
 };
 
-/// Renders a session frame by frame, directly into the tracker, and maps it. The same options give the same
-/// bytes for any number of threads.
-/// @param mapping its `odometry.start` is replaced
+/// Where the map of a session begins.
+enum class SessionStart {
+  kOwnFrame,  ///< at the identity: the map's frame is that of the first camera
+  kTruePose,  ///< at the true pose of the first camera: the map's frame is the place's, with z up
+};
+
+/// Renders a session frame by frame, directly into the tracker, and maps it. Path and noise derive from the place's seed
+/// and the session number. The same options give the same bytes for any number of threads.
+/// @param path    its seed has no effect
+/// @param mapping its `odometry.start` has no effect
 /// @throws Error (misuse) for options out of range, or if no frame could be tracked; (cancelled)
-SimulatedSession map_simulated_session(const SimulatedSessionOptions& options,
-                                       MapSequenceOptions mapping);
+SimulatedSession map_simulated_session(const EnvironmentOptions& environment, PathOptions path,
+                                       SessionStart start, MapSequenceOptions mapping);
 
 /// The maps of two sessions of one place, both in its world frame.
 /// @throws Error as map_simulated_session, and (misuse) for an unknown environment or path

@@ -13,16 +13,14 @@ namespace {
 const MapSequenceOptions kMapping;
 
 TEST(SimulatedSession, BeginsAtTheTruePoseOfItsFirstCamera) {
-  SimulatedSessionOptions options;
-  options.environment.seed = 3;
-  options.frames = 12;
-  options.in_world_frame = true;
-  const SimulatedSession session = map_simulated_session(options, kMapping);
+  const auto session_from = [](SessionStart start) {
+    return map_simulated_session({.seed = 3}, {.frames = 12, .rate_hz = 10.0}, start, kMapping);
+  };
+  const SimulatedSession session = session_from(SessionStart::kTruePose);
   EXPECT_EQ(session.truth.size(), 12U);
   EXPECT_LT(session.world_from_map().angle(), 1e-9);
   EXPECT_LT(session.world_from_map().translation().norm(), 1e-9);
-  options.in_world_frame = false;
-  const SimulatedSession own = map_simulated_session(options, kMapping);
+  const SimulatedSession own = session_from(SessionStart::kOwnFrame);
   const Rigid3 first = own.mapped.trajectory.poses().front().world_from_camera;
   EXPECT_LT(first.angle() + first.translation().norm(), 1e-9);
   EXPECT_TRUE(own.world_from_map().matrix().isApprox(

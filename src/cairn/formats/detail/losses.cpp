@@ -80,8 +80,9 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
   return lost;
 }
 
-std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
-                        std::string_view format) {
+void log_losses(const LogSink& log, const LandmarkMap& map, const Holdings& holdings,
+                std::string_view format, std::string_view path) {
+  if (!log) return;
   const std::vector<std::string> lost = losses(map, holdings);
   std::string remark;
   if (!lost.empty()) {
@@ -92,14 +93,8 @@ std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::s
     remark += remark.empty() ? std::string(format) + ": " : ". ";
     remark += "The sizes of images are invented, because the file that was read states none";
   }
-  return remark.empty() || path.empty() ? remark : fmt::format("{}: {}", path, remark);
-}
-
-void log_losses(const LogSink& log, const LandmarkMap& map, const Holdings& holdings,
-                std::string_view format) {
-  if (!log) return;
-  const std::string remark = loss_remark(map, holdings, "", format);
-  if (!remark.empty()) log({remark, RemarkKind::kLoss});
+  if (remark.empty()) return;
+  log({path.empty() ? remark : fmt::format("{}: {}", path, remark), RemarkKind::kLoss});
 }
 
 }  // namespace cairn::detail

@@ -53,14 +53,10 @@ LandmarkMap imported_map(MapTables tables, const std::string& name, const LogSin
 /// Names the parts of `map` that the format cannot hold.
 std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings);
 
-/// E.g. "x: COLMAP has no place for: covariances, colours; left out"; empty if nothing is lost. Also says if sizes of
-/// images are written that no file stated.
+/// Sends a loss to the log, if there is one: "x: COLMAP has no place for: covariances, colours; left out". Also says if sizes
+/// of images are written that no file stated.
 /// @param path empty if the writer does not know it
-std::string loss_remark(const LandmarkMap& map, const Holdings& holdings, std::string_view path,
-                        std::string_view format);
-
-/// Sends loss_remark() to the log, if there is one and something is lost.
 void log_losses(const LogSink& log, const LandmarkMap& map, const Holdings& holdings,
-                std::string_view format);
+                std::string_view format, std::string_view path = {});
 
 }  // namespace cairn::detail

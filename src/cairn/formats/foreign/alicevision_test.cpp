@@ -54,8 +54,8 @@ TEST_F(AliceVisionTest, ViewsWithAPoseBecomeFrames) {
   EXPECT_EQ(map.landmarks().colors[0], (Color{1, 2, 3}));
   EXPECT_EQ(map.observation_count(), 1U);
   EXPECT_LT(testing::reprojection(map).worst, 1e-9);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 views without a pose")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 observations by views without a pose")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 views without a pose")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 observations by views without a pose")));
 }
 
 TEST_F(AliceVisionTest, EachTypeHasItsModel) {
@@ -68,7 +68,7 @@ TEST_F(AliceVisionTest, EachTypeHasItsModel) {
       read_bytes(alicevision_json("brown", R"([0.1,0.2,0.3,0.4,0.5])")).cameras()[0].parameters,
       ElementsAre(100, 100, 99, 52, 0.1, 0.2, 0.4, 0.5, 0.3, 0, 0, 0));
   EXPECT_TRUE(read_bytes(alicevision_json("3deanamorphic4", R"([0.1])")).cameras().empty());
-  EXPECT_THAT(remarks_,
+  EXPECT_THAT(remarks_.texts,
               Contains(HasSubstr("camera 1 is unknown to the map: its type '3deanamorphic4'")));
 }
 

@@ -458,12 +458,8 @@ class BundlerWriter {
   }
 
  private:
-  const Camera& camera(FrameIndex frame) const {
-    return map_.cameras()[map_.frames().cameras[frame.value]->value];
-  }
-
   void write_camera(FrameIndex frame) {
-    const Camera& written = camera(frame);
+    const Camera& written = camera_of(map_, frame);
     const auto radial =
         radial_camera(written).value_or(RadialCamera{intrinsics(written).fx, 0.0, 0.0});
     out_.words(radial.focal, radial.k1, radial.k2);
@@ -484,15 +480,15 @@ class BundlerWriter {
     const Eigen::Vector3d& x = map_.landmarks().positions[landmark.value];
     out_.words(x.x(), x.y(), x.z());
     out_.line();
-    const auto& colors = map_.landmarks().colors;
-    const Color color = colors.empty() ? Color{} : colors[landmark.value].value_or(Color{});
+    const Color color = color_of(map_, landmark.value);
     out_.words(color.red, color.green, color.blue);
     out_.line();
     const auto frames = map_.observing_frames(landmark);
     const std::uint64_t first = frames.empty() ? 0 : map_.observations().offsets[landmark.value];
     std::vector<std::pair<std::uint64_t, Pixel>> seen;
     for (std::size_t j = 0; j < frames.size(); ++j) {
-      const auto offset = offset_of(camera(frames[j]), map_.observations().pixels[first + j]);
+      const auto offset =
+          offset_of(camera_of(map_, frames[j]), map_.observations().pixels[first + j]);
       if (offset) {
         seen.emplace_back(first + j, *offset);
       } else {

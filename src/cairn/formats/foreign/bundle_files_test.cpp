@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <string>
 #include <vector>
 
@@ -29,8 +30,6 @@ using ::testing::Not;
 using testing::refusal;
 using testing::reprojection;
 using testing::TemporaryFolder;
-
-class BundleWriterTest : public testing::ImportTest {};
 
 // A scene written in both formats by their own rules: two cameras with f = 500 and k1, k2; points in
 // front of both.
@@ -98,17 +97,14 @@ struct Scene {
   }
 };
 
-class BundleFilesTest : public ::testing::Test {
+class BundleFilesTest : public testing::ImportTest {
  protected:
-  LandmarkMap read(std::string_view text) {
-    remarks_.clear();
-    return all_formats().read(folder_.write("scene", text), {.log = [&](std::string_view remark) {
-                                remarks_.emplace_back(remark);
-                              }});
+  using ImportTest::read;
+  template <std::convertible_to<std::string_view> Text>
+  LandmarkMap read(const Text& text) {
+    return read_bytes(text, "scene");
   }
-  std::string refused(std::string_view text) {
-    return refusal(ErrorKind::kInput, [&] { read(text); });
-  }
+  std::string refused(std::string_view text) { return ImportTest::refused(text, "scene"); }
   void expect_scene(const LandmarkMap& map, const Scene& scene) {
     ASSERT_EQ(map.frame_count(), 2U);
     ASSERT_EQ(map.landmark_count(), scene.points.size());
@@ -120,15 +116,12 @@ class BundleFilesTest : public ::testing::Test {
     }
     EXPECT_LT(reprojection(map).worst, 1e-6);
     EXPECT_EQ(reprojection(map).count, 2 * scene.points.size());
-    EXPECT_THAT(remarks_, Contains(HasSubstr("states no image sizes")));
+    EXPECT_THAT(remarks_.texts, Contains(HasSubstr("states no image sizes")));
     for (const Pixel& pixel : map.observations().pixels) {
       EXPECT_GE(pixel.u, 0.0);
       EXPECT_GE(pixel.v, 0.0);
     }
   }
-
-  TemporaryFolder folder_;
-  std::vector<std::string> remarks_;
 };
 
 TEST_F(BundleFilesTest, BundlerIsReadInCairnsAxes) {
@@ -155,16 +148,15 @@ TEST_F(BundleFilesTest, AListBesideABundleNamesItsImages) {
   }
   folder_.write("list.txt", "first.jpg\n");
   EXPECT_THAT(read(scene.bundler()).frames().image_names, ::testing::IsEmpty());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("names 1, but there are 3 cameras")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("names 1, but there are 3 cameras")));
 }
 
 TEST_F(BundleFilesTest, SizesThatNoFileStatedAreMentionedAgainWhenTheyAreWritten) {
   const LandmarkMap map = read(Scene().bundler());
   const auto remarks_of = [&](const LandmarkMap& written, const char* name) {
     remarks_.clear();
-    all_formats().write(written, folder_ / name,
-                        {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
-    return remarks_;
+    all_formats().write(written, folder_ / name, {.log = remarks_.sink()});
+    return remarks_.texts;
   };
   const auto invented = Contains(HasSubstr("The sizes of images are invented"));
   EXPECT_THAT(remarks_of(map, "model/"), invented);
@@ -195,10 +187,10 @@ TEST_F(BundleFilesTest, ALastLineThatMayHaveBeenCutOffIsMentioned) {
   const std::string nvm = scene.nvm().substr(0, scene.nvm().find("\n\n0\n") + 1);
   for (std::string text : {scene.bundler(), nvm}) {
     read(text);
-    EXPECT_THAT(remarks_, Not(Contains(HasSubstr("does not end"))));
+    EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("does not end"))));
     while (text.ends_with('\n')) text.pop_back();
     read(text);
-    EXPECT_THAT(remarks_, Contains(HasSubstr("the last line does not end")));
+    EXPECT_THAT(remarks_.texts, Contains(HasSubstr("the last line does not end")));
   }
 }
 
@@ -217,7 +209,7 @@ TEST_F(BundleFilesTest, NvmMeasurementsAreUndistorted) {
   EXPECT_TRUE(map.frames().cameras[0].has_value());
   const double factor = 1.0 + 0.1 * plain.squaredNorm() / (500.0 * 500.0);
   EXPECT_LT((offset(map) - plain * factor).norm(), 1e-9);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("observations are undistorted")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("observations are undistorted")));
 }
 
 // COLMAP's exporter: pixels from the corner, the centre of the first being (0.5, 0.5), and k of the opposite sign.
@@ -248,7 +240,8 @@ std::string nvm_of_colmap(double k, double width, double height) {
 TEST_F(BundleFilesTest, NvmOfColmapIsReadFromTheCornerOfItsImages) {
   for (const double k : {0.0, -0.15}) {
     const LandmarkMap map = read(nvm_of_colmap(k, 601, 440));
-    EXPECT_THAT(remarks_, Contains(HasSubstr("from the corner of the images, as COLMAP writes")));
+    EXPECT_THAT(remarks_.texts,
+                Contains(HasSubstr("from the corner of the images, as COLMAP writes")));
     EXPECT_LT(reprojection(map).worst, 1e-9) << "also if the images are distorted";
     EXPECT_EQ(map.cameras()[1].width, 601U);
     EXPECT_EQ(map.cameras()[1].height, 440U);
@@ -261,7 +254,7 @@ TEST_F(BundleFilesTest, NvmIsNotTakenForColmapsWhereTheCentreExplainsItToo) {
   const Scene scene{
       .k1 = 0.0, .k2 = 0.0, .points = std::vector<Eigen::Vector3d>(12, {2.0, 2.5, 5.0})};
   const LandmarkMap map = read(scene.nvm());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("states no image sizes")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("states no image sizes")));
   EXPECT_LT(reprojection(map).worst, 1e-6);
 }
 
@@ -295,7 +288,7 @@ TEST_F(BundleFilesTest, ErrorsNameLineAndField) {
               HasSubstr("scene:4: end of the line: '7' stands there"));
 }
 
-TEST_F(BundleWriterTest, WhatIsWrittenIsReadBack) {
+TEST_F(BundleFilesTest, WhatIsWrittenIsReadBack) {
   MapTables tables = testing::plain_tables();
   tables.cameras = {
       {CameraId{0}, "RADIAL", 640, 480, {500, 318.6, 255.3, 0.1, -0.02}},
@@ -316,8 +309,8 @@ TEST_F(BundleWriterTest, WhatIsWrittenIsReadBack) {
   const LandmarkMap map{std::move(tables)};
   ASSERT_LT(reprojection(map).worst, 1e-6);
   const auto file = write(map, "out.out");
-  EXPECT_THAT(remarks_, Contains(HasSubstr("observations are written undistorted")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("covariances")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("observations are written undistorted")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("covariances")));
   const LandmarkMap back = read(file);
   EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
   EXPECT_EQ(back.observation_count(), map.observation_count());
@@ -329,7 +322,7 @@ TEST_F(BundleWriterTest, WhatIsWrittenIsReadBack) {
   }
 }
 
-TEST_F(BundleWriterTest, FramesNeedCameras) {
+TEST_F(BundleFilesTest, FramesNeedCameras) {
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(testing::plain_map(), "out.out"); }),
               HasSubstr("frame 1: has no camera"));
 }

@@ -48,10 +48,10 @@ Matrix matrix(const sqlite::Database& database, const sqlite::Statement& row, co
   const bool is_whole = result.columns <= 65536 && result.rows <= (std::uint64_t{1} << 40) &&
                         result.rows * result.columns * bytes_each == result.bytes.size();
   if (!is_whole) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", database.name(), table),
-                fmt::format("{} x {} numbers in {} bytes", result.rows, result.columns,
-                            result.bytes.size()),
-                fmt::format("{} bytes a number", bytes_each));
+    refuse_database(database, table,
+                    fmt::format("{} x {} numbers in {} bytes", result.rows, result.columns,
+                                result.bytes.size()),
+                    fmt::format("{} bytes a number", bytes_each));
   }
   return result;
 }
@@ -65,14 +65,13 @@ class DescriptorReader {
   }
 
   std::optional<DescriptorColumn> read() {
-    const auto columns = database_.columns("descriptors");
-    const bool has_type = std::find(columns.begin(), columns.end(), "type") != columns.end();
     auto image = database_.prepare("SELECT image_id, name FROM images ORDER BY image_id");
     auto keypoints =
         database_.prepare("SELECT rows, cols, data FROM keypoints WHERE image_id = ?1");
+    // Without a type they are SIFT.
     auto descriptors = database_.prepare(
-        fmt::format("SELECT rows, cols, data{} FROM descriptors WHERE image_id = ?1",
-                    has_type ? ", type" : ", 1"));
+        fmt::format("SELECT rows, cols, data, {} FROM descriptors WHERE image_id = ?1",
+                    column_or_null(database_, "descriptors", "type")));
     while (image.step()) {
       const auto frame = frame_of_.find(std::string(image.text(1)));
       if (frame == frame_of_.end()) continue;

@@ -76,11 +76,12 @@ TEST_F(ColmapDatabaseTest, ADatabaseOfAnyNameIsFoundByItsTables) {
        {folder_ / "colmap_sparse/0", folder_ / "colmap.db", folder_.path()}) {
     EXPECT_TRUE(read(path).landmarks().descriptors) << path;
   }
-  EXPECT_THAT(remarks_,
+  EXPECT_THAT(remarks_.texts,
               Contains(HasSubstr("the map in " + (folder_ / "colmap_sparse/0").string())));
   fs::copy(folder_ / "colmap.db", folder_ / "other.db");
   EXPECT_FALSE(read(folder_ / "colmap_sparse/0").landmarks().descriptors);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("several databases of COLMAP, colmap.db and other.db")));
+  EXPECT_THAT(remarks_.texts,
+              Contains(HasSubstr("several databases of COLMAP, colmap.db and other.db")));
   fs::copy(folder_ / "colmap_sparse/0", folder_ / "colmap_text");
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(folder_.path()); }),
               AllOf(HasSubstr("holds 2 maps in folders"), HasSubstr("colmap_sparse/0 or "),
@@ -97,10 +98,10 @@ TEST_F(ColmapDatabaseTest, AModelWithoutCamerasGetsDescriptorsToo) {
 TEST_F(ColmapDatabaseTest, AnotherDatabaseBesideIsLeftOut) {
   change("DELETE FROM images");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 images of the model are not in the database")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 images of the model are not in the database")));
   change("DROP TABLE descriptors");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("has no table descriptors")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("has no table descriptors")));
   folder_.write("database.db", "SQLite format 3");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
 }
@@ -116,15 +117,15 @@ TEST_F(ColmapDatabaseTest, ADatabaseBesideThatIsToBeWrittenIsRefused) {
 TEST_F(ColmapDatabaseTest, ADatabaseThatWasNotClosedIsLeftOutOrRefused) {
   folder_.write("database.db-wal", "changes");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
-  EXPECT_THAT(remarks_, Contains(AllOf(HasSubstr("was not closed"),
-                                       HasSubstr("its descriptors are left out"))));
+  EXPECT_THAT(remarks_.texts, Contains(AllOf(HasSubstr("was not closed"),
+                                             HasSubstr("its descriptors are left out"))));
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }), HasSubstr("was not closed"));
 }
 
 TEST_F(ColmapDatabaseTest, OtherKeypointsAreNotTaken) {
   change("UPDATE keypoints SET rows = 2, data = zeroblob(32)");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 images have other keypoints than the model")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 images have other keypoints than the model")));
   change("UPDATE keypoints SET rows = 3, data = zeroblob(48)");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors) << "elsewhere in the image";
 }

@@ -49,7 +49,7 @@ constexpr std::string_view kPoints =
     "4 1 2 10 255 128 0 0.25 7 0\n"
     "2 -1 0 10 1 2 3 -1 7 2\n";
 
-class ColmapTest : public ::testing::Test {
+class ColmapTest : public testing::ImportTest {
  protected:
   void write_text(std::string_view cameras = kCameras, std::string_view images = kImages,
                   std::string_view points = kPoints) const {
@@ -57,17 +57,11 @@ class ColmapTest : public ::testing::Test {
     folder_.write("images.txt", images);
     folder_.write("points3D.txt", points);
   }
-  LandmarkMap read() {
-    remarks_.clear();
-    return all_formats().read(
-        folder_.path(), {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
-  }
+  using ImportTest::read;
+  LandmarkMap read() { return read(folder_.path()); }
   std::string refused() {
     return refusal(ErrorKind::kInput, [&] { read(); });
   }
-
-  TemporaryFolder folder_;
-  std::vector<std::string> remarks_;
 };
 
 TEST_F(ColmapTest, ImagesBecomeFramesAndPointsLandmarks) {
@@ -95,7 +89,7 @@ TEST_F(ColmapTest, ImagesBecomeFramesAndPointsLandmarks) {
   // What the file says is what the camera sees.
   const auto seen = project(map.cameras()[0], map.landmarks().positions[1]);
   EXPECT_NEAR(seen->u, 109.5, 1e-12);
-  EXPECT_THAT(remarks_, ElementsAre(HasSubstr("1 of 3 keypoints belong to no 3D point")));
+  EXPECT_THAT(remarks_.texts, ElementsAre(HasSubstr("1 of 3 keypoints belong to no 3D point")));
 }
 
 TEST_F(ColmapTest, AModelIsNamedByItsFolderOrAnyOfItsFiles) {
@@ -192,7 +186,7 @@ TEST_F(ColmapTest, ObservationsAreUnknownIfNoPointHasATrack) {
   EXPECT_EQ(map.landmark_count(), 2U);
   EXPECT_EQ(map.frame_count(), 1U);
   EXPECT_FALSE(map.has_observations());
-  EXPECT_THAT(remarks_, ElementsAre(HasSubstr("no point has a track")));
+  EXPECT_THAT(remarks_.texts, ElementsAre(HasSubstr("no point has a track")));
   write_colmap(map, folder_ / "model", ColmapForm::kBinary);
   EXPECT_FALSE(all_formats().read(folder_ / "model").has_observations());
 }
@@ -204,7 +198,7 @@ TEST_F(ColmapTest, MissingImagesLeaveThePoints) {
   EXPECT_EQ(map.frame_count(), 0U);
   EXPECT_EQ(map.landmark_count(), 2U);
   EXPECT_FALSE(map.has_observations());
-  EXPECT_THAT(remarks_, ElementsAre(HasSubstr("there is no file of images")));
+  EXPECT_THAT(remarks_.texts, ElementsAre(HasSubstr("there is no file of images")));
 }
 
 TEST_F(ColmapTest, MissingCamerasLeaveThePoses) {
@@ -214,21 +208,22 @@ TEST_F(ColmapTest, MissingCamerasLeaveThePoses) {
   EXPECT_EQ(map.frame_count(), 2U);
   EXPECT_EQ(map.observation_count(), 2U);
   EXPECT_TRUE(map.frames().cameras.empty());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("there is no file of cameras")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("there is no file of cameras")));
 }
 
 TEST_F(ColmapTest, CamerasThatCairnCannotProjectWithAreUnknown) {
   write_text("3 EUCM 200 100 100 100 100 50 0.5 1\n");
   EXPECT_TRUE(read().frames().cameras.empty());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("camera 3 is unknown to the map: camera model 'EUCM'")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("2 of 2 frames have no known camera")));
+  EXPECT_THAT(remarks_.texts,
+              Contains(HasSubstr("camera 3 is unknown to the map: camera model 'EUCM'")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("2 of 2 frames have no known camera")));
 }
 
 TEST_F(ColmapTest, RigsOfSeveralSensorsAreMentioned) {
   write_text();
   folder_.write("rigs.txt", "1 1 CAMERA 3\n2 2 CAMERA 3 CAMERA 4 1 1 0 0 0 0 0 0\n");
   read();
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 rigs of several sensors")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 rigs of several sensors")));
 }
 
 TEST_F(ColmapTest, APipeBesideIsNotWaitedFor) {
@@ -242,7 +237,7 @@ TEST_F(ColmapTest, PointsWithoutPositionAreLeftOut) {
   const LandmarkMap map = read();
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{2}));
   EXPECT_EQ(map.observation_count(), 1U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 points without a finite position")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 points without a finite position")));
 }
 
 TEST_F(ColmapTest, TextErrorsNameFileLineAndField) {

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -26,26 +25,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The ids if all are at most `most`; otherwise numbers from 1.
-template <class Id>
-std::vector<std::uint64_t> fitting_ids(const std::vector<Id>& ids, std::uint64_t most) {
-  std::vector<std::uint64_t> result;
-  result.reserve(ids.size());
-  const bool fit = std::all_of(ids.begin(), ids.end(), [&](Id id) { return id.value <= most; });
-  for (std::size_t i = 0; i < ids.size(); ++i) result.push_back(fit ? ids[i].value : i + 1);
-  return result;
-}
-
 // The mean distance in pixels between a landmark's projections and its observations; -1 if unknown.
 double reprojection_error(const LandmarkMap& map, LandmarkIndex landmark) {
   const auto frames = map.observing_frames(landmark);
   const auto pixels = map.observed_pixels(landmark);
   double sum = 0.0;
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    const CameraIndex camera = *map.frames().cameras[frames[i].value];
     const Eigen::Vector3d x =
         map.world_from_camera(frames[i]).inverse() * map.landmarks().positions[landmark.value];
-    const auto pixel = project(map.cameras()[camera.value], x);
+    const auto pixel = project(camera_of(map, frames[i]), x);
     if (!pixel) return -1.0;
     sum += std::hypot(pixel->u - pixels[i].u, pixel->v - pixels[i].v);
   }
@@ -113,22 +101,29 @@ class ColmapWriter {
  public:
   ColmapWriter(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
                const MapWriteOptions& options)
-      : map_(map), folder_(folder), form_(form), options_(options), image_names_(image_names(map)) {
+      : map_(map),
+        folder_(folder),
+        form_(form),
+        options_(options),
+        image_names_(image_names(map)),
+        observations_(map) {
     check_frames();
     constexpr std::uint64_t kMostSmall = std::numeric_limits<std::uint32_t>::max() - 1;
     std::vector<CameraId> camera_ids;
     for (const Camera& camera : map.cameras()) camera_ids.push_back(camera.id);
-    camera_ids_ = fitting_ids(camera_ids, kMostSmall);
-    image_ids_ = fitting_ids(map.frames().ids, kMostSmall);
-    point_ids_ = fitting_ids(map.landmarks().ids, kNoPoint >> 1);
-    list_keypoints();
+    camera_ids_ = fitting_ids(camera_ids, kMostSmall, 1);
+    image_ids_ = fitting_ids(map.frames().ids, kMostSmall, 1);
+    point_ids_ = fitting_ids(map.landmarks().ids, kNoPoint >> 1, 1);
+    keypoint_of_observation_.resize(map.observation_count());
+    for (const auto& of_frame : observations_.of_frame) {
+      for (std::uint32_t k = 0; k < of_frame.size(); ++k) keypoint_of_observation_[of_frame[k]] = k;
+    }
   }
 
   void remark() const {
     if (!options_.log) return;
     static constexpr std::array<std::string_view, 1> kColumns = {kErrorColumn};
-    const std::string lost = loss_remark(map_, {.columns = kColumns}, folder_.string(), "COLMAP");
-    if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
+    log_losses(options_.log, map_, {.columns = kColumns}, "COLMAP", folder_.string());
     const auto note = [&](bool renumbered, std::string_view what) {
       if (renumbered) {
         options_.log({fmt::format("{}: ids of {} are too large for COLMAP: numbered from 1",
@@ -187,14 +182,14 @@ class ColmapWriter {
       } else {
         out.raw(name);
         out.binary('\0');
-        out.binary(std::uint64_t{first_keypoints_[i + 1] - first_keypoints_[i]});
+        out.binary(std::uint64_t{observations_.of_frame[i].size()});
       }
-      for (std::uint64_t k = first_keypoints_[i]; k < first_keypoints_[i + 1]; ++k) {
-        const std::uint64_t observation = observation_of_keypoint_[k];
+      // COLMAP lists all keypoints of an image; a map has those that observe a landmark.
+      for (const std::uint64_t observation : observations_.of_frame[i]) {
         const Pixel& pixel = map_.observations().pixels[observation];
         out.both(pixel.u + kPixelCentre);
         out.both(pixel.v + kPixelCentre);
-        out.both(point_ids_[landmark_of(observation)]);
+        out.both(point_ids_[observations_.landmark_of[observation]]);
       }
       if (out.is_text()) out.end_line();
     }
@@ -211,8 +206,7 @@ class ColmapWriter {
     for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
       out.both(point_ids_[i]);
       for (int j = 0; j < 3; ++j) out.both(landmarks.positions[i][j]);
-      const Color color =
-          landmarks.colors.empty() ? Color{} : landmarks.colors[i].value_or(Color{});
+      const Color color = color_of(map_, i);
       out.both(color.red);
       out.both(color.green);
       out.both(color.blue);
@@ -255,44 +249,6 @@ class ColmapWriter {
     }
   }
 
-  // COLMAP lists all keypoints of an image. Lists those that observe a landmark, by index, or without indices
-  // in the order of the landmarks.
-  void list_keypoints() {
-    const ObservationTable& observations = map_.observations();
-    const std::size_t count = observations.frames.size();
-    first_keypoints_.assign(map_.frame_count() + 1, 0);
-    for (const FrameIndex frame : observations.frames) ++first_keypoints_[frame.value + 1];
-    std::partial_sum(first_keypoints_.begin(), first_keypoints_.end(), first_keypoints_.begin());
-    std::vector<std::uint64_t> next(first_keypoints_.begin(), first_keypoints_.end() - 1);
-    observation_of_keypoint_.resize(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      observation_of_keypoint_[next[observations.frames[i].value]++] = i;
-    }
-    keypoint_of_observation_.resize(count);
-    const auto key = [&](std::uint64_t i) {
-      const auto& keypoints = observations.keypoints;
-      return std::pair(keypoints.empty() || !keypoints[i] ? kNoPoint : std::uint64_t{*keypoints[i]},
-                       i);
-    };
-    for (std::size_t frame = 0; frame < map_.frame_count(); ++frame) {
-      const auto begin = observation_of_keypoint_.begin();
-      std::sort(begin + static_cast<std::ptrdiff_t>(first_keypoints_[frame]),
-                begin + static_cast<std::ptrdiff_t>(first_keypoints_[frame + 1]),
-                [&](std::uint64_t a, std::uint64_t b) { return key(a) < key(b); });
-      for (std::uint64_t k = first_keypoints_[frame]; k < first_keypoints_[frame + 1]; ++k) {
-        keypoint_of_observation_[observation_of_keypoint_[k]] =
-            static_cast<std::uint32_t>(k - first_keypoints_[frame]);
-      }
-    }
-  }
-
-  std::size_t landmark_of(std::uint64_t observation) const {
-    const auto& offsets = map_.observations().offsets;
-    return static_cast<std::size_t>(std::upper_bound(offsets.begin(), offsets.end(), observation) -
-                                    offsets.begin()) -
-           1;
-  }
-
   static void header(ColmapOutput& out, std::size_t count, std::string_view text) {
     if (out.is_text()) {
       out.raw(text);
@@ -316,8 +272,7 @@ class ColmapWriter {
   std::vector<std::uint64_t> camera_ids_;
   std::vector<std::uint64_t> image_ids_;
   std::vector<std::uint64_t> point_ids_;
-  std::vector<std::uint64_t> first_keypoints_;  // of each frame, and their number
-  std::vector<std::uint64_t> observation_of_keypoint_;
+  FrameObservations observations_;
   std::vector<std::uint32_t> keypoint_of_observation_;
 };
 

@@ -394,38 +394,32 @@ class Checker {
 }  // namespace
 
 std::string describe(const ConventionReading& reading) {
-  std::vector<std::string> words;
-  if (reading.quaternion == QuaternionOrder::kScalarLast) {
-    words.emplace_back("quaternions have the scalar last where the format has it first");
-  }
-  if (reading.quaternion == QuaternionOrder::kScalarFirst) {
-    words.emplace_back("quaternions have the scalar first where the format has it last");
-  }
-  if (reading.rotation_is_transposed) {
-    words.emplace_back("rotations are in the other direction, or column by column");
-  }
-  if (reading.position == PositionReading::kTranslation) {
-    words.emplace_back("positions are translations camera_from_world, not centres");
-  }
-  if (reading.position == PositionReading::kTranslationIsCentre) {
-    words.emplace_back("positions are centres of cameras, not translations camera_from_world");
-  }
-  if (reading.position == PositionReading::kTranslationKept) {
-    words.emplace_back("translations are camera_from_world, as the format says");
-  }
-  if (reading.looks_backwards) words.emplace_back("cameras look along -z with y up");
-  if (reading.rows_go_up) words.emplace_back("pixels are counted upwards");
-  if (reading.is_undistorted) words.emplace_back("observations are free of distortion");
-  if (reading.focal == FocalReading::kNormalised) {
-    words.emplace_back("focal lengths are divided by the longer side of the image");
-  }
-  if (reading.focal == FocalReading::kMultiplied) {
-    words.emplace_back("focal lengths are in pixels already");
-  }
-  if (reading.pixel_centre != PixelCentreReading::kAsRead) {
-    words.push_back(fmt::format(
-        "half a pixel is to be {} the pixels",
-        reading.pixel_centre == PixelCentreReading::kHalfMore ? "added to" : "taken from"));
+  using Reading = PositionReading;
+  const std::pair<bool, const char*> differences[] = {
+      {reading.quaternion == QuaternionOrder::kScalarLast,
+       "quaternions have the scalar last where the format has it first"},
+      {reading.quaternion == QuaternionOrder::kScalarFirst,
+       "quaternions have the scalar first where the format has it last"},
+      {reading.rotation_is_transposed, "rotations are in the other direction, or column by column"},
+      {reading.position == Reading::kTranslation,
+       "positions are translations camera_from_world, not centres"},
+      {reading.position == Reading::kTranslationIsCentre,
+       "positions are centres of cameras, not translations camera_from_world"},
+      {reading.position == Reading::kTranslationKept,
+       "translations are camera_from_world, as the format says"},
+      {reading.looks_backwards, "cameras look along -z with y up"},
+      {reading.rows_go_up, "pixels are counted upwards"},
+      {reading.is_undistorted, "observations are free of distortion"},
+      {reading.focal == FocalReading::kNormalised,
+       "focal lengths are divided by the longer side of the image"},
+      {reading.focal == FocalReading::kMultiplied, "focal lengths are in pixels already"},
+      {reading.pixel_centre == PixelCentreReading::kHalfMore,
+       "half a pixel is to be added to the pixels"},
+      {reading.pixel_centre == PixelCentreReading::kHalfLess,
+       "half a pixel is to be taken from the pixels"}};
+  std::vector<const char*> words;
+  for (const auto& [differs, word] : differences) {
+    if (differs) words.push_back(word);
   }
   return fmt::format("{}", fmt::join(words, "; "));
 }

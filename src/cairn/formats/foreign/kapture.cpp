@@ -579,9 +579,7 @@ class KaptureReader {
   }
 
   static bool is_binary_descriptor(const FeatureType& type) {
-    std::string text = type.metric + " " + type.name;
-    std::transform(text.begin(), text.end(), text.begin(),
-                   [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+    const std::string text = lower_case(type.metric + " " + type.name);
     return size_of(type.type) == 1 &&
            (text.find("hamming") != std::string::npos || text.find("orb") != std::string::npos);
   }
@@ -590,7 +588,7 @@ class KaptureReader {
   static std::string kind_of(const FeatureType& type) {
     std::string kind = type.name.empty() ? "kapture" : type.name;
     std::replace_if(
-        kind.begin(), kind.end(), [](char c) { return c <= ' ' || c >= '\x7f'; }, '_');
+        kind.begin(), kind.end(), [](char c) { return !is_visible(c); }, '_');
     return kind;
   }
 

@@ -74,7 +74,7 @@ Files small_files() {
   };
 }
 
-class KaptureTest : public ::testing::Test {
+class KaptureTest : public testing::ImportTest {
  protected:
   LandmarkMap read(const Files& files, const std::string& name = "k") {
     std::filesystem::remove_all(folder_ / "k");
@@ -83,15 +83,7 @@ class KaptureTest : public ::testing::Test {
       std::filesystem::create_directories(file.parent_path());
       folder_.write("k/" + path, content);
     }
-    return read_again(name);
-  }
-  LandmarkMap read_again(const std::string& name) {
-    remarks_.clear();
-    losses_.clear();
-    return all_formats().read(folder_ / name, {.log = [&](const Remark& remark) {
-                                auto& said = remark.kind == RemarkKind::kLoss ? losses_ : remarks_;
-                                said.emplace_back(remark.text);
-                              }});
+    return ImportTest::read(folder_ / name);
   }
   std::string refused(const Files& files) {
     return testing::message_of(ErrorKind::kInput, [&] { read(files); });
@@ -102,10 +94,6 @@ class KaptureTest : public ::testing::Test {
     files[path] = content;
     return refused(files);
   }
-
-  TemporaryFolder folder_;
-  std::vector<std::string> remarks_;  // but for losses
-  std::vector<std::string> losses_;
 };
 
 TEST_F(KaptureTest, ImagesWithAPoseBecomeFramesAndPointsLandmarks) {
@@ -146,20 +134,21 @@ TEST_F(KaptureTest, SaysWhatIsLost) {
   files["sensors/records_wifi.txt"] = "";
   files["reconstruction/matches/SIFT/a"] = "";
   read(files);
-  EXPECT_THAT(losses_, ElementsAre(HasSubstr("1 images without a pose"),
-                                   HasSubstr("1 points without a finite position"),
-                                   HasSubstr("1 observations by images without a pose"),
-                                   HasSubstr("1 observations of other keypoints than 'SIFT'"),
-                                   HasSubstr("not read: 'sensors/records_wifi.txt', "
-                                             "'reconstruction/matches'")));
-  EXPECT_THAT(losses_[0], StartsWith((folder_ / "k").string()));
-  EXPECT_THAT(remarks_, IsEmpty());
+  EXPECT_THAT(remarks_.losses,
+              ElementsAre(HasSubstr("1 images without a pose"),
+                          HasSubstr("1 points without a finite position"),
+                          HasSubstr("1 observations by images without a pose"),
+                          HasSubstr("1 observations of other keypoints than 'SIFT'"),
+                          HasSubstr("not read: 'sensors/records_wifi.txt', "
+                                    "'reconstruction/matches'")));
+  EXPECT_THAT(remarks_.losses[0], StartsWith((folder_ / "k").string()));
+  EXPECT_EQ(remarks_.texts, remarks_.losses);
 }
 
 TEST_F(KaptureTest, IsNamedByItsFolderOrAnyOfItsFiles) {
   const LandmarkMap map = read(small_files());
   for (const char* name : {"k/", "k/sensors/sensors.txt", "k/reconstruction/points3d.txt"}) {
-    EXPECT_THAT(read_again(name), testing::EqualsMap(map)) << name;
+    EXPECT_THAT(ImportTest::read(folder_ / name), testing::EqualsMap(map)) << name;
   }
 }
 
@@ -177,8 +166,8 @@ TEST_F(KaptureTest, CamerasOfARigHaveThePoseOfTheRig) {
   EXPECT_LT((map.frames().translations[0] - Eigen::Vector3d(1, 2, -3)).norm(), 1e-12);
   // sensor_from_rig: half a metre to the right in a rig that is turned by a half turn.
   EXPECT_LT((map.frames().translations[1] - Eigen::Vector3d(0.5, 2, -3)).norm(), 1e-12);
-  EXPECT_THAT(losses_, Contains(HasSubstr("rigs: dropped")));
-  EXPECT_THAT(losses_, Contains(HasSubstr("timestamps are not distinct")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("rigs: dropped")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("timestamps are not distinct")));
 }
 
 TEST_F(KaptureTest, ASensorInVeryManyRigsIsRefused) {
@@ -231,39 +220,40 @@ TEST_F(KaptureTest, CompanionsMayBeMissing) {
   LandmarkMap map = read(without({"sensors/trajectories.txt"}));
   EXPECT_EQ(map.frame_count(), 0U);
   EXPECT_EQ(map.landmark_count(), 2U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("there is no sensors/trajectories.txt")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("there is no sensors/trajectories.txt")));
 
   map = read(without({"sensors/records_camera.txt"}));
   EXPECT_EQ(map.frame_count(), 0U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("there is no sensors/records_camera.txt")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("there is no sensors/records_camera.txt")));
 
   map = read(without({"reconstruction/observations.txt"}));
   EXPECT_FALSE(map.has_observations());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("there is no reconstruction/observations.txt")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("there is no reconstruction/observations.txt")));
 
   Files untracked = small_files();
   untracked["reconstruction/observations.txt"] = "# kapture format: 1.1\n";
   map = read(untracked);
   EXPECT_FALSE(map.has_observations());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("observations.txt holds none that can be used")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("observations.txt holds none that can be used")));
 
   map = read(without({"reconstruction/points3d.txt", "reconstruction/observations.txt"}));
   EXPECT_EQ(map.landmark_count(), 0U);
   EXPECT_EQ(map.frame_count(), 2U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("there is no reconstruction/points3d.txt")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("there is no reconstruction/points3d.txt")));
 
   map = read(without({"reconstruction/keypoints"}));
   EXPECT_FALSE(map.has_observations());
-  EXPECT_THAT(losses_, Contains(HasSubstr("keypoints.txt: where 3 observations are is unknown")));
+  EXPECT_THAT(remarks_.losses,
+              Contains(HasSubstr("keypoints.txt: where 3 observations are is unknown")));
 
   map = read(without({"reconstruction/keypoints/SIFT/seq/b.jpg.kpt"}));
   EXPECT_EQ(map.observation_count(), 2U);
-  EXPECT_THAT(losses_, Contains(HasSubstr("1 observations by images without keypoints")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("1 observations by images without keypoints")));
 
   Files packed = without({"reconstruction/keypoints/SIFT/seq/b.jpg.kpt"});
   packed["reconstruction/keypoints/SIFT/keypoints.tar"] = "";
   read(packed);
-  EXPECT_THAT(losses_, Contains(HasSubstr("keypoints.tar are not read: unpack it")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("keypoints.tar are not read: unpack it")));
 
   map = read(without({"reconstruction/descriptors"}));
   EXPECT_FALSE(map.landmarks().descriptors.has_value());
@@ -276,12 +266,12 @@ TEST_F(KaptureTest, CamerasWithoutAModelAreUnknown) {
   const LandmarkMap map = read(files);
   EXPECT_EQ(map.frame_count(), 2U);
   EXPECT_TRUE(map.frames().cameras.empty());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("camera 'cam0' is unknown to kapture")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("camera 'cam0' is unknown to kapture")));
   files["sensors/sensors.txt"] =
       "# kapture format: 1.1\ncam0, , camera, OF_MY_OWN, 200, 100, 3\ngps0, , gnss, EPSG:2154\n";
   read(files);
-  EXPECT_THAT(losses_, Contains(HasSubstr("camera 'cam0' is unknown to the map")));
-  EXPECT_THAT(losses_, Contains(HasSubstr("1 GNSS positions are not in EPSG:4326")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("camera 'cam0' is unknown to the map")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("1 GNSS positions are not in EPSG:4326")));
 }
 
 TEST_F(KaptureTest, ErrorsSayWhere) {
@@ -361,7 +351,8 @@ TEST_F(KaptureTest, EveryCutOfAFileIsReadOrRefusedByName) {
   for (const auto& [path, content] : small_files()) {
     for (std::size_t size = 0; size < content.size(); ++size) {
       folder_.write("k/" + path, content.substr(0, size));
-      const std::string message = refusal(ErrorKind::kInput, [&] { read_again("k/"); });
+      const std::string message =
+          refusal(ErrorKind::kInput, [&] { ImportTest::read(folder_ / "k/"); });
       if (!message.empty()) {
         EXPECT_THAT(message, StartsWith((folder_ / "k").string())) << path << ' ' << size;
       }

@@ -245,8 +245,8 @@ TEST_F(McapTest, SameMapsAreSameBytes) {
 
 TEST_F(McapTest, SaysWhatIsLeftOut) {
   write(testing::full_map(), "full.mcap");
-  ASSERT_EQ(remarks_.size(), 1U);
-  EXPECT_EQ(remarks_[0],
+  ASSERT_EQ(remarks_.texts.size(), 1U);
+  EXPECT_EQ(remarks_.texts[0],
             "MCAP has no place for: name of the world frame, direction of gravity, georeference, 2 "
             "control points, UUID, "
             "provenance, 2 cameras, names of images, GNSS positions, colours, descriptors 'ORB', 5 "
@@ -260,7 +260,7 @@ TEST_F(McapTest, SaysWhatIsLeftOut) {
   MapTables tables = testing::plain_tables();
   tables.observations = {};
   write(LandmarkMap(tables), "plain.mcap");
-  EXPECT_THAT(remarks_, IsEmpty());
+  EXPECT_THAT(remarks_.texts, IsEmpty());
 }
 
 TEST_F(McapTest, RefusesWhatItCannotHold) {

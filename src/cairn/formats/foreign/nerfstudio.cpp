@@ -18,7 +18,7 @@
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
 #include "cairn/formats/detail/foreign/written_frames.hpp"
 #include "cairn/formats/detail/losses.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
 namespace cairn::detail {
@@ -177,11 +177,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   std::vector<nlohmann::ordered_json> cameras;
   for (const Camera& camera : map.cameras()) {
     auto json = nerfstudio_camera(camera);
-    if (!json) {
-      throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
-                  "is of model " + camera.model + ", which nerfstudio does not have",
-                  "another model, e.g. OPENCV");
-    }
+    if (!json) refuse_model(camera, "nerfstudio");
     cameras.push_back(std::move(*json));
   }
   if (is_one_camera) all = cameras[0];
@@ -211,10 +207,8 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   // Before writing, because the caller may refuse the loss.
   std::vector<std::string_view> columns;
   for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
-  const std::string lost =
-      loss_remark(map, {.observations = false, .covariances = true, .columns = columns},
-                  path.string(), "nerfstudio");
-  if (options.log && !lost.empty()) options.log({lost, RemarkKind::kLoss});
+  log_losses(options.log, map, {.observations = false, .covariances = true, .columns = columns},
+             "nerfstudio", path.string());
   const fs::path points = path.parent_path() / kPointsName;
   std::error_code ignored;
   const bool has_points = map.landmark_count() > 0;

@@ -68,7 +68,7 @@ TEST_F(NerfstudioTest, OtherModelsAreNotTakenForPerspective) {
   for (const char* of_frame : {R"(, "camera_model": "FISHEYE624", "k1": 0.1)",
                                R"(, "camera_model": "EQUIRECTANGULAR")", R"(, "k4": 0.3)"}) {
     EXPECT_TRUE(read_bytes(transforms_json("", of_frame)).cameras().empty()) << of_frame;
-    EXPECT_THAT(remarks_, Contains(HasSubstr("1 of 1 frames have no known camera")));
+    EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 of 1 frames have no known camera")));
   }
 }
 
@@ -81,7 +81,7 @@ TEST_F(NerfstudioTest, PointsLieInAFileBeside) {
   EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, -7));
   EXPECT_FALSE(map.has_observations());
   EXPECT_EQ(read_bytes(transforms_json(R"(, "ply_file_path": "other.ply")")).landmark_count(), 0U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("is not there: the map has no landmarks")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("is not there: the map has no landmarks")));
 }
 
 TEST_F(NerfstudioTest, ErrorsNameThePlace) {

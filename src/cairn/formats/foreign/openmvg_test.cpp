@@ -22,8 +22,6 @@ namespace {
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::refusal;
-using testing::TemporaryFolder;
 
 std::string openmvg_json(const std::string& intrinsics, const std::string& structure) {
   return R"({"sfm_data_version": "0.3", "views": [
@@ -37,16 +35,10 @@ std::string openmvg_json(const std::string& intrinsics, const std::string& struc
          structure + R"(], "control_points": []})";
 }
 
-class OpenMvgTest : public ::testing::Test {
+class OpenMvgTest : public testing::ImportTest {
  protected:
-  LandmarkMap read(const std::string& text) {
-    remarks_.clear();
-    return all_formats().read(
-        folder_.write("scene.json", text),
-        {.log = [&](std::string_view remark) { remarks_.emplace_back(remark); }});
-  }
-  TemporaryFolder folder_;
-  std::vector<std::string> remarks_;
+  LandmarkMap read(const std::string& text) { return read_bytes(text, "scene.json"); }
+  std::string refused(const std::string& text) { return ImportTest::refused(text, "scene.json"); }
 };
 
 TEST_F(OpenMvgTest, ViewsWithAPoseBecomeFrames) {
@@ -65,8 +57,8 @@ TEST_F(OpenMvgTest, ViewsWithAPoseBecomeFrames) {
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{9}));
   ASSERT_EQ(map.observation_count(), 1U);
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{0})[0], (Pixel{99, 49}));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 views without a pose are left out")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 observations by views without a pose")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 views without a pose are left out")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 observations by views without a pose")));
 }
 
 TEST_F(OpenMvgTest, DistortionNamesTheModel) {
@@ -82,9 +74,6 @@ TEST_F(OpenMvgTest, DistortionNamesTheModel) {
 }
 
 TEST_F(OpenMvgTest, ErrorsSayWhere) {
-  const auto refused = [&](const std::string& text) {
-    return refusal(ErrorKind::kInput, [&] { read(text); });
-  };
   EXPECT_THAT(refused(openmvg_json(R"(, "disto_k3": [0.1])", "")),
               HasSubstr("scene.json: /intrinsics/0/value/ptr_wrapper/data/disto_k3: has 1 entries; "
                         "expected 3 numbers"));

@@ -48,8 +48,12 @@ struct ImageFrame {
   }
 };
 
+ImageFrame image_frame(const Camera& camera) {
+  return {static_cast<double>(camera.width), static_cast<double>(camera.height)};
+}
+
 // std::nullopt for a projection that Cairn has no model for.
-std::optional<Camera> camera_of(const JsonValue& camera, const ImageFrame& image, CameraId id) {
+std::optional<Camera> opensfm_lens(const JsonValue& camera, const ImageFrame& image, CameraId id) {
   const std::string type =
       camera.has("projection_type") ? camera.at("projection_type").text() : "perspective";
   const double size = image.size();
@@ -155,7 +159,7 @@ class OpenSfmReader {
       const ImageFrame image{
           static_cast<double>(camera.at("width").unsigned_number(kMostOpenSfmPixels)),
           static_cast<double>(camera.at("height").unsigned_number(kMostOpenSfmPixels))};
-      auto usable = camera_of(camera, image, CameraId{images_.size()});
+      auto usable = opensfm_lens(camera, image, CameraId{images_.size()});
       images_.emplace(name, image);
       std::string defect;
       if (!usable) {
@@ -343,7 +347,7 @@ class OpenSfmReader {
 
 // A camera as OpenSfM describes it; std::nullopt for a model that it does not have.
 std::optional<nlohmann::json> opensfm_camera(const Camera& camera) {
-  const ImageFrame image{static_cast<double>(camera.width), static_cast<double>(camera.height)};
+  const ImageFrame image = image_frame(camera);
   const double size = image.size();
   const std::vector<double>& p = camera.parameters;
   const Intrinsics k = intrinsics(camera);
@@ -412,11 +416,7 @@ class OpenSfmWriter {
     text_ = "[{\"cameras\": {";
     for (const Camera& camera : map_.cameras()) {
       const auto json = opensfm_camera(camera);
-      if (!json) {
-        throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
-                    "is of model " + camera.model + ", which OpenSfM does not have",
-                    "another model, e.g. OPENCV");
-      }
+      if (!json) refuse_model(camera, "OpenSfM");
       begin_entry(&camera == map_.cameras().data(), camera_name(camera));
       text_ += json->dump();
     }
@@ -460,12 +460,9 @@ class OpenSfmWriter {
       const auto frames = map_.observing_frames(LandmarkIndex{i});
       const auto pixels = map_.observed_pixels(LandmarkIndex{i});
       const std::uint64_t first = frames.empty() ? 0 : map_.observations().offsets[i];
-      const auto& colors = map_.landmarks().colors;
-      const Color color = colors.empty() ? Color{} : colors[i].value_or(Color{});
+      const Color color = color_of(map_, i);
       for (std::size_t j = 0; j < frames.size(); ++j) {
-        const Camera& camera = map_.cameras()[map_.frames().cameras[frames[j].value]->value];
-        const ImageFrame image{static_cast<double>(camera.width),
-                               static_cast<double>(camera.height)};
+        const ImageFrame image = image_frame(camera_of(map_, frames[j]));
         text_ += names_[frames[j].value];
         text_ += fmt::format("\t{}\t{}\t", map_.landmarks().ids[i].value, keypoints[first + j]);
         const auto [x, y] = image.normalized(pixels[j]);
@@ -494,10 +491,8 @@ class OpenSfmWriter {
       for (const ControlPoint::View& view : point.views) {
         const auto found = frames.find(view.image_name);
         if (found == frames.end()) continue;
-        const Camera& camera = map_.cameras()[map_.frames().cameras[found->second]->value];
-        const ImageFrame image{static_cast<double>(camera.width),
-                               static_cast<double>(camera.height)};
-        const auto [x, y] = image.normalized(view.pixel);
+        const auto [x, y] =
+            image_frame(camera_of(map_, FrameIndex{found->second})).normalized(view.pixel);
         views.push_back({{"shot_id", view.image_name}, {"projection", {x, y}}});
       }
       points.push_back({{"id", point.name}, {"position", position}, {"observations", views}});
@@ -518,8 +513,7 @@ class OpenSfmWriter {
                             .georeference = is_georeferenced(),
                             .gnss = is_georeferenced(),
                             .control_points = true};
-    const std::string lost = loss_remark(map_, holdings, path_.string(), "OpenSfM");
-    if (!lost.empty()) options_.log({lost, RemarkKind::kLoss});
+    log_losses(options_.log, map_, holdings, "OpenSfM", path_.string());
   }
 
  private:
@@ -554,8 +548,7 @@ class OpenSfmWriter {
     vector(rotation_log(camera_from_world.quaternion()));
     text_ += ", \"translation\": ";
     vector(camera_from_world.translation());
-    const Camera& camera = map_.cameras()[frames.cameras[frame.value]->value];
-    text_ += fmt::format(R"(, "camera": "{}")", camera_name(camera));
+    text_ += fmt::format(R"(, "camera": "{}")", camera_name(camera_of(map_, frame)));
     if (!frames.timestamps_s.empty() && frames.timestamps_s[frame.value]) {
       text_ += ", \"capture_time\": ";
       append_number(text_, *frames.timestamps_s[frame.value]);

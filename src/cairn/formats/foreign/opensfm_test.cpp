@@ -50,32 +50,19 @@ constexpr std::string_view kTracks =
     "b.jpg\t11\t4\t0.08\t0.16\t0.001\t1\t2\t3\n"
     "a.jpg\t10\t5\t-0.5\t-0.25\t0.001\t1\t2\t3\n";
 
-class OpenSfmTest : public ::testing::Test {
+class OpenSfmTest : public testing::ImportTest {
  protected:
   LandmarkMap read(std::string_view reconstruction = kReconstruction,
                    std::string_view tracks = kTracks, const std::string& part = "") {
-    remarks_.clear();
-    losses_.clear();
     folder_.write("reconstruction.json", reconstruction);
     std::filesystem::remove(folder_ / "tracks.csv");
     if (!tracks.empty()) folder_.write("tracks.csv", tracks);
-    return all_formats().read(folder_ / ("reconstruction.json" + part), {.log = log()});
+    return ImportTest::read(folder_ / ("reconstruction.json" + part));
   }
   template <class... Arguments>
   std::string refused(Arguments... arguments) {
     return refusal(ErrorKind::kInput, [&] { read(arguments...); });
   }
-
-  LogSink log() {
-    return [&](const Remark& remark) {
-      auto& said = remark.kind == RemarkKind::kLoss ? losses_ : remarks_;
-      said.emplace_back(remark.text);
-    };
-  }
-
-  TemporaryFolder folder_;
-  std::vector<std::string> remarks_;  // but for losses
-  std::vector<std::string> losses_;
 };
 
 TEST_F(OpenSfmTest, ShotsBecomeFramesAndPointsLandmarks) {
@@ -96,13 +83,14 @@ TEST_F(OpenSfmTest, ShotsBecomeFramesAndPointsLandmarks) {
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{1})[1], (Pixel{-0.5, -0.5})) << "the image's corner";
   EXPECT_EQ(map.observations().keypoints[0], 3U);
   EXPECT_EQ(map.info().georeference, (GeoReference{{47.0, 8.0, 400.0}}));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("holds 2 reconstructions, of which the first is read")));
+  EXPECT_THAT(remarks_.texts,
+              Contains(HasSubstr("holds 2 reconstructions, of which the first is read")));
 }
 
 TEST_F(OpenSfmTest, WhatHasNoPlaceIsALoss) {
   read();
-  EXPECT_THAT(losses_, ElementsAre(HasSubstr("left out: 'orientation'")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("holds 2 reconstructions")));
+  EXPECT_THAT(remarks_.losses, ElementsAre(HasSubstr("left out: 'orientation'")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("holds 2 reconstructions")));
 }
 
 TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
@@ -126,17 +114,17 @@ TEST_F(OpenSfmTest, WithoutGnssPositionsThereIsNoGeoreference) {
       "");
   EXPECT_EQ(map.info().georeference, std::nullopt);
   EXPECT_TRUE(map.frames().gnss.empty());
-  EXPECT_THAT(losses_, ElementsAre());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("the map has no georeference")));
+  EXPECT_THAT(remarks_.losses, ElementsAre());
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("the map has no georeference")));
 }
 
 TEST_F(OpenSfmTest, TheGeoreferenceIsWrittenOfAMapInItsFrame) {
   const LandmarkMap map = read();
   const auto written = [&](const LandmarkMap& given, const std::string& name) {
-    losses_.clear();
+    remarks_.clear();
     const std::filesystem::path out = folder_ / name / "reconstruction.json";
     std::filesystem::create_directories(out.parent_path());
-    all_formats().write(given, out, {.log = log()});
+    all_formats().write(given, out, {.log = remarks_.sink()});
     return all_formats().read(out);
   };
   const LandmarkMap back = written(map, "same");
@@ -154,7 +142,8 @@ TEST_F(OpenSfmTest, TheGeoreferenceIsWrittenOfAMapInItsFrame) {
   const LandmarkMap as_moved = written(moved, "moved");
   EXPECT_EQ(as_moved.info().georeference, std::nullopt);
   EXPECT_EQ(as_moved.landmarks().positions, moved.landmarks().positions);
-  EXPECT_THAT(losses_, ElementsAre(HasSubstr("no place for: georeference, GNSS positions")));
+  EXPECT_THAT(remarks_.losses,
+              ElementsAre(HasSubstr("no place for: georeference, GNSS positions")));
 
   const LandmarkMap enu = written(in_enu_frame(moved), "enu");
   EXPECT_EQ(enu.info().georeference, map.info().georeference);
@@ -174,16 +163,17 @@ constexpr std::string_view kControlPoints = R"({"points": [
 TEST_F(OpenSfmTest, ControlPointsTravelWithTheMap) {
   folder_.write("ground_control_points.json", kControlPoints);
   const LandmarkMap map = read();
-  EXPECT_THAT(losses_, Contains(HasSubstr("1 control points without a position are left out")));
+  EXPECT_THAT(remarks_.losses,
+              Contains(HasSubstr("1 control points without a position are left out")));
   const ControlPoint nail{"nail 1", 47.25, 8.5, 402.5, {{"b.jpg", {115.5, 81.5}}}};
   const ControlPoint second{"2", -47.0, 8.0, std::nullopt, {}};
   ASSERT_THAT(map.info().control_points, ElementsAre(nail, second));
 
   const std::filesystem::path out = folder_ / "out/reconstruction.json";
   std::filesystem::create_directories(out.parent_path());
-  losses_.clear();
-  all_formats().write(map, out, {.log = log()});
-  EXPECT_THAT(losses_, ElementsAre());
+  remarks_.clear();
+  all_formats().write(map, out, {.log = remarks_.sink()});
+  EXPECT_THAT(remarks_.losses, ElementsAre());
   EXPECT_EQ(all_formats().read(out).info().control_points, map.info().control_points);
 
   std::filesystem::remove(folder_ / "out/tracks.csv");
@@ -203,7 +193,8 @@ TEST_F(OpenSfmTest, ControlPointsOfAListAreReadInWgs84) {
 
   folder_.write("gcp_list.txt", "WGS84 UTM 32N\n400000 5200000 402.5 12.5 40 b.jpg\n");
   EXPECT_THAT(read().info().control_points, ElementsAre());
-  EXPECT_THAT(losses_, Contains(HasSubstr("control points in 'WGS84 UTM 32N' are left out")));
+  EXPECT_THAT(remarks_.losses,
+              Contains(HasSubstr("control points in 'WGS84 UTM 32N' are left out")));
 }
 
 TEST_F(OpenSfmTest, ManyControlPointsOfAListTakeLinearTime) {
@@ -253,7 +244,7 @@ TEST_F(OpenSfmTest, PartNamesAReconstruction) {
 TEST_F(OpenSfmTest, TracksMayBeMissing) {
   const LandmarkMap map = read(kReconstruction, "");
   EXPECT_FALSE(map.has_observations());
-  EXPECT_THAT(remarks_, Contains(HasSubstr("there is no tracks.csv beside it")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("there is no tracks.csv beside it")));
 }
 
 TEST_F(OpenSfmTest, TracksMayHaveNoHeader) {
@@ -262,10 +253,10 @@ TEST_F(OpenSfmTest, TracksMayHaveNoHeader) {
 
 TEST_F(OpenSfmTest, LastLinesThatMayHaveBeenCutOffAreALoss) {
   EXPECT_EQ(read(kReconstruction, kTracks.substr(0, kTracks.size() - 1)).observation_count(), 2U);
-  EXPECT_THAT(losses_, Contains(HasSubstr("tracks.csv:5: the last line does not end")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("tracks.csv:5: the last line does not end")));
   folder_.write("gcp_list.txt", "WGS84\n8.5 47.25 402.5 12.5 40 b.jpg");
   read();
-  EXPECT_THAT(losses_, Contains(HasSubstr("gcp_list.txt:2: the last line does not end")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("gcp_list.txt:2: the last line does not end")));
 }
 
 TEST_F(OpenSfmTest, EachProjectionHasItsModel) {
@@ -306,7 +297,7 @@ TEST_F(OpenSfmTest, CamerasWithoutAModelAreUnknown) {
       "");
   EXPECT_EQ(map.frame_count(), 1U);
   EXPECT_TRUE(map.frames().cameras.empty());
-  EXPECT_THAT(losses_, Contains(HasSubstr("projection 'spherical' has no model in Cairn")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("projection 'spherical' has no model in Cairn")));
 }
 
 TEST_F(OpenSfmTest, ErrorsSayWhere) {

@@ -90,7 +90,8 @@ class NpzReader {
     for (const auto& [member, bytes] : members_) {
       if (!member.ends_with(".npy")) continue;
       const std::string key = member.substr(0, member.size() - 4);
-      const std::string where = fmt::format("{}: {}", name_, is_plain(key) ? key : printable(key));
+      const std::string where =
+          fmt::format("{}: {}", name_, (key.empty() || is_visible(key)) ? key : printable(key));
       arrays_.emplace(key, NpyArray(bytes, where));
     }
     require_budget();
@@ -155,9 +156,6 @@ class NpzReader {
   }
 
  private:
-  static bool is_plain(std::string_view key) {
-    return std::all_of(key.begin(), key.end(), [](char c) { return c > ' ' && c < 127; });
-  }
   void lost(const std::string& text) const {
     log_remark(options_.log, name_, text, RemarkKind::kLoss);
   }

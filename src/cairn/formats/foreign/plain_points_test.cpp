@@ -99,7 +99,7 @@ TEST_F(PlainPointsTest, LinesBecomeLandmarks) {
     EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{0}, LandmarkId{1}));
     EXPECT_EQ(map.info().length_unit, LengthUnit::kFree);
     EXPECT_FALSE(map.has_observations());
-    EXPECT_TRUE(remarks_.empty());
+    EXPECT_TRUE(remarks_.texts.empty());
   }
 }
 
@@ -110,7 +110,7 @@ TEST_F(PlainPointsTest, HeaderNamesTheColumns) {
   EXPECT_EQ(map.column("weight")->values.at(0), 0.5);
   EXPECT_TRUE(std::isnan(map.column("weight")->values.at(1))) << "an empty cell is unknown";
   EXPECT_EQ(map.info().length_unit, LengthUnit::kFree);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("hold no numbers are left out: 'name'")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("hold no numbers are left out: 'name'")));
   EXPECT_THAT(refused("x,y,z,w\n1,2,3\n"),
               HasSubstr("points:2: the line has 3 fields; expected 4"));
   EXPECT_THAT(refused("x,y,z,w\n1,2,3,4\n1,2,3,four\n"),
@@ -121,7 +121,7 @@ TEST_F(PlainPointsTest, HeaderNamesTheColumns) {
 
 TEST_F(PlainPointsTest, PointsThatAreNotFiniteAreLeftOut) {
   EXPECT_EQ(read_text("1 2 3\n1 nan 3\n1 2 -inf\n1 2 5e11\n").landmark_count(), 1U);
-  EXPECT_THAT(remarks_,
+  EXPECT_THAT(remarks_.texts,
               Contains(HasSubstr("3 of 4 landmarks left out: a coordinate is not finite")));
 }
 
@@ -136,7 +136,7 @@ TEST_F(PlainPointsTest, TextErrorsNameLineAndField) {
 TEST_F(PlainPointsTest, ALastLineThatDoesNotEndIsRead) {
   for (const char* const text : {"1 2 3\n4 5 6", "x,y,z\n1,2,3\n4,5,6"}) {
     EXPECT_EQ(read_text(text).landmark_count(), 2U);
-    EXPECT_THAT(remarks_, ElementsAre(HasSubstr("the last line does not end")));
+    EXPECT_THAT(remarks_.texts, ElementsAre(HasSubstr("the last line does not end")));
   }
 }
 
@@ -190,7 +190,7 @@ TEST_F(PlainPointsTest, ColumnsThatNothingNamesAreRefused) {
   EXPECT_THAT(refused("1.5 2.5 3.5 4\n0.5 1 1\n"), HasSubstr("points:2: the line has 3 fields"));
   // A name that says so is believed, unless the numbers contradict.
   EXPECT_EQ(read_bytes("1.5 2.5 3.5 -4.5\n0.5 1.5 2.5 3.5\n", "a.xyz").landmark_count(), 2U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("columns without a name are left out: 4")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("columns without a name are left out: 4")));
   EXPECT_THAT(ImportTest::refused("175.25 0 0.5 0.25 1.5\n175.25 3 0.25 0.5 0.75\n", "a.xyz"),
               HasSubstr(message));
 }
@@ -199,7 +199,7 @@ TEST_F(PlainPointsTest, ColoursNormalsAndIntensitiesFollowThePosition) {
   const auto names = [&](const std::string& text) {
     const LandmarkMap map = read_text(text);
     EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1.5, 2.5, 3.5));
-    EXPECT_THAT(remarks_, Contains(HasSubstr("the columns have no names; taken as x y z")));
+    EXPECT_THAT(remarks_.texts, Contains(HasSubstr("the columns have no names; taken as x y z")));
     std::string all = map.landmarks().colors.empty() ? "" : "colours ";
     for (const NamedColumn& column : map.landmarks().columns) all += column.name + " ";
     return all;
@@ -213,7 +213,7 @@ TEST_F(PlainPointsTest, ColoursNormalsAndIntensitiesFollowThePosition) {
   EXPECT_EQ(names("1.5 2.5 3.5 1 2 3 0 -0.6 0.8\n"), "colours nx ny nz ");
   EXPECT_EQ(names("1.5 2.5 3.5 0 -0.6 0.8 1 2 3\n"), "colours nx ny nz ");
   EXPECT_EQ(names("1.5 2.5 3.5 1 2 3 0.5\n"), "colours ");
-  EXPECT_THAT(remarks_, Contains(HasSubstr("columns without a name are left out: 7")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("columns without a name are left out: 7")));
   EXPECT_EQ(names("1.5 2.5 3.5 1 2 3 4\n0.5 1 1 1 2 3 4\n"), "") << "which are the colours?";
 }
 
@@ -233,7 +233,7 @@ TEST_F(PlainPointsTest, HeadersAsPeopleWriteThem) {
     const LandmarkMap map = read_text(text);
     EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3)) << text;
     EXPECT_THAT(map.landmarks().columns, ::testing::IsEmpty()) << text;
-    EXPECT_THAT(remarks_, ::testing::IsEmpty()) << text;
+    EXPECT_THAT(remarks_.texts, ::testing::IsEmpty()) << text;
   }
 }
 
@@ -243,14 +243,15 @@ TEST_F(PlainPointsTest, HeadersNameOtherColumnsToo) {
   EXPECT_EQ(pandas.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
   EXPECT_THAT(pandas.landmarks().ids, ElementsAre(LandmarkId{4}, LandmarkId{6}));
   EXPECT_THAT(pandas.landmarks().colors, ElementsAre(Color{7, 8, 9}, Color{255, 0, 0}));
-  EXPECT_THAT(remarks_, ::testing::IsEmpty());
+  EXPECT_THAT(remarks_.texts, ::testing::IsEmpty());
   // Colours from 0 to 1 are no bytes, even if the first ones look so.
   EXPECT_EQ(read_text("x y z r g b\n1 2 3 0 0 1\n1 2 3 0.5 0 1\n").column("r")->values.at(1), 0.5);
   const LandmarkMap commented =
       read_text("# columns: id x y z error in px\n#id,x,y,z,error\nnail,1,2,3,0.5\n");
   EXPECT_EQ(commented.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(commented.column("error")->values.at(0), 0.5);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("columns that hold no numbers are left out: 'id'")));
+  EXPECT_THAT(remarks_.texts,
+              Contains(HasSubstr("columns that hold no numbers are left out: 'id'")));
   const LandmarkMap time = read_text("# time id x y z\n1.5 7 1 2 3\n1.5 9 1 2 3\n");
   EXPECT_THAT(time.landmarks().ids, ElementsAre(LandmarkId{7}, LandmarkId{9}));
   EXPECT_EQ(read_text("x,y,z,in pixels\n1,2,3,4\n").column("in_pixels")->values.at(0), 4.0);
@@ -326,16 +327,16 @@ TEST_F(PlainPointsTest, ArchivesKeepSeveralDescriptorsOfALandmark) {
   EXPECT_EQ(back.landmarks().descriptors->further_offsets,
             map.landmarks().descriptors->further_offsets);
   EXPECT_EQ(back.landmarks().descriptors->further, map.landmarks().descriptors->further);
-  EXPECT_THAT(remarks_, Not(Contains(HasSubstr("further"))));
-  EXPECT_THAT(remarks_, Not(Contains(HasSubstr("one entry a point"))));
+  EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("further"))));
+  EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("one entry a point"))));
 }
 
 TEST_F(PlainPointsTest, WritingSaysWhatHasNoPlace) {
   write(testing::full_map(), "out.csv");
-  EXPECT_THAT(remarks_,
+  EXPECT_THAT(remarks_.texts,
               Contains(HasSubstr("provenance, GNSS positions, descriptors 'ORB'; left out")));
   write(testing::full_map(), "out.npy");
-  EXPECT_THAT(remarks_, Contains(HasSubstr("covariances, colours, descriptors 'ORB'")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("covariances, colours, descriptors 'ORB'")));
 }
 
 TEST_F(PlainPointsTest, DamagedArchivesAreRefused) {

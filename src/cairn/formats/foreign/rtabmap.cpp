@@ -5,7 +5,6 @@
 #include <cstring>
 #include <limits>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -14,6 +13,7 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
+#include "cairn/core/detail/disjoint_sets.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
@@ -218,9 +218,7 @@ class MapReader {
 
   void add_frame(std::size_t i) {
     const RtabmapNode& node = graph_.nodes[i];
-    const Rigid3 base_from_camera =
-        calibrations_[i] ? calibrations_[i]->base_from_camera : Rigid3();
-    const Rigid3 pose = node.world_from_base * base_from_camera;
+    const Rigid3 pose = node.world_from_base * base_from_camera(i);
     std::optional<CameraIndex> camera;
     if (calibrations_[i] && calibrations_[i]->camera) camera = index_of(*calibrations_[i]->camera);
     world_from_camera_.push_back(pose);
@@ -231,6 +229,10 @@ class MapReader {
                     .image_name = node.label,
                     .timestamp_s = node.stamp_s,
                     .gnss = node.gnss});
+  }
+
+  Rigid3 base_from_camera(std::size_t node) const {
+    return calibrations_[node] ? calibrations_[node]->base_from_camera : Rigid3();
   }
 
   CameraIndex index_of(const Camera& camera) {
@@ -253,19 +255,15 @@ class MapReader {
   }
 
   void read_features() {
-    const auto columns = database_.columns("Feature");
-    const auto has = [&](const char* name) {
-      return std::find(columns.begin(), columns.end(), name) != columns.end();
+    if (database_.columns("Feature").empty()) return;
+    const auto column = [&](const char* name) {
+      return column_or_null(database_, "Feature", name);
     };
-    if (columns.empty()) return;
-    const std::string sql = fmt::format(
-        "SELECT node_id, word_id, pos_x, pos_y, {}, {}, {}, {}, {}, {} FROM Feature "
-        "ORDER BY node_id, rowid",
-        has("depth_x") ? "depth_x" : "NULL", has("depth_y") ? "depth_y" : "NULL",
-        has("depth_z") ? "depth_z" : "NULL", has("octave") ? "octave" : "NULL",
-        has("descriptor_size") ? "descriptor_size" : "NULL",
-        has("descriptor") ? "descriptor" : "NULL");
-    auto rows = database_.prepare(sql);
+    auto rows = database_.prepare(
+        fmt::format("SELECT node_id, word_id, pos_x, pos_y, {}, {}, {}, {}, {}, {} FROM Feature "
+                    "ORDER BY node_id, rowid",
+                    column("depth_x"), column("depth_y"), column("depth_z"), column("octave"),
+                    column("descriptor_size"), column("descriptor")));
     std::size_t unposed = 0;
     std::size_t of_other_cameras = 0;
     std::uint32_t keypoint = 0;
@@ -301,9 +299,7 @@ class MapReader {
       const auto z = finite(rows.optional_real(6));
       if (x && y && z) {
         const Eigen::Vector3d in_base(*x, *y, *z);
-        const Rigid3 base_from_camera =
-            calibrations_[*frame] ? calibrations_[*frame]->base_from_camera : Rigid3();
-        const Eigen::Vector3d in_camera = base_from_camera.inverse() * in_base;
+        const Eigen::Vector3d in_camera = base_from_camera(*frame).inverse() * in_base;
         if (!in_base.isZero() && in_camera.z() > 0.0) feature.in_camera = in_camera;
       }
       if (take_descriptor(rows.optional_blob(9), rows.optional_integer(8).value_or(0))) {
@@ -351,14 +347,6 @@ class MapReader {
     to_bytes<float>(values, bytes_);
   }
 
-  std::uint32_t root(std::uint32_t feature) {
-    while (parent_[feature] != feature) {
-      parent_[feature] = parent_[parent_[feature]];
-      feature = parent_[feature];
-    }
-    return feature;
-  }
-
   Eigen::Vector3d in_world(const Feature& feature) const {
     return world_from_camera_[feature.frame] * *feature.in_camera;
   }
@@ -392,8 +380,7 @@ class MapReader {
 
   // Unites features of one word in linked nodes.
   void group() {
-    parent_.resize(features_.size());
-    std::iota(parent_.begin(), parent_.end(), 0U);
+    groups_ = DisjointSets(features_.size());
     // Of each frame, the words that occur once in it.
     std::vector<std::vector<std::pair<std::int64_t, std::uint32_t>>> words(graph_.nodes.size());
     for (std::uint32_t i = 0; i < features_.size(); ++i) {
@@ -418,10 +405,9 @@ class MapReader {
         const auto found =
             std::lower_bound(many.begin(), many.end(), std::pair(word, std::uint32_t{0}));
         if (found == many.end() || found->first != word) continue;
-        if (!agree(features_[feature], features_[found->second])) continue;
-        const std::uint32_t a = root(feature);
-        const std::uint32_t b = root(found->second);
-        parent_[std::max(a, b)] = std::min(a, b);
+        if (agree(features_[feature], features_[found->second])) {
+          groups_.join(feature, found->second);
+        }
       }
     }
   }
@@ -431,7 +417,7 @@ class MapReader {
     std::vector<std::uint32_t> landmark_of(features_.size(), kNone);
     std::vector<std::vector<std::uint32_t>> members;
     for (std::uint32_t i = 0; i < features_.size(); ++i) {
-      const std::uint32_t first = root(i);
+      const std::size_t first = groups_.first_of(i);
       if (landmark_of[first] == kNone) {
         landmark_of[first] = static_cast<std::uint32_t>(members.size());
         members.emplace_back();
@@ -545,7 +531,7 @@ class MapReader {
   std::vector<std::optional<Calibration>> calibrations_;  // of each node
   std::vector<Rigid3> world_from_camera_;
   std::vector<Feature> features_;
-  std::vector<std::uint32_t> parent_;
+  DisjointSets groups_{0};
   std::size_t descriptor_bytes_ = 0;
   std::size_t stored_bytes_ = 0;   // as many, or four times as many if they are float32
   std::uint32_t descriptors_ = 0;  // number of those in bytes_

@@ -26,11 +26,10 @@ namespace {
 // Poses that RTAB-Map optimised and kept, by node.
 std::map<std::int64_t, Rigid3> optimised_poses(sqlite::Database& database) {
   std::map<std::int64_t, Rigid3> poses;
-  const auto columns = database.columns("Admin");
-  const auto has = [&](const char* name) {
-    return std::find(columns.begin(), columns.end(), name) != columns.end();
-  };
-  if (!has("opt_ids") || !has("opt_poses")) return poses;
+  if (column_or_null(database, "Admin", "opt_ids") == "NULL" ||
+      column_or_null(database, "Admin", "opt_poses") == "NULL") {
+    return poses;
+  }
   auto rows = database.prepare("SELECT opt_ids, opt_poses FROM Admin LIMIT 1");
   if (!rows.step()) return poses;
   const auto packed_ids = rows.optional_blob(0);
@@ -89,11 +88,6 @@ std::optional<Matrix6d> covariance_of(std::span<const std::byte> bytes) {
 
 }  // namespace
 
-[[noreturn]] void refuse_database(const sqlite::Database& database, const std::string& where,
-                                  std::string_view what, std::string_view expected) {
-  throw Error(ErrorKind::kInput, fmt::format("{}: {}", database.name(), where), what, expected);
-}
-
 std::optional<double> finite(std::optional<double> value) {
   return value && std::isfinite(*value) ? value : std::nullopt;
 }
@@ -138,11 +132,9 @@ void RtabmapGraph::read_nodes() {
   const auto optimised = optimised_poses(database_);
   is_optimised = !optimised.empty();
   std::size_t without_pose = 0;
-  const auto columns = database_.columns("Node");
-  const bool has_gps = std::find(columns.begin(), columns.end(), "gps") != columns.end();
   auto rows = database_.prepare(
-      has_gps ? "SELECT id, map_id, stamp, pose, label, gps FROM Node ORDER BY id"
-              : "SELECT id, map_id, stamp, pose, label, NULL FROM Node ORDER BY id");
+      fmt::format("SELECT id, map_id, stamp, pose, label, {} FROM Node ORDER BY id",
+                  column_or_null(database_, "Node", "gps")));
   std::size_t no_place = 0;
   while (rows.step()) {
     const std::int64_t id = rows.integer(0);
@@ -174,15 +166,10 @@ void RtabmapGraph::read_nodes() {
 }
 
 void RtabmapGraph::read_links() {
-  const auto columns = database_.columns("Link");
-  const bool is_old =
-      std::find(columns.begin(), columns.end(), "information_matrix") == columns.end();
   std::size_t others = 0;
-  auto rows = database_.prepare(
-      is_old ? "SELECT from_id, to_id, type, transform, NULL FROM Link ORDER BY from_id, "
-               "to_id, type"
-             : "SELECT from_id, to_id, type, transform, information_matrix FROM Link "
-               "ORDER BY from_id, to_id, type");
+  auto rows = database_.prepare(fmt::format(
+      "SELECT from_id, to_id, type, transform, {} FROM Link ORDER BY from_id, to_id, type",
+      column_or_null(database_, "Link", "information_matrix")));
   std::set<std::pair<std::uint32_t, std::uint32_t>> seen;
   while (rows.step()) {
     RtabmapLink link;

@@ -175,7 +175,7 @@ TEST_F(RtabmapTest, GnssPositionsBelongToTheirNodes) {
   EXPECT_FALSE(map.frames().gnss[1].has_value());
   EXPECT_EQ(map.frames().gnss[2], (GnssFix{{47.37, 8.55, 408.0}, std::nullopt}));
   EXPECT_EQ(map.info().georeference, std::nullopt) << "nobody fitted the map to them";
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 GNSS positions are none on the Earth")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 GNSS positions are none on the Earth")));
 }
 
 TEST_F(RtabmapTest, FeaturesOfAWordAlongLinksBecomeLandmarks) {
@@ -201,8 +201,8 @@ TEST_F(RtabmapTest, FeaturesOfAWordAlongLinksBecomeLandmarks) {
   EXPECT_LT(reprojection(map).worst, 0.05);
   EXPECT_NEAR(*map.observations().depths[0],
               (map.world_from_camera(FrameIndex{0}).inverse() * points_[0]).z(), 1e-4);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("4 features without a depth")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 loop closures but no optimised poses")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("4 features without a depth")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 loop closures but no optimised poses")));
 }
 
 TEST_F(RtabmapTest, WordsOfUnlinkedNodesStayApart) {
@@ -229,7 +229,7 @@ TEST_F(RtabmapTest, WithoutFeaturesFramesRemain) {
   const LandmarkMap map = read_map();
   EXPECT_EQ(map.frame_count(), 4U);
   EXPECT_EQ(map.landmark_count(), 0U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("holds no features")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("holds no features")));
 }
 
 TEST_F(RtabmapTest, WithoutCalibrationDepthsStillGroup) {

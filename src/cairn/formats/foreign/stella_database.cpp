@@ -119,10 +119,9 @@ class StellaDatabaseReader {
   }
 
   void read_keyframes() {
-    const auto columns = database_.columns("keyframes");
-    const bool is_new = std::find(columns.begin(), columns.end(), "undist_keypts") != columns.end();
-    if (!is_new)
+    if (column_or_null(database_, "keyframes", "undist_keypts") == "NULL") {
       refuse("keyframes", "has no column undist_keypts", "a map of stella_vslam 0.3 or newer");
+    }
     auto row = database_.prepare(
         "SELECT id, ts, cam, pose_cw, undist_keypts, depths, descs FROM keyframes ORDER BY id");
     while (row.step()) {

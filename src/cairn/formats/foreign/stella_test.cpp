@@ -105,7 +105,7 @@ TEST_F(StellaTest, DepthsThatAreNotFiniteAreLeftOut) {
   const LandmarkMap map = read_bytes(bytes_of(json));
   EXPECT_EQ(map.landmark_count(), 2U);
   EXPECT_EQ(map.observations().depths[0], 10.0);
-  EXPECT_THAT(remarks_,
+  EXPECT_THAT(remarks_.texts,
               Contains(HasSubstr("input: 2 depths left out: not finite or beyond 1e+09")));
 }
 
@@ -116,7 +116,7 @@ TEST_F(StellaTest, LandmarksThatAreTooFarAwayAreLeftOut) {
     const LandmarkMap map = read_bytes(bytes_of(json));
     EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{40}));
     EXPECT_EQ(map.observation_count(), 1U);
-    EXPECT_THAT(remarks_, Contains(HasSubstr("input: 1 of 2 landmarks left out")));
+    EXPECT_THAT(remarks_.texts, Contains(HasSubstr("input: 1 of 2 landmarks left out")));
   }
 }
 
@@ -177,14 +177,16 @@ TEST_F(StellaTest, CamerasThatCairnCannotProjectWithAreUnknown) {
   const LandmarkMap map = read_bytes(bytes_of(json));
   EXPECT_TRUE(map.cameras().empty());
   EXPECT_EQ(map.observation_count(), 3U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("its model 'Equirectangular' is none of Cairn's")));
+  EXPECT_THAT(remarks_.texts,
+              Contains(HasSubstr("its model 'Equirectangular' is none of Cairn's")));
 }
 
 TEST_F(StellaTest, ObservationsOfMissingLandmarksAreCounted) {
   Json json = scene();
   json["landmarks"].erase("40");
   EXPECT_EQ(read_bytes(bytes_of(json)).observation_count(), 2U);
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 observations of landmarks that are not there")));
+  EXPECT_THAT(remarks_.texts,
+              Contains(HasSubstr("1 observations of landmarks that are not there")));
 }
 
 TEST_F(StellaTest, RefusalsNameTheByteAndTheKeyframe) {
@@ -264,7 +266,7 @@ TEST_F(StellaTest, SeveralDescriptorsAreSpreadOverTheKeyframes) {
   const LandmarkMap back = read(write(map, "out.msg"));
   EXPECT_EQ(back.landmarks().descriptors->bytes, map.landmarks().descriptors->bytes);
   EXPECT_EQ(back.landmarks().descriptors->further, map.landmarks().descriptors->further);
-  EXPECT_THAT(remarks_, Not(Contains(HasSubstr("further descriptors"))));
+  EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("further descriptors"))));
   // Too few keyframes for all of them.
   MapTables tables = testing::full_tables();
   tables.frames.cameras.assign(3, CameraIndex{0});
@@ -273,7 +275,7 @@ TEST_F(StellaTest, SeveralDescriptorsAreSpreadOverTheKeyframes) {
                        {1, 0, 0, 0},    std::vector<std::uint8_t>(128),
                        {0, 2, 2, 2, 2}, std::vector<std::uint8_t>(64, 9)};
   write(LandmarkMap(std::move(tables)), "few.msg");
-  EXPECT_THAT(remarks_, Contains(HasSubstr("further descriptors of a landmark")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("further descriptors of a landmark")));
 }
 
 TEST_F(StellaTest, AVeryOftenSeenLandmarkTakesNoQuadraticTime) {
@@ -310,10 +312,10 @@ TEST_F(StellaTest, WritingSaysWhatHasNoPlace) {
               HasSubstr("frame 18446744073709551615: has no camera"));
   tables.frames.cameras.assign(3, CameraIndex{0});
   write(LandmarkMap(tables), "out.msg");
-  EXPECT_THAT(remarks_, Contains(HasSubstr("has no place for: name of the world frame")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("1 landmarks without an observation")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("no ORB descriptors")));
-  EXPECT_THAT(remarks_, Contains(HasSubstr("ids are too large")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("has no place for: name of the world frame")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 landmarks without an observation")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("no ORB descriptors")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("ids are too large")));
   const LandmarkMap back = read(folder_ / "out.msg");
   EXPECT_EQ(back.landmark_count(), 3U);
   EXPECT_EQ(back.observation_count(), 5U);

@@ -34,28 +34,19 @@ std::string stella_camera_name(const Camera& camera) {
   return fmt::format("camera {}", camera.id.value);
 }
 
-// Ids as stella_vslam has them: the map's if all are below `most`, otherwise from 0.
-template <class Id>
-std::vector<std::uint64_t> stella_ids(const std::vector<Id>& ids, std::uint64_t most) {
-  const bool fit = std::all_of(ids.begin(), ids.end(), [&](Id id) { return id.value < most; });
-  std::vector<std::uint64_t> result;
-  for (std::size_t i = 0; i < ids.size(); ++i) result.push_back(fit ? ids[i].value : i);
-  return result;
-}
-
 class StellaWriter {
  public:
   StellaWriter(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options)
       : map_(map),
         sink_(sink),
         options_(options),
-        frame_ids_(stella_ids(map.frames().ids, kMostStellaId)),
-        landmark_ids_(stella_ids(map.landmarks().ids, kMostStellaId >> 1)) {
+        frame_ids_(fitting_ids(map.frames().ids, kMostStellaId - 1, 0)),
+        landmark_ids_(fitting_ids(map.landmarks().ids, (kMostStellaId >> 1) - 1, 0)),
+        observations_(map) {
     check();
     for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
       observed_ += map.observation_count(LandmarkIndex{i}) > 0 ? 1 : 0;
     }
-    list_keypoints();
     find_parents();
   }
 
@@ -89,8 +80,8 @@ class StellaWriter {
  private:
   void check() const {
     require_cameras(map_, "a keyframe of stella_vslam");
-    for (std::size_t i = 0; i < map_.frame_count(); ++i) {
-      const Camera& camera = map_.cameras()[map_.frames().cameras[i]->value];
+    for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
+      const Camera& camera = camera_of(map_, FrameIndex{i});
       if (opencv_distortion(camera)) continue;
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map_.frames().ids[i].value),
                   "has a camera of model " + camera.model + ", which stella_vslam does not have",
@@ -103,27 +94,6 @@ class StellaWriter {
     return ids.empty() ? 0 : *std::max_element(ids.begin(), ids.end()) + 1;
   }
 
-  // The observations of each frame, by the index of their keypoint, or else of the landmark.
-  void list_keypoints() {
-    const ObservationTable& observations = map_.observations();
-    keypoints_.resize(map_.frame_count());
-    landmark_of_.resize(observations.frames.size());
-    for (std::uint32_t i = 0; i < map_.landmark_count() && map_.has_observations(); ++i) {
-      for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
-        landmark_of_[k] = i;
-        keypoints_[observations.frames[k].value].push_back(k);
-      }
-    }
-    if (observations.keypoints.empty()) return;
-    for (auto& of_frame : keypoints_) {
-      const auto key = [&](std::uint64_t k) {
-        return observations.keypoints[k].value_or(static_cast<std::uint32_t>(kMostStellaId));
-      };
-      std::stable_sort(of_frame.begin(), of_frame.end(),
-                       [&](std::uint64_t a, std::uint64_t b) { return key(a) < key(b); });
-    }
-  }
-
   static constexpr std::size_t kMostShared = 1000;
 
   // A spanning tree: the parent of a frame is the earlier frame that shares most landmarks with it.
@@ -131,8 +101,8 @@ class StellaWriter {
     children_.resize(map_.frame_count());
     for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
       std::map<std::uint32_t, std::size_t> shared;
-      for (const std::uint64_t k : keypoints_[i]) {
-        auto others = map_.observing_frames(LandmarkIndex{landmark_of_[k]});
+      for (const std::uint64_t k : observations_.of_frame[i]) {
+        auto others = map_.observing_frames(LandmarkIndex{observations_.landmark_of[k]});
         // All pairs of more would take quadratic time.
         others = others.first(std::min<std::size_t>(others.size(), kMostShared));
         for (const FrameIndex other : others) {
@@ -193,13 +163,13 @@ class StellaWriter {
   StellaJson keyframe(std::uint32_t i) {
     const FrameTable& frames = map_.frames();
     const ObservationTable& observations = map_.observations();
-    const Camera& camera = map_.cameras()[frames.cameras[i]->value];
+    const Camera& camera = camera_of(map_, FrameIndex{i});
     StellaJson descriptors = StellaJson::array();
     StellaJson landmarks = StellaJson::array();
     StellaJson keypoints = StellaJson::array();
-    for (const std::uint64_t k : keypoints_[i]) {
+    for (const std::uint64_t k : observations_.of_frame[i]) {
       descriptors.push_back(descriptor_json(k));
-      landmarks.push_back(landmark_ids_[landmark_of_[k]]);
+      landmarks.push_back(landmark_ids_[observations_.landmark_of[k]]);
       const std::int32_t octave =
           observations.octaves.empty() ? 0 : observations.octaves[k].value_or(0);
       most_octave_ = std::max(most_octave_, octave);
@@ -215,7 +185,7 @@ class StellaWriter {
     result["descs"] = std::move(descriptors);
     result["lm_ids"] = std::move(landmarks);
     result["loop_edges"] = StellaJson::array();
-    result["n_keypts"] = keypoints_[i].size();
+    result["n_keypts"] = observations_.of_frame[i].size();
     result["orb_params"] = kOrbParameters;
     result["rot_cw"] = StellaJson::array({-q[1], -q[2], -q[3], q[0]});
     result["span_children"] = children_[i];
@@ -257,7 +227,7 @@ class StellaWriter {
   StellaJson descriptor_json(std::uint64_t observation) const {
     std::array<std::uint32_t, kOrbBytes / 4> words{};
     if (has_orb()) {
-      const std::uint32_t landmark = landmark_of_[observation];
+      const std::uint32_t landmark = observations_.landmark_of[observation];
       const std::uint64_t place = observation - map_.observations().offsets[landmark];
       const std::span<const std::uint8_t> bytes = map_.landmarks().descriptors->descriptor(
           landmark, place <= further_written(landmark) ? place : 0);
@@ -354,8 +324,7 @@ class StellaWriter {
   std::string bytes_;
   std::vector<std::uint64_t> frame_ids_;
   std::vector<std::uint64_t> landmark_ids_;
-  std::vector<std::vector<std::uint64_t>> keypoints_;  // of each frame: observations
-  std::vector<std::uint32_t> landmark_of_;             // of each observation
+  FrameObservations observations_;
   std::vector<std::optional<std::uint32_t>> parents_;
   std::vector<std::vector<std::uint64_t>> children_;  // their ids
   std::size_t observed_ = 0;

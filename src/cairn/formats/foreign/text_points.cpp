@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -75,17 +76,9 @@ void drop_last_if_empty(Cells& cells) {
   if (!cells.empty() && cells.back().empty()) cells.pop_back();
 }
 
-std::string lower(std::string_view text) {
-  std::string result(text);
-  std::transform(result.begin(), result.end(), result.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return result;
-}
-
 bool is_number(std::string_view word) {
-  return parse_number(word).has_value() || lower(word) == "nan" || lower(word) == "inf" ||
-         lower(word) == "-inf";
+  return parse_number(word).has_value() || lower_case(word) == "nan" || lower_case(word) == "inf" ||
+         lower_case(word) == "-inf";
 }
 
 // ---- names of columns
@@ -102,7 +95,7 @@ Names names_of(const Cells& cells) {
 
 // A name in small letters, without a unit in brackets, blanks and punctuation.
 std::string plain(std::string_view name) {
-  std::string result = lower(name.substr(0, name.find_first_of("[(")));
+  std::string result = lower_case(name.substr(0, name.find_first_of("[(")));
   std::erase_if(result, [](char c) { return !((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9')); });
   return result;
 }
@@ -270,25 +263,18 @@ class Survey {
   // Whether numbers of the row are a vector of length 1.
   bool is_unit(std::size_t first, std::size_t count) const {
     if (first + count > row_.size()) return false;
-    double square = 0.0;
-    for (std::size_t i = first; i < first + count; ++i) square += row_[i] * row_[i];
-    return std::abs(square - 1.0) < kUnitTolerance;
+    const Eigen::Map<const Eigen::VectorXd> vector(&row_[first], static_cast<Eigen::Index>(count));
+    return std::abs(vector.squaredNorm() - 1.0) < kUnitTolerance;
   }
   // Whether the row begins, at `first`, with three rows of four numbers that begin with a rotation.
   bool is_motion(std::size_t first) const {
     if (row_.size() < first + 12) return false;
-    double off = 0.0;
-    for (std::size_t i = 0; i < 3; ++i) {
-      for (std::size_t j = 0; j < 3; ++j) {
-        double product = i == j ? -1.0 : 0.0;
-        for (std::size_t k = 0; k < 3; ++k) {
-          product += row_[first + 4 * i + k] * row_[first + 4 * j + k];
-        }
-        off = std::max(off, std::abs(product));
-        if (std::isnan(product)) return false;
-      }
-    }
-    return off < kUnitTolerance;
+    const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> rows(&row_[first]);
+    const Eigen::Matrix3d rotation = rows.leftCols<3>();
+    // False for NaN.
+    return ((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).array().abs() <
+            kUnitTolerance)
+        .all();
   }
   bool ends_a_matrix(std::size_t first) const {
     return row_[first] == 0.0 && row_[first + 1] == 0.0 && row_[first + 2] == 0.0 &&
@@ -502,7 +488,7 @@ class LayoutFinder {
     }
     layout_.names = survey_.guess();
     // The name says that the first columns are x, y and z, unless the content contradicts.
-    const std::string ending = lower(std::filesystem::path(name_).extension().string());
+    const std::string ending = lower_case(std::filesystem::path(name_).extension().string());
     if (layout_.names.empty() && ending.starts_with(".xyz") && !survey_.starts_with_a_key()) {
       layout_.names = {"x", "y", "z"};
       layout_.names.resize(survey_.width());

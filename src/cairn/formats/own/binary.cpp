@@ -7,16 +7,17 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/formats/detail/own/binary_layout.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -42,17 +43,15 @@ class BinaryReader {
     read_header();
     check_checksum();
     read_table();
-    read_info();
-    read_cameras();
-    read_frames();
-    read_landmarks();
-    read_observations();
+    read_unit();
+    code_sections(*this, MapParts{tables_.info, tables_.cameras, tables_.frames, tables_.landmarks,
+                                  tables_.observations});
     return LandmarkMap(std::move(tables_),
                        [this](MapColumn column, std::size_t row) { return place_of(column, row); });
   }
 
  private:
-  // Reads entries of varying size from a section, in order.
+  // Reads the content of a section in order.
   class Cursor {
    public:
     Cursor(const BinaryReader& reader, MapColumn column)
@@ -71,16 +70,44 @@ class BinaryReader {
       rest_.remove_prefix(size);
       return bytes;
     }
-
-    template <class Number>
-    Number number(std::string_view what) {
-      return load<Number>(take(sizeof(Number), what).data());
-    }
-
     std::string_view rest() { return std::exchange(rest_, {}); }
 
-    std::string text(std::string_view what) {
-      return std::string(take(number<std::uint32_t>(what), what));
+    template <class Number>
+      requires std::is_arithmetic_v<Number>
+    void operator()(Number& value, std::string_view what) {
+      value = load<Number>(take(sizeof value, what).data());
+    }
+    void operator()(std::optional<double>& value, std::string_view what) {
+      const auto bits = number<std::uint64_t>(what);
+      if (bits != kUnknownBits) value = std::bit_cast<double>(bits);
+    }
+    void operator()(std::string& text, std::string_view what) {
+      text = take(number<std::uint32_t>(what), what);
+    }
+    void filled(std::string& text, std::string_view what) {
+      (*this)(text, what);
+      if (text.empty()) {
+        reader_.refuse(reader_.section(column_).begin, column_, "an empty text", "none");
+      }
+    }
+    void operator()(std::vector<double>& numbers, std::string_view what) {
+      const std::uint64_t count = number<std::uint32_t>(what);
+      const std::string_view bytes = take(count * sizeof(double), what);
+      numbers.resize(count);
+      if (count > 0) std::memcpy(numbers.data(), bytes.data(), bytes.size());
+    }
+    void both(double& value, double& mirrored) { value = mirrored = number<double>(""); }
+    template <class Entry, class Describe>
+    void list(std::vector<Entry>& entries, std::string_view what, const Describe& describe) {
+      for (auto left = number<std::uint32_t>(what); left > 0; --left) {
+        describe(entries.emplace_back());
+      }
+    }
+    template <class Number>
+    Number number(std::string_view what) {
+      Number value{};
+      (*this)(value, what);
+      return value;
     }
 
    private:
@@ -139,15 +166,15 @@ class BinaryReader {
   }
 
   void check_checksum() {
-    Hasher hasher;
+    detail::Hasher hasher;
     for (std::uint64_t byte = 0; byte < checksum_place(); byte += kBinaryBlock) {
       hasher.update(
           bytes_.substr(byte, std::min<std::uint64_t>(kBinaryBlock, checksum_place() - byte)));
       report(0.5 * static_cast<double>(byte) / static_cast<double>(bytes_.size()));
     }
-    const Hash128 stored{at<std::uint64_t>(checksum_place()),
-                         at<std::uint64_t>(checksum_place() + 8)};
-    if (const Hash128 found = hasher.digest(); stored != found) {
+    const detail::Hash128 stored{at<std::uint64_t>(checksum_place()),
+                                 at<std::uint64_t>(checksum_place() + 8)};
+    if (const detail::Hash128 found = hasher.digest(); stored != found) {
       refuse(checksum_place(), "checksum",
              fmt::format("the bytes before are damaged: their XXH3 is {}", to_string(found)),
              to_string(stored));
@@ -277,6 +304,13 @@ class BinaryReader {
     }
   }
 
+  void read_unit() {
+    const auto unit = at<std::uint32_t>(kUnitPlace);
+    if (unit > 1)
+      refuse(kUnitPlace, "unit of length", std::to_string(unit), "0 (metres) or 1 (free)");
+    tables_.info.length_unit = unit == 0 ? LengthUnit::kMetres : LengthUnit::kFree;
+  }
+
   // For columns with the same layout in the file and in memory.
   template <class Row>
   void copy(MapColumn column, std::vector<Row>& rows) const {
@@ -288,12 +322,6 @@ class BinaryReader {
            0.5 * static_cast<double>(section(column).begin) / static_cast<double>(bytes_.size()));
   }
 
-  template <class Row>
-  void copy_required(MapColumn column, std::vector<Row>& rows) const {
-    expect_section(column, sizeof(Row));
-    copy(column, rows);
-  }
-
   // Checks that a NaN in a column of doubles is the one that means unknown.
   void expect_unknown(MapColumn column, std::size_t row, double value) const {
     const auto bits = std::bit_cast<std::uint64_t>(value);
@@ -303,215 +331,112 @@ class BinaryReader {
            fmt::format("{:016x} where unknown, else a number", kUnknownBits));
   }
 
+  // Whether an entry of doubles is unknown: they are all NaN.
+  template <std::size_t kNumbers>
+  bool is_unknown(MapColumn column, std::size_t row, const double* numbers) const {
+    const bool unknown = std::isnan(numbers[0]);
+    for (std::size_t i = 0; i < kNumbers; ++i) {
+      if (unknown || std::isnan(numbers[i])) {
+        expect_unknown(column, kNumbers * row + i, numbers[i]);
+      }
+    }
+    return unknown;
+  }
+
   // Reads a column of this many bytes per entry; `value_of` may return std::nullopt.
-  template <std::size_t kBytes = 8, class Value, class ValueOf>
+  template <std::size_t kBytes, class Value, class ValueOf>
   void read_optional(MapColumn column, OptionalColumn<Value>& values,
                      const ValueOf& value_of) const {
-    const std::string_view bytes = section(column).bytes;
-    values.reserve(bytes.size() / kBytes);
+    Cursor cursor(*this, column);
+    values.reserve(section(column).bytes.size() / kBytes);
     bool nothing_known = has(column);
-    for (std::size_t byte = 0; byte < bytes.size(); byte += kBytes) {
-      const std::optional<Value> value = value_of(bytes.data() + byte, byte / kBytes);
+    for (std::size_t row = 0; !cursor.at_end(); ++row) {
+      const std::optional<Value> value = value_of(cursor, row);
       values.push_back(value);
       nothing_known = nothing_known && !value;
     }
     refuse_if_unknown(nothing_known, column);
   }
 
-  // Whether an entry of doubles is unknown: they are all NaN.
-  template <std::size_t kNumbers>
-  bool is_unknown(MapColumn column, std::size_t row, const double* numbers) const {
-    if (!std::isnan(numbers[0])) return false;
-    for (std::size_t i = 0; i < kNumbers; ++i) {
-      expect_unknown(column, kNumbers * row + i, numbers[i]);
-    }
-    return true;
+ public:
+  // ---- what code_sections() calls
+
+  void text(MapColumn column, std::optional<std::string>& text) const {
+    if (has(column)) text = section(column).bytes;
+  }
+  template <class Entry, class Describe>
+  void entry(MapColumn column, std::optional<Entry>& entry, const Describe& describe) const {
+    Cursor cursor(*this, column);
+    if (has(column)) describe(cursor, entry.emplace());
+  }
+  template <class Entry, class Describe>
+  void entries(MapColumn column, std::vector<Entry>& entries, const Describe& describe) const {
+    for (Cursor cursor(*this, column); !cursor.at_end();) describe(cursor, entries.emplace_back());
+  }
+  template <class Row>
+  void rows(MapColumn column, std::vector<Row>& rows) const {
+    expect_section(column, sizeof(Row));
+    copy(column, rows);
   }
 
-  void read_numbers(MapColumn column, OptionalColumn<double>& values) const {
-    read_optional(column, values, [&](const char* bytes, std::size_t row) {
-      const auto value = load<double>(bytes);
-      const bool unknown = is_unknown<1>(column, row, &value);
-      return unknown ? std::nullopt : std::optional(value);
-    });
+  template <std::size_t kNumbers, class Value, class Describe>
+  void numbers(MapColumn column, OptionalColumn<Value>& values, const Describe& describe) const {
+    read_optional<8 * kNumbers>(
+        column, values, [&](Cursor& cursor, std::size_t row) -> std::optional<Value> {
+          Cursor ahead = cursor;
+          const auto numbers =
+              load<std::array<double, kNumbers>>(cursor.take(8 * kNumbers, "").data());
+          if (is_unknown<kNumbers>(column, row, numbers.data())) return std::nullopt;
+          Value value{};
+          describe(ahead, value);
+          return value;
+        });
   }
 
-  template <class Integer, class Value>
-  void read_integers(MapColumn column, OptionalColumn<Value>& values) const {
-    read_optional(column, values, [&](const char* bytes, std::size_t row) {
-      const auto value = load<std::int64_t>(bytes);
-      if (value == kUnknownInteger) return std::optional<Value>();
-      if (!std::in_range<Integer>(value)) {
+  template <class Value>
+  void integers(MapColumn column, OptionalColumn<Value>& values, std::int64_t least,
+                std::int64_t most) const {
+    read_optional<8>(column, values, [&](Cursor& cursor, std::size_t row) -> std::optional<Value> {
+      const auto value = cursor.number<std::int64_t>("");
+      if (value == kUnknownInteger) return std::nullopt;
+      if (value < least || value > most) {
         refuse(section(column).begin + 8 * row, column, std::to_string(value),
-               fmt::format("{} to {}, or {} where unknown", std::numeric_limits<Integer>::min(),
-                           std::numeric_limits<Integer>::max(), kUnknownInteger));
+               fmt::format("{} to {}, or {} where unknown", least, most, kUnknownInteger));
       }
-      return std::optional(Value{static_cast<Integer>(value)});
+      return from_integer<Value>(value);
     });
   }
 
-  void read_sources(OptionalColumn<PixelSource>& sources) const {
-    constexpr auto kColumn = MapColumn::kPixelSources;
-    read_optional(kColumn, sources, [&](const char* bytes, std::size_t row) {
-      const auto value = load<std::int64_t>(bytes);
-      if (value == kUnknownInteger) return std::optional<PixelSource>();
-      if (value < 0 || value >= static_cast<std::int64_t>(kPixelSourceCount)) {
-        refuse(section(kColumn).begin + 8 * row, kColumn, std::to_string(value),
-               fmt::format("0 to {}, or {} where unknown", kPixelSourceCount - 1, kUnknownInteger));
-      }
-      return std::optional(static_cast<PixelSource>(value));
-    });
-  }
-
-  void read_info() {
-    MapInfo& info = tables_.info;
-    const auto unit = at<std::uint32_t>(kUnitPlace);
-    if (unit > 1)
-      refuse(kUnitPlace, "unit of length", std::to_string(unit), "0 (metres) or 1 (free)");
-    info.length_unit = unit == 0 ? LengthUnit::kMetres : LengthUnit::kFree;
-    const auto text = [&](MapColumn column, std::optional<std::string>& value) {
-      if (has(column)) value = section(column).bytes;
-    };
-    text(MapColumn::kWorldFrame, info.world_frame);
-    text(MapColumn::kUuid, info.uuid);
-    if (has(MapColumn::kGravity)) {
-      std::memcpy(info.gravity.emplace().data(), section(MapColumn::kGravity).bytes.data(), 24);
-    }
-    if (has(MapColumn::kGeoReference)) read_georeference();
-    read_control_points();
-    for (Cursor texts(*this, MapColumn::kProvenance); !texts.at_end();) {
-      info.provenance.push_back(texts.text("a text"));
-      if (info.provenance.back().empty()) {
-        refuse(section(MapColumn::kProvenance).begin, MapColumn::kProvenance, "an empty text",
-               "none");
-      }
-    }
-  }
-
-  static GeodeticPosition geodetic(const char* bytes) {
-    return {load<double>(bytes), load<double>(bytes + 8), load<double>(bytes + 16)};
-  }
-
-  void read_georeference() {
-    const char* const bytes = section(MapColumn::kGeoReference).bytes.data();
-    GeoReference& result = tables_.info.georeference.emplace();
-    result.origin = geodetic(bytes);
-    result.scale = load<double>(bytes + 24);
-    std::memcpy(result.quaternion.data(), bytes + 32, sizeof result.quaternion);
-    std::memcpy(result.translation.data(), bytes + 64, 24);
-  }
-
-  void read_control_points() {
-    for (Cursor bytes(*this, MapColumn::kControlPoints); !bytes.at_end();) {
-      ControlPoint& point = tables_.info.control_points.emplace_back();
-      point.latitude_deg = bytes.number<double>("latitude");
-      point.longitude_deg = bytes.number<double>("longitude");
-      const auto altitude = bytes.number<std::uint64_t>("altitude");
-      if (altitude != kUnknownBits) point.altitude_m = std::bit_cast<double>(altitude);
-      point.name = bytes.text("name");
-      for (auto views = bytes.number<std::uint32_t>("number of images"); views > 0; --views) {
-        const auto u = bytes.number<double>("u");
-        const auto v = bytes.number<double>("v");
-        point.views.push_back({bytes.text("image"), Pixel{u, v}});
-      }
-    }
-  }
-
-  void read_gnss() {
-    constexpr MapColumn kColumn = MapColumn::kGnss;
-    constexpr std::size_t kNumbers = 4;
-    read_optional<kNumbers * sizeof(double)>(
-        kColumn, tables_.frames.gnss, [&](const char* bytes, std::size_t row) {
-          const auto numbers = load<std::array<double, kNumbers>>(bytes);
-          if (is_unknown<kNumbers>(kColumn, row, numbers.data())) return std::optional<GnssFix>();
-          GnssFix fix{{numbers[0], numbers[1], numbers[2]}, numbers[3]};
-          if (std::isnan(numbers[3])) {
-            expect_unknown(kColumn, kNumbers * row + 3, numbers[3]);
-            fix.accuracy_m.reset();
-          }
-          return std::optional(fix);
-        });
-  }
-
-  void read_pose_covariances() {
-    constexpr MapColumn kColumn = MapColumn::kPoseCovariances;
-    read_optional<kUpperTriangle * sizeof(double)>(
-        kColumn, tables_.frames.pose_covariances, [&](const char* bytes, std::size_t row) {
-          const auto numbers = load<std::array<double, kUpperTriangle>>(bytes);
-          if (is_unknown<kUpperTriangle>(kColumn, row, numbers.data())) {
-            return std::optional<Matrix6d>();
-          }
-          Matrix6d covariance = Matrix6d::Zero();
-          const double* next = numbers.data();
-          for (int i = 0; i < 6; ++i) {
-            for (int j = i; j < 6; ++j) covariance(i, j) = covariance(j, i) = *next++;
-          }
-          return std::optional(covariance);
-        });
-  }
-
-  void read_cameras() {
-    for (Cursor cursor(*this, MapColumn::kCameras); !cursor.at_end();) {
-      Camera& camera = tables_.cameras.emplace_back();
-      camera.id = CameraId{cursor.number<std::uint64_t>("id")};
-      camera.width = cursor.number<std::uint32_t>("width");
-      camera.height = cursor.number<std::uint32_t>("height");
-      camera.model = cursor.text("model");
-      const std::uint64_t count = cursor.number<std::uint32_t>("number of parameters");
-      const std::string_view bytes = cursor.take(count * sizeof(double), "parameters");
-      camera.parameters.resize(count);
-      if (count > 0) std::memcpy(camera.parameters.data(), bytes.data(), bytes.size());
-    }
-  }
-
-  void read_frames() {
-    FrameTable& frames = tables_.frames;
-    copy_required(MapColumn::kFrameIds, frames.ids);
-    copy_required(MapColumn::kTranslations, frames.translations);
-    copy_required(MapColumn::kQuaternions, frames.quaternions);
-    read_integers<std::uint32_t>(MapColumn::kFrameCameras, frames.cameras);
-    read_numbers(MapColumn::kTimestamps, frames.timestamps_s);
-    read_gnss();
-    read_pose_covariances();
-    if (!has(MapColumn::kImageNames)) return;
-    Cursor names(*this, MapColumn::kImageNames);
+  void names(MapColumn column, std::vector<std::string>& names) const {
+    if (!has(column)) return;
+    Cursor cursor(*this, column);
     bool nothing_known = true;
     for (std::uint64_t i = 0; i < frames_; ++i) {
-      frames.image_names.push_back(names.text("a name"));
-      nothing_known = nothing_known && frames.image_names.back().empty();
+      cursor(names.emplace_back(), "a name");
+      nothing_known = nothing_known && names.back().empty();
     }
-    if (!names.at_end()) {
-      refuse(section(MapColumn::kImageNames).begin, MapColumn::kImageNames,
-             "more names than frames", fmt::format("{} names", frames_));
+    if (!cursor.at_end()) {
+      refuse(section(column).begin, column, "more names than frames",
+             fmt::format("{} names", frames_));
     }
-    refuse_if_unknown(nothing_known, MapColumn::kImageNames);
+    refuse_if_unknown(nothing_known, column);
   }
 
-  void read_landmarks() {
-    LandmarkTable& landmarks = tables_.landmarks;
-    copy_required(MapColumn::kLandmarkIds, landmarks.ids);
-    copy_required(MapColumn::kPositions, landmarks.positions);
-    copy(MapColumn::kCovariances, landmarks.covariances);
-    check_unknown_covariances();
-    read_colors();
-    read_descriptors();
-    read_named_columns();
-  }
-
-  void check_unknown_covariances() const {
-    const auto& covariances = tables_.landmarks.covariances;
-    bool nothing_known = !covariances.empty();
+  void covariances(std::vector<Eigen::Matrix3d>& covariances) const {
+    constexpr MapColumn kColumn = MapColumn::kCovariances;
+    copy(kColumn, covariances);
+    bool nothing_known = has(kColumn);
     for (std::size_t row = 0; row < covariances.size(); ++row) {
-      const double* const numbers = covariances[row].data();
-      if (!is_unknown<9>(MapColumn::kCovariances, row, numbers)) nothing_known = false;
+      if (!is_unknown<9>(kColumn, row, covariances[row].data())) nothing_known = false;
     }
-    refuse_if_unknown(nothing_known, MapColumn::kCovariances);
+    refuse_if_unknown(nothing_known, kColumn);
   }
 
-  void read_colors() {
+  void colors(OptionalColumn<Color>& colors) const {
     constexpr MapColumn kColumn = MapColumn::kColors;
-    read_optional<4>(kColumn, tables_.landmarks.colors, [&](const char* bytes, std::size_t row) {
-      const auto [red, green, blue, known] = load<std::array<std::uint8_t, 4>>(bytes);
+    read_optional<4>(kColumn, colors, [&](Cursor& cursor, std::size_t row) -> std::optional<Color> {
+      const auto [red, green, blue, known] =
+          load<std::array<std::uint8_t, 4>>(cursor.take(4, "").data());
       if (known > 1 || (known == 0 && (red | green | blue) != 0)) {
         refuse(section(kColumn).begin + 4 * row, kColumn,
                fmt::format("{} {} {} {}", red, green, blue, known),
@@ -521,30 +446,58 @@ class BinaryReader {
     });
   }
 
-  void read_descriptors() {
+  void descriptors(std::optional<DescriptorColumn>& descriptors) const {
     std::uint64_t bytes_each = 0;
-    if (has(MapColumn::kDescriptorKind)) {
-      DescriptorColumn& descriptors = tables_.landmarks.descriptors.emplace();
+    const bool are_there = has(MapColumn::kDescriptorKind);
+    if (are_there) {
+      descriptors.emplace();
       Cursor kind(*this, MapColumn::kDescriptorKind);
       bytes_each = kind.number<std::uint32_t>("size of a descriptor");
-      descriptors.bytes_each = bytes_each;
-      descriptors.kind = kind.rest();
-      copy(MapColumn::kKnownDescriptors, descriptors.known);
-      copy(MapColumn::kDescriptors, descriptors.bytes);
+      descriptors->bytes_each = bytes_each;
+      descriptors->kind = kind.rest();
+      copy(MapColumn::kKnownDescriptors, descriptors->known);
+      copy(MapColumn::kDescriptors, descriptors->bytes);
     }
-    expect_section(MapColumn::kKnownDescriptors, has(MapColumn::kDescriptorKind) ? 1 : 0);
+    expect_section(MapColumn::kKnownDescriptors, are_there ? 1 : 0);
     expect_section(MapColumn::kDescriptors, bytes_each);
-    read_further(bytes_each);
+    read_further(descriptors);
   }
 
+  void named_columns(std::vector<NamedColumn>& columns) const {
+    constexpr MapColumn kColumn = MapColumn::kColumnValues;
+    for (Cursor names(*this, MapColumn::kColumnNames); !names.at_end();) {
+      names(columns.emplace_back().name, "a name");
+    }
+    expect_section(kColumn, columns.size() * sizeof(double));
+    Cursor cursor(*this, kColumn);
+    std::size_t row = 0;
+    for (NamedColumn& column : columns) {
+      column.values.resize(landmarks_);
+      for (double& value : column.values) {
+        cursor(value, "");
+        is_unknown<1>(kColumn, row++, &value);
+      }
+    }
+  }
+
+  void offsets(std::vector<std::uint64_t>& offsets) const {
+    constexpr MapColumn kColumn = MapColumn::kOffsets;
+    copy(kColumn, offsets);
+    if (landmarks_ == 0 && has(kColumn)) {
+      refuse(section(kColumn).begin, kColumn, "offsets without landmarks", "the section left out");
+    }
+  }
+
+ private:
   // LandmarkMap checks the order of the offsets.
-  void read_further(std::uint64_t bytes_each) {
+  void read_further(std::optional<DescriptorColumn>& descriptors) const {
     std::uint64_t bytes = 0;
     if (has(MapColumn::kFurtherOffsets)) {
       const Section& found = section(MapColumn::kFurtherOffsets);
-      if (!has(MapColumn::kDescriptorKind)) {
+      if (!descriptors) {
         refuse(found.begin, MapColumn::kFurtherOffsets, "no kind of descriptors", "section 16");
       }
+      const std::uint64_t bytes_each = descriptors->bytes_each;
       const auto rows = load<std::uint64_t>(found.bytes.data() + found.bytes.size() - 8);
       // A file without further descriptors has no offsets of them. A size of 0 is refused later.
       const std::uint64_t most = bytes_.size() / std::max<std::uint64_t>(bytes_each, 1);
@@ -554,45 +507,10 @@ class BinaryReader {
                fmt::format("1 to {} in a file of {} bytes", most, bytes_.size()));
       }
       bytes = rows * bytes_each;
-      DescriptorColumn& descriptors = *tables_.landmarks.descriptors;
-      copy(MapColumn::kFurtherOffsets, descriptors.further_offsets);
-      copy(MapColumn::kFurtherDescriptors, descriptors.further);
+      copy(MapColumn::kFurtherOffsets, descriptors->further_offsets);
+      copy(MapColumn::kFurtherDescriptors, descriptors->further);
     }
     expect_section(MapColumn::kFurtherDescriptors, bytes);
-  }
-
-  void read_named_columns() {
-    auto& columns = tables_.landmarks.columns;
-    for (Cursor names(*this, MapColumn::kColumnNames); !names.at_end();) {
-      columns.push_back({names.text("a name"), {}});
-    }
-    expect_section(MapColumn::kColumnValues, columns.size() * sizeof(double));
-    const char* next = section(MapColumn::kColumnValues).bytes.data();
-    for (std::size_t i = 0; i < columns.size(); ++i) {
-      std::vector<double>& values = columns[i].values;
-      values.resize(landmarks_);
-      for (std::size_t j = 0; j < landmarks_; ++j, next += sizeof(double)) {
-        values[j] = load<double>(next);
-        if (std::isnan(values[j]))
-          expect_unknown(MapColumn::kColumnValues, i * landmarks_ + j, values[j]);
-      }
-    }
-  }
-
-  void read_observations() {
-    ObservationTable& observations = tables_.observations;
-    copy(MapColumn::kOffsets, observations.offsets);
-    if (landmarks_ == 0 && has(MapColumn::kOffsets)) {
-      refuse(section(MapColumn::kOffsets).begin, MapColumn::kOffsets, "offsets without landmarks",
-             "the section left out");
-    }
-    copy_required(MapColumn::kObservingFrames, observations.frames);
-    copy_required(MapColumn::kPixels, observations.pixels);
-    read_integers<std::uint32_t>(MapColumn::kKeypoints, observations.keypoints);
-    read_numbers(MapColumn::kDepths, observations.depths);
-    read_integers<std::int32_t>(MapColumn::kOctaves, observations.octaves);
-    read_sources(observations.sources);
-    read_numbers(MapColumn::kPixelSigmas, observations.sigmas_px);
   }
 
   std::string_view bytes_;

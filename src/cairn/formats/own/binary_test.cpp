@@ -14,10 +14,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hash.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/formats/own_formats.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
@@ -101,7 +100,7 @@ class File {
   std::string sealed() const {
     File file(bytes_);
     file.set<std::uint64_t>(16, bytes_.size());
-    Hasher hasher;
+    detail::Hasher hasher;
     hasher.update(std::string_view(file.bytes_).substr(0, bytes_.size() - 16));
     file.set(bytes_.size() - 16, hasher.digest().low);
     file.set(bytes_.size() - 8, hasher.digest().high);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -18,7 +19,7 @@
 #include "cairn/formats/detail/memory_budget.hpp"
 #include "cairn/formats/detail/own/numbered_fields.hpp"
 #include "cairn/formats/detail/own/record_estimate.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/limits.hpp"
 #include "cairn/map/operations.hpp"
 
@@ -46,6 +47,21 @@ class RowLines {
  private:
   std::vector<std::pair<std::uint64_t, std::uint64_t>> runs_;
 };
+
+constexpr std::array<const char*, 3> kTranslationNames = {"tx", "ty", "tz"};
+constexpr std::array<const char*, 4> kRotationNames = {"qw", "qx", "qy", "qz"};
+constexpr std::array<const char*, 3> kPositionNames = {"x", "y", "z"};
+
+template <std::size_t N>
+std::array<double, N> numbers(NumberedFields& fields, const std::array<const char*, N>& names) {
+  std::array<double, N> result{};
+  for (std::size_t i = 0; i < N; ++i) result[i] = fields.number(names[i]);
+  return result;
+}
+
+Eigen::Vector3d vector3(NumberedFields& fields, const std::array<const char*, 3>& names) {
+  return Eigen::Vector3d(numbers(fields, names).data());
+}
 
 class NativeReader {
  public:
@@ -82,16 +98,16 @@ class NativeReader {
 
  private:
   void reserve(const detail::RecordCounts& counts) {
-    reserve_populated(tables_.frames.ids, counts.frames);
-    reserve_populated(tables_.frames.translations, counts.frames);
-    reserve_populated(tables_.frames.quaternions, counts.frames);
+    detail::reserve_populated(tables_.frames.ids, counts.frames);
+    detail::reserve_populated(tables_.frames.translations, counts.frames);
+    detail::reserve_populated(tables_.frames.quaternions, counts.frames);
     frame_index_.reserve(counts.frames);
-    reserve_populated(tables_.landmarks.ids, counts.landmarks);
-    reserve_populated(tables_.landmarks.positions, counts.landmarks);
-    reserve_populated(tables_.landmarks.covariances, counts.landmarks);
-    reserve_populated(tables_.observations.offsets, counts.landmarks + 1);
-    reserve_populated(tables_.observations.frames, counts.observations);
-    reserve_populated(tables_.observations.pixels, counts.observations);
+    detail::reserve_populated(tables_.landmarks.ids, counts.landmarks);
+    detail::reserve_populated(tables_.landmarks.positions, counts.landmarks);
+    detail::reserve_populated(tables_.landmarks.covariances, counts.landmarks);
+    detail::reserve_populated(tables_.observations.offsets, counts.landmarks + 1);
+    detail::reserve_populated(tables_.observations.frames, counts.observations);
+    detail::reserve_populated(tables_.observations.pixels, counts.observations);
   }
 
   void read_line(std::string_view line, const LineReader& lines) {
@@ -136,15 +152,14 @@ class NativeReader {
     if (frames.ids.size() == std::numeric_limits<std::uint32_t>::max()) {
       fields.refuse("too many frames", "fewer than 2^32");
     }
-    const double x = fields.coordinate("tx");
-    const double y = fields.coordinate("ty");
-    const double z = fields.coordinate("tz");
-    std::array<double, 4> q{};
-    constexpr std::array<const char*, 4> kNames = {"qw", "qx", "qy", "qz"};
-    for (std::size_t i = 0; i < 4; ++i) q[i] = fields.number(kNames[i]);
+    Eigen::Vector3d translation;
+    for (int i = 0; i < 3; ++i) {
+      translation[i] = fields.coordinate(kTranslationNames[static_cast<std::size_t>(i)]);
+    }
+    const std::array<double, 4> q = numbers(fields, kRotationNames);
     frame_lines_.add(frames.ids.size(), line_);
     frames.ids.push_back(id);
-    frames.translations.emplace_back(x, y, z);
+    frames.translations.push_back(translation);
     frames.quaternions.push_back(q);
   }
 
@@ -155,12 +170,10 @@ class NativeReader {
     }
     const LandmarkId id{fields.unsigned_integer("id")};
     // finish() drops landmarks beyond the limit.
-    const double x = fields.number("x");
-    const double y = fields.number("y");
-    const double z = fields.number("z");
+    const Eigen::Vector3d position = vector3(fields, kPositionNames);
     landmark_lines_.add(landmarks.ids.size(), line_);
     landmarks.ids.push_back(id);
-    landmarks.positions.emplace_back(x, y, z);
+    landmarks.positions.push_back(position);
     read_covariance(fields);
     read_observations(fields);
   }
@@ -242,6 +255,9 @@ class NativeReader {
     return true;
   }
 
+  // For the message of a later check.
+  void note_line(MapColumn column, std::size_t row = 0) { lines_[{column, row}] = line_; }
+
   static void refuse_second(bool is_second, const NumberedFields& fields) {
     if (is_second) fields.refuse_line("the same is said above already", "it once");
   }
@@ -262,18 +278,15 @@ class NativeReader {
       info.world_frame = unescaped(fields.rest("world_frame"), fields);
     } else if (key == "gravity") {
       refuse_second(info.gravity.has_value(), fields);
-      const double x = fields.number("x");
-      const double y = fields.number("y");
-      const double z = fields.number("z");
-      info.gravity = Eigen::Vector3d(x, y, z);
-      gravity_line_ = line_;
+      info.gravity = vector3(fields, kPositionNames);
+      note_line(MapColumn::kGravity);
     } else if (key == "georeference") {
       refuse_second(info.georeference.has_value(), fields);
       info.georeference = georeference(fields);
-      georeference_line_ = line_;
+      note_line(MapColumn::kGeoReference);
     } else if (key == "control_point") {
+      note_line(MapColumn::kControlPoints, info.control_points.size());
       info.control_points.push_back(control_point(fields));
-      control_point_lines_.push_back(line_);
     } else if (key == "control_view") {
       if (info.control_points.empty()) {
         fields.refuse_line("no control point stands above", "META control_point before it");
@@ -295,9 +308,8 @@ class NativeReader {
   }
 
   static GeodeticPosition geodetic(NumberedFields& fields) {
-    const double latitude = fields.number("latitude");
-    const double longitude = fields.number("longitude");
-    const double altitude = fields.number("altitude");
+    const auto [latitude, longitude, altitude] =
+        numbers<3>(fields, {"latitude", "longitude", "altitude"});
     return {latitude, longitude, altitude};
   }
 
@@ -305,12 +317,8 @@ class NativeReader {
     GeoReference result;
     result.origin = geodetic(fields);
     result.scale = fields.number("scale");
-    constexpr std::array<const char*, 4> kNames = {"qw", "qx", "qy", "qz"};
-    for (std::size_t i = 0; i < 4; ++i) result.quaternion[i] = fields.number(kNames[i]);
-    const double x = fields.number("tx");
-    const double y = fields.number("ty");
-    const double z = fields.number("tz");
-    result.translation = {x, y, z};
+    result.quaternion = numbers(fields, kRotationNames);
+    result.translation = vector3(fields, kTranslationNames);
     return result;
   }
 
@@ -342,7 +350,7 @@ class NativeReader {
 
   static std::string name(NumberedFields& fields, const char* field) {
     const std::string_view text = fields.word(field);
-    if (!std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c < '\x7f'; })) {
+    if (!is_visible(text)) {
       fields.refuse(printable(text) + " is not a name", "visible ASCII");
     }
     return std::string(text);
@@ -388,8 +396,7 @@ class NativeReader {
       }
     }
     frames.pose_covariances.set(row, covariance);
-    if (pose_covariance_lines_.size() <= row) pose_covariance_lines_.resize(row + 1);
-    pose_covariance_lines_[row] = line_;
+    note_line(MapColumn::kPoseCovariances, row);
   }
 
   void read_frame_extra(std::string_view record, NumberedFields& fields) {
@@ -416,8 +423,7 @@ class NativeReader {
       GnssFix fix{geodetic(fields), std::nullopt};
       if (!fields.take_unknown()) fix.accuracy_m = fields.number("accuracy");
       frames.gnss[row] = fix;
-      if (gnss_lines_.size() < count) gnss_lines_.resize(count);
-      gnss_lines_[row] = line_;
+      note_line(MapColumn::kGnss, row);
     } else {
       frames.image_names.resize(count);
       refuse_second(!frames.image_names[row].empty(), fields);
@@ -448,7 +454,7 @@ class NativeReader {
       if (column == nullptr) {
         fields.refuse(printable(name) + " is no column", "the name of a COLUMN record above");
       }
-      require_budget(fields);
+      require_budget(line_);
       column->values.resize(row + 1, kUnknownValue);
       refuse_second(!std::isnan(column->values[row]), fields);
       column->values[row] = fields.number("value");
@@ -466,7 +472,7 @@ class NativeReader {
   void read_descriptor(std::size_t row, NumberedFields& fields) {
     auto& descriptors = tables_.landmarks.descriptors;
     if (!descriptors) fields.refuse_line("no DESCRIPTORS record stands above", "one");
-    require_budget(fields);
+    require_budget(line_);
     descriptors->known.resize(row + 1);
     descriptors->bytes.resize((row + 1) * descriptors->bytes_each);
     const bool is_further = descriptors->known[row] != 0;
@@ -501,12 +507,19 @@ class NativeReader {
     return descriptors.further.data() + rows * descriptors.bytes_each;
   }
 
+  // Of the last landmark, once for each kind of record.
+  // @param landmarks number of landmarks read before the last record of the kind
+  std::pair<std::size_t, std::size_t> last_observations(std::size_t& landmarks,
+                                                        const NumberedFields& fields) const {
+    refuse_second(landmarks == tables_.landmarks.ids.size(), fields);
+    landmarks = tables_.landmarks.ids.size();
+    const std::size_t end = tables_.observations.frames.size();
+    return {observations_unknown_ ? end : tables_.observations.offsets.end()[-2], end};
+  }
+
   void read_detail(NumberedFields& fields) {
     ObservationTable& observations = tables_.observations;
-    const std::size_t end = observations.frames.size();
-    const std::size_t begin = observations_unknown_ ? end : observations.offsets.end()[-2];
-    refuse_second(detailed_ == tables_.landmarks.ids.size(), fields);
-    detailed_ = tables_.landmarks.ids.size();
+    const auto [begin, end] = last_observations(detailed_, fields);
     observations.keypoints.resize(end);
     observations.depths.resize(end);
     observations.octaves.resize(end);
@@ -524,10 +537,7 @@ class NativeReader {
 
   void read_measured(NumberedFields& fields) {
     ObservationTable& observations = tables_.observations;
-    const std::size_t end = observations.frames.size();
-    const std::size_t begin = observations_unknown_ ? end : observations.offsets.end()[-2];
-    refuse_second(measured_ == tables_.landmarks.ids.size(), fields);
-    measured_ = tables_.landmarks.ids.size();
+    const auto [begin, end] = last_observations(measured_, fields);
     observations.sources.resize(end);
     observations.sigmas_px.resize(end);
     for (std::size_t i = begin; i < end; ++i) {
@@ -560,39 +570,29 @@ class NativeReader {
     return landmarks.ids.size() * each;
   }
 
-  static constexpr std::string_view kBudget = "at most 32 times the bytes of the file and 64 MiB";
-
-  void require_budget(const NumberedFields& fields) const {
+  // @param line that asks for more; 0 at the end
+  void require_budget(std::uint64_t line) const {
     if (room_of_columns() <= detail::memory_budget(bytes_read_)) return;
-    fields.refuse_line(fmt::format("descriptors and columns of {} landmarks take {} bytes",
-                                   tables_.landmarks.ids.size(), room_of_columns()),
-                       kBudget);
+    throw Error(ErrorKind::kInput,
+                line > 0 ? fmt::format("{}:{}", source_.name(), line) : source_.name(),
+                fmt::format("descriptors and columns of {} landmarks take {} bytes",
+                            tables_.landmarks.ids.size(), room_of_columns()),
+                "at most 32 times the bytes of the file and 64 MiB");
   }
 
   LandmarkMap finish() {
-    if (room_of_columns() > detail::memory_budget(bytes_read_)) {
-      throw Error(ErrorKind::kInput, source_.name(),
-                  fmt::format("descriptors and columns of {} landmarks take {} bytes",
-                              tables_.landmarks.ids.size(), room_of_columns()),
-                  kBudget);
-    }
+    require_budget(0);
     FrameTable& frames = tables_.frames;
     LandmarkTable& landmarks = tables_.landmarks;
     ObservationTable& observations = tables_.observations;
-    const auto fill = [](auto& column, std::size_t rows) {
-      if (!column.empty()) column.resize(rows);
+    const auto fill = [](std::size_t rows, auto&... columns) {
+      ((columns.empty() ? void() : columns.resize(rows)), ...);
     };
-    fill(frames.cameras, frames.ids.size());
-    fill(frames.timestamps_s, frames.ids.size());
-    fill(frames.image_names, frames.ids.size());
-    fill(frames.gnss, frames.ids.size());
-    fill(frames.pose_covariances, frames.ids.size());
-    fill(landmarks.colors, landmarks.ids.size());
-    fill(observations.keypoints, observations.frames.size());
-    fill(observations.depths, observations.frames.size());
-    fill(observations.octaves, observations.frames.size());
-    fill(observations.sources, observations.frames.size());
-    fill(observations.sigmas_px, observations.frames.size());
+    fill(frames.ids.size(), frames.cameras, frames.timestamps_s, frames.image_names, frames.gnss,
+         frames.pose_covariances);
+    fill(landmarks.ids.size(), landmarks.colors);
+    fill(observations.frames.size(), observations.keypoints, observations.depths,
+         observations.octaves, observations.sources, observations.sigmas_px);
     for (NamedColumn& column : landmarks.columns)
       column.values.resize(landmarks.ids.size(), kUnknownValue);
     if (auto& descriptors = landmarks.descriptors) {
@@ -624,15 +624,12 @@ class NativeReader {
   std::string place_of(MapColumn column, std::size_t row) const {
     switch (column) {
       case MapColumn::kGravity:
-        return fmt::format("{}:{}: fields 3-5 (x y z)", source_.name(), gravity_line_);
+        return fmt::format("{}:{}: fields 3-5 (x y z)", source_.name(), lines_.at({column, row}));
       case MapColumn::kGeoReference:
-        return fmt::format("{}:{}", source_.name(), georeference_line_);
       case MapColumn::kControlPoints:
-        return fmt::format("{}:{}", source_.name(), control_point_lines_[row]);
       case MapColumn::kGnss:
-        return fmt::format("{}:{}", source_.name(), gnss_lines_[row]);
       case MapColumn::kPoseCovariances:
-        return fmt::format("{}:{}", source_.name(), pose_covariance_lines_[row]);
+        return fmt::format("{}:{}", source_.name(), lines_.at({column, row}));
       case MapColumn::kQuaternions:
         return fmt::format("{}:{}: fields 6-9 (qw qx qy qz)", source_.name(),
                            frame_lines_.line_of(row));
@@ -656,11 +653,7 @@ class NativeReader {
   bool observations_unknown_ = false;
   std::size_t detailed_ = 0;  // number of landmarks read before the last DETAIL
   std::size_t measured_ = 0;  // the same for MEASURED
-  std::uint64_t gravity_line_ = 0;
-  std::uint64_t georeference_line_ = 0;
-  std::vector<std::uint64_t> control_point_lines_;
-  std::vector<std::uint64_t> gnss_lines_;  // one per frame, up to the last with a GNSS record
-  std::vector<std::uint64_t> pose_covariance_lines_;  // the same
+  std::map<std::pair<MapColumn, std::size_t>, std::uint64_t> lines_;  // of rows of rare columns
   RowLines frame_lines_;
   RowLines landmark_lines_;
   std::vector<std::uint32_t> far_landmarks_;  // rows that were dropped, ascending

@@ -13,7 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/file.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "support/maps.hpp"

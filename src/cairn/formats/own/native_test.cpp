@@ -23,10 +23,11 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/limits.hpp"
 
 #include "support/maps.hpp"
+#include "support/point_clouds.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -234,26 +235,8 @@ TEST(ReadNative, UndoesEscapes) {
   EXPECT_THAT(map.info().provenance, ElementsAre(std::string(1, '\0')));
 }
 
-// A pipe: its size is not known.
-class SizelessReader final : public ByteSource {
- public:
-  explicit SizelessReader(std::string_view bytes) : rest_(bytes) {}
-  const std::string& name() const override { return name_; }
-  std::optional<std::uint64_t> size() const override { return std::nullopt; }
-  std::size_t read(char* buffer, std::size_t capacity) override {
-    const std::size_t count = rest_.copy(buffer, std::min<std::size_t>(capacity, 7));
-    rest_.remove_prefix(count);
-    return count;
-  }
-  void rewind() override { ADD_FAILURE() << "a pipe cannot go back"; }
-
- private:
-  std::string name_ = "pipe";
-  std::string_view rest_;
-};
-
 TEST(ReadNative, ReadsAPipe) {
-  SizelessReader pipe(kPlain);
+  testing::Pipe pipe(kPlain, 7);
   MapReadOptions options;
   options.progress = [](double) { ADD_FAILURE() << "a share of what?"; };
   EXPECT_THAT(read_native(pipe, options), EqualsMap(plain_map()));
@@ -466,12 +449,8 @@ TEST(ReadNative, RefusesFilesWithoutRecords) {
 }
 
 TEST(ReadNative, SaysThatTheLastLineDoesNotEnd) {
-  std::vector<std::string> losses;
-  MapReadOptions options;
-  options.log = [&](const Remark& remark) {
-    EXPECT_EQ(remark.kind, RemarkKind::kLoss);
-    losses.emplace_back(remark.text);
-  };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const std::string text = std::string(kFrame) + "FRAME 8 0 0 0 1 0 0 0";
   const auto frames = [&](const std::string& bytes) {
     MemoryReader source(bytes, "desk.map");
@@ -479,16 +458,17 @@ TEST(ReadNative, SaysThatTheLastLineDoesNotEnd) {
   };
   EXPECT_EQ(frames(text + "\n"), 2U);
   EXPECT_EQ(frames(text + "\n  "), 2U);
-  EXPECT_THAT(losses, ::testing::IsEmpty());
+  EXPECT_THAT(remarks.losses, ::testing::IsEmpty());
   EXPECT_EQ(frames(text), 2U);
-  EXPECT_THAT(losses, ::testing::ElementsAre(HasSubstr("desk.map:2: the last line does not end")));
+  EXPECT_THAT(remarks.losses,
+              ::testing::ElementsAre(HasSubstr("desk.map:2: the last line does not end")));
   EXPECT_THAT(text_refusal(text.substr(0, text.size() - 2)), HasSubstr("(qz): missing"));
+  EXPECT_EQ(remarks.texts, remarks.losses);
 }
 
 TEST(ReadNative, LeavesOutLandmarksThatAreTooFarAway) {
-  std::vector<std::string> losses;
-  MapReadOptions options;
-  options.log = [&](const Remark& remark) { losses.emplace_back(remark.text); };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const std::string text =
       "CAIRN 2\n" + std::string(kFrame) +
       "LANDMARK 3 0 0 5e11 - 1 7 1 2\nCOLOR 3 1 2 3\nLANDMARK 4 0 0 1 - 1 7 3 4\nCOLOR 4 5 6 7\n";
@@ -497,7 +477,8 @@ TEST(ReadNative, LeavesOutLandmarksThatAreTooFarAway) {
   EXPECT_THAT(map.landmarks().ids, ::testing::ElementsAre(LandmarkId{4}));
   EXPECT_THAT(map.landmarks().colors, ::testing::ElementsAre(Color{5, 6, 7}));
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{0})[0].u, 3.0);
-  EXPECT_THAT(losses, ::testing::ElementsAre(HasSubstr("desk.map: 1 of 2 landmarks left out")));
+  EXPECT_THAT(remarks.losses,
+              ::testing::ElementsAre(HasSubstr("desk.map: 1 of 2 landmarks left out")));
   // Messages still name the line.
   EXPECT_THAT(text_refusal(text + "LANDMARK 4 0 0 1 - 0\n"), HasSubstr("desk.map:7: field 2 (id)"));
 }

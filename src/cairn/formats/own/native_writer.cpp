@@ -8,7 +8,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/own/numbered_fields.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 namespace {

@@ -15,7 +15,7 @@
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/memory_budget.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 namespace {

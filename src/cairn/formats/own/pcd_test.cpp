@@ -13,7 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/point_clouds.hpp"
 #include "support/refusal.hpp"
@@ -199,9 +199,8 @@ TEST(Pcd, ReadsPackedColoursOfEitherType) {
 }
 
 TEST(Pcd, PassesOverPaddingAndFieldsOfManyValues) {
-  std::vector<std::string> remarks;
-  MapReadOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const auto head = [](const std::string& data) {
     return header("_ x y z _ descriptor n", "1 4 4 4 1 4 2", "U F F F U F U", "3 1 1 1 4 2 1", "2",
                   data);
@@ -223,38 +222,36 @@ TEST(Pcd, PassesOverPaddingAndFieldsOfManyValues) {
     ASSERT_EQ(map.landmarks().columns.size(), 1U);
     EXPECT_THAT(map.column("n")->values, ElementsAre(0, 10));
   }
-  EXPECT_THAT(remarks, ::testing::Each(HasSubstr("field 'descriptor' left out")));
-  EXPECT_EQ(remarks.size(), 2U);
+  EXPECT_THAT(remarks.texts, ::testing::Each(HasSubstr("field 'descriptor' left out")));
+  EXPECT_EQ(remarks.texts.size(), 2U);
 }
 
 TEST(Pcd, LeavesOutPointsWithoutAFinitePosition) {
-  std::vector<std::string> remarks;
-  MapReadOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const LandmarkMap map =
       read_pcd_text(header("x y z id", "4 4 4 8", "F F F U", "1 1 1 1", "3", "ascii") +
                         "nan nan nan 5\n1 2 3 18446744073709551615\n1 inf 3 5\n",
                     options);
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{18446744073709551615U}));
-  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd: 2 of 3 landmarks left out")));
+  EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("test.pcd: 2 of 3 landmarks left out")));
 }
 
 TEST(Pcd, TakesOlderHeadersAndTellsOfAViewpoint) {
-  std::vector<std::string> remarks;
-  MapReadOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const LandmarkMap old = read_pcd_text(
       "# .PCD v.5 - Point Cloud Data file format\r\nVERSION .5\r\nCOLUMNS x y z\r\nSIZE 4 4 4\r\n"
       "TYPE F F F\r\nWIDTH 2\r\nHEIGHT 1\r\nDATA ascii\r\n1 2 3\r\n4 5 6\r\n",
       options);
   EXPECT_EQ(old.landmark_count(), 2U);
-  EXPECT_TRUE(remarks.empty());
+  EXPECT_TRUE(remarks.texts.empty());
   const LandmarkMap moved = read_pcd_text(
       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n# a remark\nWIDTH 1\n"
       "HEIGHT 1\nVIEWPOINT 1 2 3 1 0 0 0\nPOINTS 1\nDATA ascii\n1 2 3\n",
       options);
   EXPECT_EQ(moved.landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
-  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd:9: the VIEWPOINT is not applied")));
+  EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("test.pcd:9: the VIEWPOINT is not applied")));
   EXPECT_EQ(read_pcd_text(
                 "VERSION 0.6\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 1\nDATA ascii\n1 2 3\n")
                 .landmark_count(),
@@ -314,58 +311,50 @@ TEST(Pcd, BinaryDataMayBeFilledUpWithAPageOfZeros) {
 }
 
 TEST(Pcd, SaysThatLineEndsFollowTheData) {
-  std::vector<std::string> losses;
-  MapReadOptions options;
-  options.log = [&](const Remark& remark) {
-    EXPECT_EQ(remark.kind, RemarkKind::kLoss);
-    losses.emplace_back(remark.text);
-  };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   for (const std::string& file :
        {xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144),
         xyz_header("12", "binary") + std::string(144, '\0')}) {
-    losses.clear();
+    remarks.clear();
     EXPECT_EQ(read_pcd_text(file + "\r\n", options).landmark_count(), 12U);
-    EXPECT_THAT(losses, ElementsAre(HasSubstr("test.pcd: byte " + std::to_string(file.size()) +
-                                              ": 2 bytes after the data")));
+    EXPECT_THAT(remarks.losses,
+                ElementsAre(HasSubstr("test.pcd: byte " + std::to_string(file.size()) +
+                                      ": 2 bytes after the data")));
     EXPECT_THAT(pcd_refusal(file + "\n1"), HasSubstr("more data"));
   }
+  EXPECT_EQ(remarks.texts, remarks.losses);
 }
 
 TEST(Pcd, SaysThatTheLastLineDoesNotEnd) {
-  std::vector<std::string> losses;
-  MapReadOptions options;
-  options.log = [&](const Remark& remark) {
-    EXPECT_EQ(remark.kind, RemarkKind::kLoss);
-    losses.emplace_back(remark.text);
-  };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   EXPECT_EQ(read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n4 5 6", options).landmark_count(), 2U);
-  EXPECT_THAT(losses, ElementsAre(HasSubstr("test.pcd:13: the last line does not end")));
+  EXPECT_THAT(remarks.losses, ElementsAre(HasSubstr("test.pcd:13: the last line does not end")));
+  EXPECT_EQ(remarks.texts, remarks.losses);
 }
 
 TEST(Pcd, TakesThePointsOfAHeaderWithoutAnArea) {
-  std::vector<std::string> remarks;
-  MapReadOptions options;
-  options.log = [&](const Remark& remark) {
-    EXPECT_EQ(remark.kind, RemarkKind::kInformation) << "nothing is left out";
-    remarks.emplace_back(remark.text);
-  };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const std::string head =
       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 0\nHEIGHT 0\nPOINTS 2\nDATA "
       "binary\n";
   EXPECT_EQ(read_pcd_text(head + std::string(24, '\0'), options).landmark_count(), 2U);
-  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.pcd:7: WIDTH times HEIGHT is 0; POINTS, 2")));
+  EXPECT_THAT(remarks.texts,
+              ElementsAre(HasSubstr("test.pcd:7: WIDTH times HEIGHT is 0; POINTS, 2")));
   EXPECT_THAT(pcd_refusal(head + std::string(12, '\0')), HasSubstr("ends after 1 of 2 points"));
   EXPECT_THAT(pcd_refusal(head + std::string(36, '\0') + 'x'), HasSubstr("more data"));
+  EXPECT_TRUE(remarks.losses.empty()) << "nothing is left out";
 }
 
 TEST(Pcd, LeavesOutPointsThatAreTooFarAway) {
-  std::vector<std::string> losses;
-  MapReadOptions options;
-  options.log = [&](const Remark& remark) { losses.emplace_back(remark.text); };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const LandmarkMap map =
       read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n-1.687745e+09 -213.4 -1.5e-11\n", options);
   EXPECT_EQ(map.landmark_count(), 1U);
-  EXPECT_THAT(losses, ElementsAre(HasSubstr("1 of 2 landmarks left out")));
+  EXPECT_THAT(remarks.losses, ElementsAre(HasSubstr("1 of 2 landmarks left out")));
 }
 
 TEST(Pcd, StatesItsUnitOrHasNone) {

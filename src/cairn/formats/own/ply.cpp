@@ -10,7 +10,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/own/ply_header.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 namespace {

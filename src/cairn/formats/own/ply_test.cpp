@@ -14,7 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 
 #include "support/point_clouds.hpp"
 #include "support/refusal.hpp"
@@ -210,17 +210,17 @@ std::string file_with_lists(const std::string& encoding) {
 
 TEST(Ply, PassesOverListsAndOtherElements) {
   for (const char* const encoding : {"ascii", "binary_little_endian", "binary_big_endian"}) {
-    std::vector<std::string> remarks;
-    MapReadOptions options;
-    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    testing::Remarks remarks;
+    const MapReadOptions options{.log = remarks.sink()};
     const LandmarkMap map = read_ply_text(file_with_lists(encoding), options);
     ASSERT_EQ(map.landmark_count(), 2U) << encoding;
     EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
     EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
     ASSERT_EQ(map.landmarks().columns.size(), 1U);
     EXPECT_THAT(map.column("n")->values, ElementsAre(10, 11));
-    EXPECT_THAT(remarks, ::testing::Contains(HasSubstr("2 records of element 'face' left out")));
-    EXPECT_THAT(remarks, ::testing::Contains(HasSubstr("field 'weights' left out")));
+    EXPECT_THAT(remarks.texts,
+                ::testing::Contains(HasSubstr("2 records of element 'face' left out")));
+    EXPECT_THAT(remarks.texts, ::testing::Contains(HasSubstr("field 'weights' left out")));
   }
 }
 
@@ -247,9 +247,8 @@ std::string ascii_file(std::size_t vertices, std::string_view properties, std::s
 }
 
 TEST(Ply, LeavesOutPointsWithoutAFinitePosition) {
-  std::vector<std::string> remarks;
-  MapReadOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const LandmarkMap map = read_ply_text(
       ascii_file(4,
                  "property uint id\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
@@ -261,19 +260,18 @@ TEST(Ply, LeavesOutPointsWithoutAFinitePosition) {
   EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
   EXPECT_EQ(map.landmarks().colors[0], (Color{2, 2, 2}));
   EXPECT_THAT(map.column("q")->values, ElementsAre(1.5, 3.5));
-  EXPECT_THAT(remarks, ElementsAre(HasSubstr("test.ply: 2 of 4 landmarks left out")));
+  EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("test.ply: 2 of 4 landmarks left out")));
 }
 
 TEST(Ply, TakesInfiniteValuesAsUnknown) {
-  std::vector<std::string> remarks;
-  MapReadOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const LandmarkMap map = read_ply_text(
       ascii_file(3, "property float q\n", "0 0 0 inf\n0 0 1 2.5\n0 0 2 -inf\n"), options);
   ASSERT_EQ(map.landmark_count(), 3U);
   EXPECT_TRUE(std::isnan(map.column("q")->values[0]));
   EXPECT_EQ(map.column("q")->values[1], 2.5);
-  EXPECT_THAT(remarks, ElementsAre(HasSubstr("2 infinite values of field 'q'")));
+  EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("2 infinite values of field 'q'")));
 }
 
 TEST(Ply, TakesColoursAndCovariancesOnlyIfComplete) {
@@ -462,16 +460,13 @@ TEST(Ply, RefusesEveryTruncation) {
 }
 
 TEST(Ply, SaysThatTheLastLineDoesNotEnd) {
-  std::vector<std::string> losses;
-  MapReadOptions options;
-  options.log = [&](const Remark& remark) {
-    EXPECT_EQ(remark.kind, RemarkKind::kLoss);
-    losses.emplace_back(remark.text);
-  };
+  testing::Remarks remarks;
+  const MapReadOptions options{.log = remarks.sink()};
   const std::string text =
       "ply\r\nformat ascii 1.0\r\nelement vertex 1\r\n" + std::string(kXyz) + "end_header\r\n1 2 3";
   EXPECT_EQ(read_ply_text(text, options).landmark_count(), 1U);
-  EXPECT_THAT(losses, ElementsAre(HasSubstr("test.ply:8: the last line does not end")));
+  EXPECT_THAT(remarks.losses, ElementsAre(HasSubstr("test.ply:8: the last line does not end")));
+  EXPECT_EQ(remarks.texts, remarks.losses);
 }
 
 TEST(Ply, StatesItsUnitOrHasNone) {

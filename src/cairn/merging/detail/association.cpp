@@ -12,7 +12,7 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/core/statistics.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
@@ -97,11 +97,12 @@ struct Hypothesis {
 
 class Associator {
  public:
-  Associator(const LandmarkSet& first, const LandmarkSet& second, const AssociationOptions& options)
-      : first_(first), second_(second), options_(options) {
+  Associator(const LandmarkSet& first, const LandmarkSet& second, std::uint64_t seed,
+             const Executor& executor)
+      : first_(first), second_(second), executor_(executor) {
     if (first.descriptors != nullptr && second.descriptors != nullptr &&
         comparable(*first.descriptors, *second.descriptors)) {
-      likeness_.emplace(*first.descriptors, *second.descriptors, options.seed);
+      likeness_.emplace(*first.descriptors, *second.descriptors, seed);
     }
     look_around();
   }
@@ -121,7 +122,7 @@ class Associator {
 
   const LandmarkSet& first_;
   const LandmarkSet& second_;
-  const AssociationOptions& options_;
+  const Executor& executor_;
   std::optional<Likeness> likeness_;
   std::vector<Surroundings> around_;
 };
@@ -130,22 +131,20 @@ void Associator::look_around() {
   const BatchTree tree(first_.positions);
   around_.resize(second_.positions.size());
   tree.batch(kSurrounding)
-      .for_each(
-          second_.positions, options_.execution.executor,
-          [&](std::size_t i, const NearestList auto& nearest) {
-            Surroundings& around = around_[i];
-            around.candidates.fill(kNone);
-            const std::size_t found = nearest.size();
-            if (found > 1) {
-              around.farthest = static_cast<float>(std::sqrt(nearest.squared_distance(found - 1)));
-            }
-            for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
-              const std::uint32_t candidate = nearest.index(j);
-              if (!likeness_ || likeness_->may_be_one(candidate, static_cast<std::uint32_t>(i))) {
-                around.candidates[j] = candidate;
-              }
-            }
-          });
+      .for_each(second_.positions, executor_, [&](std::size_t i, const NearestList auto& nearest) {
+        Surroundings& around = around_[i];
+        around.candidates.fill(kNone);
+        const std::size_t found = nearest.size();
+        if (found > 1) {
+          around.farthest = static_cast<float>(std::sqrt(nearest.squared_distance(found - 1)));
+        }
+        for (std::size_t j = 0; j < std::min(found, kCandidates); ++j) {
+          const std::uint32_t candidate = nearest.index(j);
+          if (!likeness_ || likeness_->may_be_one(candidate, static_cast<std::uint32_t>(i))) {
+            around.candidates[j] = candidate;
+          }
+        }
+      });
 }
 
 Hypothesis Associator::hypothesis(std::uint32_t candidate, std::uint32_t second,
@@ -197,10 +196,9 @@ double Associator::spacing() const {
   std::vector<Eigen::Vector3d> sample;
   for (std::size_t i = 0; i < around_.size(); i += stride) sample.push_back(second_.positions[i]);
   std::vector<double> distances(sample.size());
-  tree.batch(2).for_each(sample, options_.execution.executor,
-                         [&](std::size_t i, const NearestList auto& nearest) {
-                           distances[i] = std::sqrt(nearest.squared_distance(1));
-                         });
+  tree.batch(2).for_each(sample, executor_, [&](std::size_t i, const NearestList auto& nearest) {
+    distances[i] = std::sqrt(nearest.squared_distance(1));
+  });
   return upper_median(distances);
 }
 
@@ -222,7 +220,7 @@ Model Associator::estimate() const {
   };
   for (int round = 0; round < kRounds; ++round) {
     std::vector<Sums> sums((count + kBlock - 1) / kBlock);
-    options_.execution.executor.for_blocks(count, kBlock, [&](std::size_t begin, std::size_t end) {
+    executor_.for_blocks(count, kBlock, [&](std::size_t begin, std::size_t end) {
       Sums& sum = sums[begin / kBlock];
       for (std::size_t k = begin; k < end; ++k) {
         const auto i = static_cast<std::uint32_t>(k * stride);
@@ -265,38 +263,37 @@ Model Associator::estimate() const {
 
 std::vector<Association> Associator::likeliest(const Model& model) const {
   std::vector<Association> best(around_.size());
-  options_.execution.executor.for_blocks(
-      around_.size(), kBlock, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t k = begin; k < end; ++k) {
-          const auto i = static_cast<std::uint32_t>(k);
-          double any = 0.0;
-          double trace = 0.0;
-          double highest = 0.0;
-          bool within = false;
-          for (const std::uint32_t candidate : around_[k].candidates) {
-            if (candidate == kNone) continue;
-            const Hypothesis each = hypothesis(candidate, i, model.variance);
-            any += each.likelihood;
-            trace = std::max(trace, each.stated + 3.0 * model.variance);
-            if (each.likelihood <= highest) continue;
-            highest = each.likelihood;
-            best[k] = {candidate, i, 0.0};
-            within = each.mahalanobis <= options_.gate;
-          }
-          const double total = model.share * any + (1.0 - model.share) * by_chance(i, trace);
-          if (within) best[k].probability = model.share * highest / total;
-        }
-      });
+  executor_.for_blocks(around_.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto i = static_cast<std::uint32_t>(k);
+      double any = 0.0;
+      double trace = 0.0;
+      double highest = 0.0;
+      bool within = false;
+      for (const std::uint32_t candidate : around_[k].candidates) {
+        if (candidate == kNone) continue;
+        const Hypothesis each = hypothesis(candidate, i, model.variance);
+        any += each.likelihood;
+        trace = std::max(trace, each.stated + 3.0 * model.variance);
+        if (each.likelihood <= highest) continue;
+        highest = each.likelihood;
+        best[k] = {candidate, i, 0.0};
+        within = each.mahalanobis <= kAssociationGate;
+      }
+      const double total = model.share * any + (1.0 - model.share) * by_chance(i, trace);
+      if (within) best[k].probability = model.share * highest / total;
+    }
+  });
   return best;
 }
 
 }  // namespace
 
 AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
-                            const AssociationOptions& options) {
+                            double min_probability, std::uint64_t seed, const Executor& executor) {
   AssociationResult result;
   if (first.positions.empty() || second.positions.empty()) return result;
-  const Associator associator(first, second, options);
+  const Associator associator(first, second, seed, executor);
   const Model model = associator.estimate();
   result.deviation = std::sqrt(model.variance);
   result.share = model.share;
@@ -309,7 +306,7 @@ AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
     if (other == kNone || best[i].probability > best[other].probability) other = i;
   }
   for (std::uint32_t i = 0; i < best.size(); ++i) {
-    if (best[i].probability < options.min_probability) continue;
+    if (best[i].probability < min_probability) continue;
     if (chosen[best[i].first] == i) result.pairs.push_back(best[i]);
   }
   return result;

@@ -19,14 +19,9 @@ struct LandmarkSet {
   const DescriptorColumn* descriptors = nullptr;  ///< null: none
 };
 
-struct AssociationOptions {
-  /// Largest squared Mahalanobis distance; default: the 99.9 % quantile of the chi-squared distribution
-  /// with 3 degrees of freedom.
-  double gate = 16.266;
-  double min_probability = 0.5;  ///< least probability that a pair is one landmark; in [0.5, 1]
-  std::uint64_t seed = 0;
-  Execution execution = {};
-};
+/// Largest squared Mahalanobis distance of a pair: the 99.9 % quantile of the chi-squared distribution with 3 degrees of
+/// freedom.
+constexpr double kAssociationGate = 16.266;
 
 /// Two associated landmarks.
 struct Association {
@@ -50,7 +45,9 @@ struct AssociationResult {
 /// each is the other's likeliest partner, within the gate, and more likely than no partner. Descriptors of
 /// one kind exclude a pair less similar than 98 % of random pairs. The same input and seed give the same
 /// result for any number of threads.
+/// @param min_probability least probability that a pair is one landmark; in [0.5, 1]
 AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
-                            const AssociationOptions& options = {});
+                            double min_probability = 0.5, std::uint64_t seed = 0,
+                            const Executor& executor = Executor());
 
 }  // namespace cairn::detail

@@ -32,15 +32,15 @@ struct Scene {
     return static_cast<std::uint32_t>(second.size() - 1);
   }
   /// @param variances of the coordinates of each set's landmarks
-  AssociationResult associated(const AssociationOptions& options = {}, double first_variance = 0.0,
-                               double second_variance = 0.0,
+  AssociationResult associated(double first_variance = 0.0, double second_variance = 0.0,
                                const DescriptorColumn* of_first = nullptr,
-                               const DescriptorColumn* of_second = nullptr) const {
+                               const DescriptorColumn* of_second = nullptr,
+                               double min_probability = 0.5) const {
     const std::vector<Eigen::Matrix3d> a(first.size(),
                                          first_variance * Eigen::Matrix3d::Identity());
     const std::vector<Eigen::Matrix3d> b(second.size(),
                                          second_variance * Eigen::Matrix3d::Identity());
-    return associate({first, a, of_first}, {second, b, of_second}, options);
+    return associate({first, a, of_first}, {second, b, of_second}, min_probability);
   }
   Scene in_unit(double unit) const {
     Scene scaled = *this;
@@ -107,14 +107,14 @@ TEST(Associate, FindsTheDeviationThatCovariancesDoNotExplain) {
   constexpr double kDeviation = 0.03;
   const Scene scene = surface(30, kDeviation, 2);
   const auto deviation = [&](double first, double second) {
-    return scene.associated({}, first * kDeviation * kDeviation, second * kDeviation * kDeviation)
+    return scene.associated(first * kDeviation * kDeviation, second * kDeviation * kDeviation)
         .deviation;
   };
   EXPECT_NEAR(deviation(0.0, 0.0), kDeviation, 0.1 * kDeviation);
   EXPECT_NEAR(deviation(0.3, 0.2), std::sqrt(0.5) * kDeviation, 0.1 * kDeviation);
   EXPECT_LT(deviation(0.0, 1.0), 0.3 * kDeviation);
   EXPECT_LT(deviation(2.0, 0.0), 1e-5 * kDeviation);
-  EXPECT_EQ(indices(scene.associated({}, 1e-3, 1e-3)), scene.same);
+  EXPECT_EQ(indices(scene.associated(1e-3, 1e-3)), scene.same);
 }
 
 // Half of the landmarks state a large uncertainty, and are as far off. The others must not count as that far off.
@@ -154,11 +154,11 @@ TEST(Associate, DoesNotDependOnTheUnitOfLength) {
   for (const double deviation : {0.0, 0.02}) {
     const Scene scene = surface(12, deviation, 3);
     for (const double variance : {0.0, 1e-4}) {
-      const AssociationResult expected = scene.associated({}, variance, variance);
+      const AssociationResult expected = scene.associated(variance, variance);
       EXPECT_GT(expected.deviation, 0.0);
       for (const double unit : {1e-4, 1e4}) {
         const AssociationResult result =
-            scene.in_unit(unit).associated({}, unit * unit * variance, unit * unit * variance);
+            scene.in_unit(unit).associated(unit * unit * variance, unit * unit * variance);
         EXPECT_EQ(indices(result), scene.same);
         EXPECT_NEAR(result.share, expected.share, 1e-6);
         EXPECT_NEAR(result.deviation / unit, expected.deviation, 1e-6 * expected.deviation);
@@ -202,7 +202,7 @@ TEST(Associate, IsRightAboutAsOftenAsItsProbabilitiesSay) {
 
 TEST(Associate, TakesASingleLandmarkForTheOther) {
   const Scene scene = {{{1.0, 2.0, 3.0}}, {{1.01, 2.0, 3.0}}, {{0, 0}}};
-  const AssociationResult result = scene.associated({}, 1e-4, 0.0);
+  const AssociationResult result = scene.associated(1e-4, 0.0);
   EXPECT_EQ(indices(result), scene.same);
   EXPECT_NEAR(result.pairs.at(0).probability, 1.0, 1e-9);
   EXPECT_GT(result.share, 0.99);
@@ -224,21 +224,20 @@ TEST(Associate, FindsNothingWhereNothingSaysHowNearIsNear) {
 }
 
 TEST(Associate, AssociatesWithinTheGateNotBeyond) {
-  const auto is_associated = [](double distance, double gate) {
+  const auto is_associated = [](double distance) {
     const Scene scene = {{{0.0, 0.0, 0.0}}, {{0.0, distance, 0.0}}, {}};
-    return !scene.associated({.gate = gate}, 0.75, 0.25).pairs.empty();
+    return !scene.associated(0.75, 0.25).pairs.empty();
   };
-  EXPECT_TRUE(is_associated(1.99, 4.0));
-  EXPECT_FALSE(is_associated(2.01, 4.0));
-  EXPECT_TRUE(is_associated(4.0, AssociationOptions().gate));
-  EXPECT_FALSE(is_associated(4.1, AssociationOptions().gate));
-  EXPECT_TRUE(is_associated(0.0, 0.0)) << "what coincides";
+  const double gate = std::sqrt(kAssociationGate);
+  EXPECT_TRUE(is_associated(0.99 * gate));
+  EXPECT_FALSE(is_associated(1.01 * gate));
+  EXPECT_TRUE(is_associated(0.0)) << "what coincides";
 }
 
 // So far away that no likelihood is left.
 TEST(Associate, IsNotMisledByALandmarkFarAway) {
   const Scene scene = {{{0.0, 0.0, 0.0}}, {{1000.0, 0.0, 0.0}, {0.01, 0.0, 0.0}}, {{0, 1}}};
-  const AssociationResult result = scene.associated({}, 1e-4, 1e-4);
+  const AssociationResult result = scene.associated(1e-4, 1e-4);
   EXPECT_EQ(indices(result), scene.same);
   EXPECT_NEAR(result.share, 0.5, 1e-9);
 }
@@ -249,13 +248,13 @@ TEST(Associate, AssociatesEachLandmarkAtMostOnce) {
       {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {-1.0, 0.0, 0.0}, {0.0, -1.0, 0.0}, {0.0, 0.0, 0.0}},
       {{0.1, 0.0, 0.0}, {0.0, 0.05, 0.0}},
       {{4, 1}}};
-  EXPECT_EQ(indices(scene.associated({}, 0.0025, 0.0)), scene.same);
+  EXPECT_EQ(indices(scene.associated(0.0025, 0.0)), scene.same);
   // As near: the first.
   scene.second[0] = {-0.05, 0.0, 0.0};
-  EXPECT_EQ(indices(scene.associated({}, 0.0025, 0.0)), Pairs({{4, 0}}));
+  EXPECT_EQ(indices(scene.associated(0.0025, 0.0)), Pairs({{4, 0}}));
   // Two of the first at one place.
   scene = {{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, {{0.0, 0.0, 0.0}}, {{0, 0}}};
-  const AssociationResult result = scene.associated({}, 0.01, 0.0);
+  const AssociationResult result = scene.associated(0.01, 0.0);
   EXPECT_EQ(indices(result), scene.same);
   EXPECT_EQ(result.pairs.at(0).probability, 0.5);
 }
@@ -268,7 +267,7 @@ TEST(Associate, LeavesOutWhatIsLessProbableThanDemanded) {
     scene.add_second({2.0 * i, 2.0, 0.0});
   }
   const auto associated = [&](double least) {
-    return scene.associated({.min_probability = least}, 0.01, 0.0);
+    return scene.associated(0.01, 0.0, nullptr, nullptr, least);
   };
   const AssociationResult result = associated(0.5);
   ASSERT_EQ(result.pairs.size(), 9U);
@@ -284,7 +283,7 @@ TEST(Associate, IsLessCertainWhereLandmarksAreDense) {
   const auto probability = [](double apart) {
     const Scene scene = {
         {{0.0, 0.0, 0.0}, {apart, 0.0, 0.0}}, {{0.0, 0.0, 0.0}, {0.0, 100.0, 0.0}}, {}};
-    return scene.associated({}, 0.01, 0.0).pairs.at(0).probability;
+    return scene.associated(0.01, 0.0).pairs.at(0).probability;
   };
   EXPECT_GT(probability(5.0), 0.99);
   EXPECT_LT(probability(1.0), probability(2.0));
@@ -325,7 +324,7 @@ struct Twins {
     std::fill_n(column.bytes.begin() + static_cast<std::ptrdiff_t>(landmark * 32), 32,
                 std::uint8_t{0});
   }
-  Pairs found() const { return indices(scene.associated({}, 0.0, 0.0, &of_first, &of_second)); }
+  Pairs found() const { return indices(scene.associated(0.0, 0.0, &of_first, &of_second)); }
   /// Of these pairs, those found.
   std::size_t found_of(const Pairs& pairs) const {
     const Pairs all = found();
@@ -389,8 +388,7 @@ TEST(Associate, ExcludesNoLandmarkWithoutDescriptor) {
   // Without any, all is as it is without descriptors.
   for (std::size_t i = 0; i < Twins::kCount; ++i) Twins::forget(twins.of_second, i);
   const Scene& scene = twins.scene;
-  const AssociationResult unknown =
-      scene.associated({}, 0.0, 0.0, &twins.of_first, &twins.of_second);
+  const AssociationResult unknown = scene.associated(0.0, 0.0, &twins.of_first, &twins.of_second);
   const AssociationResult without = scene.associated();
   ASSERT_EQ(indices(unknown), indices(without));
   for (std::size_t i = 0; i < Twins::kCount; ++i) {
@@ -404,9 +402,8 @@ TEST(Associate, DoesWithoutDescriptorsThatCannotBeCompared) {
   const Pairs expected = indices(scene.associated());
   EXPECT_EQ(expected.size(), Twins::kCount);
   EXPECT_NE(expected, scene.same) << "the nearer ones";
-  const AssociationOptions options;
-  EXPECT_EQ(indices(scene.associated(options, 0.0, 0.0, &twins.of_first, nullptr)), expected);
-  EXPECT_EQ(indices(scene.associated(options, 0.0, 0.0, nullptr, &twins.of_second)), expected);
+  EXPECT_EQ(indices(scene.associated(0.0, 0.0, &twins.of_first, nullptr)), expected);
+  EXPECT_EQ(indices(scene.associated(0.0, 0.0, nullptr, &twins.of_second)), expected);
   twins.of_second.kind = "BRISK";
   EXPECT_EQ(twins.found(), expected);
 }
@@ -423,7 +420,7 @@ TEST(Associate, IsMoreCertainOfWhatLooksAlike) {
     for (const Association& pair : result.pairs) sum += pair.probability;
     return sum / static_cast<double>(result.pairs.size());
   };
-  const AssociationResult alike = scene.associated({}, 0.0, 0.0, &of_first, &of_second);
+  const AssociationResult alike = scene.associated(0.0, 0.0, &of_first, &of_second);
   EXPECT_GT(mean(alike), 0.99);
   EXPECT_LT(mean(scene.associated()), 0.97);
 }

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <span>
 
-#include "cairn/core/hamming.hpp"
+#include "cairn/core/detail/hamming.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn::detail {
@@ -26,7 +26,7 @@ inline int differing_bits(std::span<const std::uint8_t> a, std::span<const std::
     std::uint64_t word_b = 0;
     std::memcpy(&word_a, a.data() + k, count);
     std::memcpy(&word_b, b.data() + k, count);
-    bits += hamming_distance({&word_a, 1}, {&word_b, 1});
+    bits += detail::hamming_distance({&word_a, 1}, {&word_b, 1});
   }
   return bits;
 }

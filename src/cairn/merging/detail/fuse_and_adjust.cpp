@@ -98,13 +98,13 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
   return LandmarkMap(std::move(tables));
 }
 
-MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedOptions& options) {
+MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOptions& options) {
   MergedPlaced result;
   MergeAdjustment& adjustment = result.adjustment.emplace();
   std::vector<PlacedMap> placed(maps.begin(), maps.end());
   std::vector<LandmarkMap> moved(maps.size());
   const double rounds = options.matching_rounds + 1;
-  FusionOptions fusion = options.fusion;
+  FusionOptions fusion = options;
   fusion.execution.progress = {};
   std::optional<MeasurementNoise> noise;  // estimated in the first round
   for (int round = 0; round <= options.matching_rounds; ++round) {
@@ -114,9 +114,9 @@ MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedO
     result.maps = std::move(fused.maps);
     result.frames = std::move(fused.frames);
     AdjustOptions how = options.adjustment;
-    how.execution = options.fusion.execution;
+    how.execution = options.execution;
     how.execution.progress =
-        stage_of(options.fusion.execution.progress, round / rounds, (round + 1) / rounds);
+        stage_of(options.execution.progress, round / rounds, (round + 1) / rounds);
     if (!last) {
       how.covariances = false;
       how.max_iterations = std::min(how.max_iterations, kIterationsBetween);
@@ -135,8 +135,8 @@ MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedO
       if (!adjusted.covariance_references.empty()) {
         result.map = with_uncertain_references(std::move(result.map),
                                                adjusted.covariance_references, maps, result.frames);
-      } else if (!adjusted.why_no_covariances.empty() && options.fusion.log) {
-        options.fusion.log("the adjusted map has no covariances: " + adjusted.why_no_covariances);
+      } else if (!adjusted.why_no_covariances.empty() && options.log) {
+        options.log("the adjusted map has no covariances: " + adjusted.why_no_covariances);
       }
       break;
     }

@@ -15,6 +15,6 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
                               const LandmarkMap& adjusted, std::span<const FrameIndex> frames);
 
 /// The rounds of fusing and adjusting of merge_placed(), which uses its progress for the adjustment.
-MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const MergePlacedOptions& options);
+MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOptions& options);
 
 }  // namespace cairn::detail

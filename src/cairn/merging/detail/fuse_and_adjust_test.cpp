@@ -97,7 +97,7 @@ TEST(FuseAndAdjust, MatchingAgainFindsWhatABentMapHid) {
   const SyntheticPair maps = two_sessions();
   const LandmarkMap source = bent(maps.source, 0.05);
   const std::vector<PlacedMap> placed = in_place(maps.target, source, maps.target_from_source);
-  MergePlacedOptions options;
+  FusionOptions options;
   options.matching_rounds = 0;
   const MergedPlaced once = fuse_and_adjust(placed, options);
   const MergedPlaced straight =
@@ -119,10 +119,10 @@ TEST(FuseAndAdjust, MatchingAgainFindsWhatABentMapHid) {
 TEST(FuseAndAdjust, SameResultWithAnyNumberOfThreads) {
   const SyntheticPair maps = two_sessions();
   const std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
-  MergePlacedOptions options;
+  FusionOptions options;
   options.matching_rounds = 1;
   const MergedPlaced one = fuse_and_adjust(placed, options);
-  options.fusion.execution.executor = Executor(2);
+  options.execution.executor = Executor(2);
   EXPECT_THAT(fuse_and_adjust(placed, options).map, EqualsMap(one.map));
 }
 
@@ -132,7 +132,7 @@ TEST(FuseAndAdjust, TheFirstMapMayBeAnywhereInTheWorld) {
   const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
   std::vector<PlacedMap> placed = in_place(maps.target, maps.source, maps.target_from_source);
   for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
-  MergePlacedOptions options;
+  FusionOptions options;
   options.matching_rounds = 1;
   const MergedPlaced fused = fuse_and_adjust(placed, options);
   for (std::uint32_t i = 0; i < maps.target.frame_count(); ++i) {
@@ -150,7 +150,7 @@ TEST(FuseAndAdjust, AMapThatSharesNoLandmarkIsAsUncertainAsItsPose) {
       in_place(maps.target, maps.source, Rigid3(Eigen::Matrix3d::Identity(), {100.0, 0.0, 0.0}));
   placed[1].covariance.topLeftCorner<3, 3>() = 0.01 * Eigen::Matrix3d::Identity();
   placed[1].covariance(5, 5) = 1e-4;
-  MergePlacedOptions options;
+  FusionOptions options;
   options.matching_rounds = 1;
   const LandmarkMap map = fuse_and_adjust(placed, options).map;
   const auto& poses = map.frames().pose_covariances;
@@ -176,7 +176,7 @@ TEST(FuseAndAdjust, GravityAndTheGeoreferenceDoNotDependOnTheRounds) {
   std::vector<PlacedMap> placed = in_place(target, source, maps.target_from_source);
   const Rigid3 moved = Rigid3::from_roll_pitch_yaw({3.0, -2.0, 1.0}, 0.2, -0.1, 1.5);
   for (PlacedMap& one : placed) one.world_from_map = Similarity3(moved) * one.world_from_map;
-  MergePlacedOptions options;
+  FusionOptions options;
   options.adjustment.max_iterations = 1;
   options.adjustment.covariances = false;
   options.matching_rounds = 0;
@@ -216,7 +216,7 @@ TEST(FuseAndAdjust, AKeyframeOfTwoMapsBecomesOne) {
     return LandmarkMap(std::move(tables));
   };
   const LandmarkMap source = without_pixels_in_first(timed(maps.source, 129.0));
-  MergePlacedOptions options;
+  FusionOptions options;
   options.matching_rounds = 1;
   const MergedPlaced fused =
       fuse_and_adjust(in_place(target, source, maps.target_from_source), options);
@@ -252,7 +252,7 @@ TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {
 }
 
 TEST(FuseAndAdjust, RefusesRoundsOutOfRange) {
-  MergePlacedOptions options;
+  FusionOptions options;
   options.matching_rounds = 11;
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
               HasSubstr("matching_rounds"));

@@ -95,7 +95,7 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
   const auto prepare = [&](std::size_t map) -> const PreparedMap& {
     if (!prepared[map]) {
       prepared[map].emplace(*maps[map].map,
-                            PrepareOptions{.cut = {.landmarks = 300}, .seed = how.seed});
+                            PrepareOptions{.part_landmarks = 300, .seed = how.seed});
     }
     return *prepared[map];
   };

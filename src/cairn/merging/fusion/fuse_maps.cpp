@@ -17,7 +17,6 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/fusion.hpp"
 
@@ -197,10 +196,6 @@ void Fusion::add(std::size_t m) {
       association.pairs.push_back({landmark_of_[original_[m]][i], i, 1.0});
     }
   } else if (!positions_.empty()) {
-    AssociationOptions how;
-    how.min_probability = options_.min_probability;
-    how.seed = options_.seed;
-    how.execution = options_.execution.without_progress();
     const auto looks = [](const std::optional<DescriptorColumn>& column) {
       return column ? &*column : nullptr;
     };
@@ -211,7 +206,8 @@ void Fusion::add(std::size_t m) {
     }
     association =
         associate({positions_, covariances_, looks(tables_.landmarks.descriptors)},
-                  {world.positions, covariances, looks(map.landmarks().descriptors)}, how);
+                  {world.positions, covariances, looks(map.landmarks().descriptors)},
+                  options_.fusion_probability, options_.seed, options_.execution.executor);
   }
   result_.maps[m].landmarks = map.landmark_count();
   result_.maps[m].deviation = association.deviation;
@@ -479,10 +475,32 @@ bool PlacedMap::is_in_world() const {
   return world_from_map.matrix() == Matrix4d::Identity();
 }
 
+constexpr OptionField kFusionFields[] = {
+    {"fusion_probability", option_at<&FusionOptions::fusion_probability>, within(0.5, 1)},
+    {"straighten",
+     option_at<&FusionOptions::straighten>,
+     {},
+     "--straighten,!--no-straighten",
+     "Straighten maps that others show to be bent. Default: on"},
+    {"adjust",
+     option_at<&FusionOptions::adjust>,
+     {},
+     "--adjust,!--no-adjust",
+     "Bundle-adjust the merged map: minimise the reprojection errors over all keyframes and "
+     "landmarks"},
+    {"refine_intrinsics",
+     option_at<&FusionOptions::adjustment, &AdjustOptions::refine_intrinsics>,
+     {},
+     "--refine-intrinsics",
+     "With --adjust: also adjust the cameras' parameters"},
+    {"matching_rounds", option_at<&FusionOptions::matching_rounds>, within(0, 10)},
+    {"seed", option_at<&FusionOptions::seed>},
+};
+constinit const OptionTable FusionOptions::table = {"FusionOptions", kFusionFields};
+
 void FusionOptions::validate() const {
-  if (min_probability >= 0.5 && min_probability <= 1.0) return;
-  throw Error(ErrorKind::kMisuse, "FusionOptions.min_probability",
-              fmt::format("{}", min_probability), "0.5 to 1");
+  check_options(*this);
+  adjustment.validate();
 }
 
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options) {

@@ -8,8 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "cairn/adjustment/adjust.hpp"
 #include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
+#include "cairn/core/option_table.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
@@ -34,13 +36,22 @@ struct PlacedMap {
 /// Indices of maps in the order in which they are worked on, whatever order they are given in: precedes().
 std::vector<std::size_t> largest_first(std::span<const PlacedMap> maps);
 
+/// Options of fuse_maps(), which fuses maps as they are, and of merge_placed().
 struct FusionOptions {
   /// Least probability that two landmarks are the same; in [0.5, 1].
-  double min_probability = 0.5;
+  double fusion_probability = 0.5;
+  /// merge_placed(): whether to straighten maps that others show to be bent.
+  bool straighten = true;
+  /// merge_placed(): whether to bundle-adjust all keyframes and landmarks of the merged map.
+  bool adjust = false;
+  AdjustOptions adjustment = {};  ///< its execution is the one below
+  /// Rounds of matching landmarks again after an adjustment, and adjusting again; 0 to 10.
+  int matching_rounds = 2;
   std::uint64_t seed = 0;
   Execution execution = {};
   LogSink log = {};  ///< reports what cannot be kept
 
+  static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };

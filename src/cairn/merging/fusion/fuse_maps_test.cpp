@@ -19,7 +19,6 @@
 
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/covariance.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -877,9 +876,9 @@ TEST(FuseMaps, RefusesNoMapsAndOptionsOutOfRange) {
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [] { fuse_maps({}); }),
               HasSubstr("at least one map"));
   FusionOptions options;
-  options.min_probability = 0.2;
+  options.fusion_probability = 0.2;
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
-              HasSubstr("FusionOptions.min_probability: 0.2; expected 0.5 to 1"));
+              HasSubstr("FusionOptions.fusion_probability: 0.2; expected 0.5 to 1"));
 }
 
 }  // namespace

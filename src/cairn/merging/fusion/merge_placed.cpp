@@ -10,7 +10,7 @@
 
 #include "cairn/adjustment/detail/measurements.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
 #include "cairn/merging/detail/straighten_maps.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
@@ -72,22 +72,13 @@ LandmarkMap with_provenance(LandmarkMap map, const MergeAdjustment& adjustment) 
 
 }  // namespace
 
-void MergePlacedOptions::validate() const {
-  constexpr int kMostMatchingRounds = 10;
-  fusion.validate();
-  adjustment.validate();
-  if (matching_rounds >= 0 && matching_rounds <= kMostMatchingRounds) return;
-  throw Error(ErrorKind::kMisuse, "MergePlacedOptions.matching_rounds",
-              fmt::format("{}", matching_rounds), fmt::format("0 to {}", kMostMatchingRounds));
-}
-
 MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link> links,
-                          const MergePlacedOptions& options) {
+                          const FusionOptions& options) {
   options.validate();
   std::vector<PlacedMap> maps(given.begin(), given.end());
   std::vector<std::optional<MapBend>> bends(maps.size());
   std::vector<std::optional<detail::StraightenedMap>> straight(maps.size());
-  if (options.straighten) straight = detail::straighten_maps(given, links, options.fusion);
+  if (options.straighten) straight = detail::straighten_maps(given, links, options);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!straight[i]) continue;
     maps[i].map = &straight[i]->map;
@@ -95,13 +86,13 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link
   }
   set_relative_covariances(links, maps);
   const std::string defect = options.adjust ? adjustment_defect(maps) : "";
-  if (!defect.empty() && options.fusion.log) options.fusion.log("not adjusted: " + defect);
+  if (!defect.empty() && options.log) options.log("not adjusted: " + defect);
   MergedPlaced merged;
   if (options.adjust && defect.empty()) {
     merged = detail::fuse_and_adjust(maps, options);
     merged.map = with_provenance(std::move(merged.map), *merged.adjustment);
   } else {
-    FusionResult fused = fuse_maps(maps, options.fusion);
+    FusionResult fused = fuse_maps(maps, options);
     merged.map = std::move(fused.map);
     merged.maps = std::move(fused.maps);
     merged.frames = std::move(fused.frames);

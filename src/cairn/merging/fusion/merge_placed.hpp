@@ -13,20 +13,6 @@
 
 namespace cairn {
 
-struct MergePlacedOptions {
-  FusionOptions fusion = {};
-  /// Whether to straighten maps that others show to be bent.
-  bool straighten = true;
-  /// Whether to bundle-adjust all keyframes and landmarks of the merged map.
-  bool adjust = false;
-  AdjustOptions adjustment = {};  ///< its execution is the fusion's
-  /// Rounds of matching landmarks again after an adjustment, and adjusting again; 0 to 10.
-  int matching_rounds = 2;
-
-  /// @throws Error (misuse) naming the field, its value and the constraint
-  void validate() const;
-};
-
 /// Result of adjusting a merged map; see AdjustResult.
 struct MergeAdjustment {
   bool converged = false;
@@ -64,6 +50,6 @@ struct MergedPlaced {
 ///        certain ones that connect all maps are used. Their poses stay those of the straightened maps
 /// @throws Error as fuse_maps() and adjust()
 MergedPlaced merge_placed(std::span<const PlacedMap> maps, std::span<const Link> links,
-                          const MergePlacedOptions& options = {});
+                          const FusionOptions& options = {});
 
 }  // namespace cairn

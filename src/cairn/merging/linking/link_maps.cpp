@@ -93,8 +93,15 @@ constexpr OptionField kLinkFields[] = {
      {},
      "--min-observations",
      "Align with landmarks of at least this many observations; all landmarks are merged"},
+    {"candidates",
+     option_at<&LinkOptions::candidates>,
+     {},
+     "--candidates",
+     "Number of other maps to try each map with, the likeliest; 0: all (default: all for up to 32 "
+     "maps, else 10)"},
     {"seed", option_at<&LinkOptions::seed>, {}},
 };
+static_assert(kMapsTriedInFull == 32 && kDefaultCandidates == 10, "the help says so");
 constinit const OptionTable LinkOptions::table = {"LinkOptions", kLinkFields};
 
 // AlignOptions hold the ranges.
@@ -118,7 +125,7 @@ std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options)
   if (candidates == 0) {
     for (std::size_t map = 0; map < count; ++map) add_all_with(map, map);
   } else {
-    MapIndex index({.seed = options.seed});
+    MapIndex index(options.seed);
     std::map<std::string, std::size_t> last_of_session;
     for (std::size_t map = 0; map < count; ++map) {
       if (options.execution.stop.stop_requested()) {

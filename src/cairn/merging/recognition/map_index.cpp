@@ -9,38 +9,19 @@
 #include <numeric>
 #include <utility>
 
-#include <fmt/format.h>
-
 #include "cairn/core/error.hpp"
-#include "cairn/core/hamming.hpp"
 #include "cairn/core/random.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+constexpr std::size_t kLandmarks = 600;    // of a map, the most observed ones
+constexpr double kMaxDifference = 0.1953;  // share of differing bits of one landmark's descriptors
+constexpr std::size_t kTables = 3;
 
 }  // namespace
-
-void RecognitionOptions::validate() const {
-  const auto refuse = [](const char* field, double value, const char* expected) {
-    throw Error(ErrorKind::kMisuse, fmt::format("RecognitionOptions.{}", field),
-                fmt::format("{}", value), expected);
-  };
-  if (landmarks < 1) refuse("landmarks", static_cast<double>(landmarks), "at least 1");
-  if (!(max_difference >= 0.0 && max_difference < 0.5)) {
-    refuse("max_difference", max_difference, "0 to below 0.5");
-  }
-  if (tables < 1 || tables > 64) refuse("tables", static_cast<double>(tables), "1 to 64");
-  if (key_bits != 0 && (key_bits < 8 || key_bits > 24)) {
-    refuse("key_bits", static_cast<double>(key_bits), "0, or 8 to 24");
-  }
-}
-
-MapIndex::MapIndex(const RecognitionOptions& options) : options_(options) {
-  options_.validate();
-}
 
 // Descriptors of the most observed landmarks, one after another.
 std::vector<std::uint64_t> MapIndex::words_of(const LandmarkMap& map) const {
@@ -53,8 +34,8 @@ std::vector<std::uint64_t> MapIndex::words_of(const LandmarkMap& map) const {
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
     if (descriptors->known[i] != 0) rows.push_back(i);
   }
-  if (rows.size() > options_.landmarks) {
-    const auto end = rows.begin() + static_cast<std::ptrdiff_t>(options_.landmarks);
+  if (rows.size() > kLandmarks) {
+    const auto end = rows.begin() + static_cast<std::ptrdiff_t>(kLandmarks);
     std::nth_element(rows.begin(), end, rows.end(), [&](std::uint32_t a, std::uint32_t b) {
       const std::size_t of_a = map.observation_count(LandmarkIndex{a});
       const std::size_t of_b = map.observation_count(LandmarkIndex{b});
@@ -140,21 +121,17 @@ class BitStatistics {
 
 void MapIndex::choose_bits() const {
   const std::size_t bits = std::min(8 * bytes_each_, std::size_t{65536});
-  key_bits_ = options_.key_bits;
-  if (key_bits_ == 0) {
-    // With more bits, most keys would be empty, and a query searches all neighbouring keys.
-    const auto log2 = static_cast<std::size_t>(std::bit_width(descriptors()));
-    key_bits_ = std::clamp<std::size_t>(log2 - 1, 14, 22);
-  }
-  key_bits_ = std::min(key_bits_, bits);
+  // With more bits, most keys would be empty, and a query searches all neighbouring keys.
+  const auto log2 = static_cast<std::size_t>(std::bit_width(descriptors()));
+  key_bits_ = std::min(std::clamp<std::size_t>(log2 - 1, 14, 22), bits);
   const BitStatistics statistics(words_, words_each_);
   std::vector<double> bias(bits);
   for (std::size_t bit = 0; bit < bits; ++bit) bias[bit] = statistics.bias(bit);
 
-  Random random(options_.seed);
+  Random random(seed_);
   bits_.clear();
   std::vector<std::uint16_t> order(bits);
-  for (std::size_t table = 0; table < options_.tables; ++table) {
+  for (std::size_t table = 0; table < kTables; ++table) {
     std::iota(order.begin(), order.end(), std::uint16_t{0});
     for (std::size_t i = 0; i < bits; ++i) std::swap(order[i], order[i + random.index(bits - i)]);
     std::vector<std::uint16_t> chosen;
@@ -187,11 +164,11 @@ void MapIndex::prepare() const {
   if (words_each_ == 0 || (prepared_ == descriptors() && !starts_.empty())) return;
   words_.shrink_to_fit();
   choose_bits();
-  starts_.assign(options_.tables, {});
-  entries_.assign(options_.tables, {});
+  starts_.assign(kTables, {});
+  entries_.assign(kTables, {});
   const std::size_t keys = std::size_t{1} << key_bits_;
   std::vector<std::uint32_t> key_of(descriptors());
-  for (std::size_t table = 0; table < options_.tables; ++table) {
+  for (std::size_t table = 0; table < kTables; ++table) {
     std::vector<std::uint32_t>& starts = starts_[table];
     starts.assign(keys + 1, 0);
     for (std::size_t i = 0; i < key_of.size(); ++i) {
@@ -243,17 +220,17 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
                                                  std::size_t most, std::size_t except) const {
   prepare();
   if (words.empty()) return {};
-  const auto limit = static_cast<int>(
-      std::floor(options_.max_difference * 8.0 * static_cast<double>(bytes_each_)));
+  const auto limit =
+      static_cast<int>(std::floor(kMaxDifference * 8.0 * static_cast<double>(bytes_each_)));
   // Prefetches the next entries while others are compared, because they are scattered in memory.
   constexpr std::size_t kAhead = 12;
   const std::size_t landmarks = words.size() / words_each_;
   const std::size_t probes = 1 + key_bits_;
   const std::size_t most_filed =
       32 + 16 * descriptors() / (std::size_t{1} << std::min<std::size_t>(key_bits_, 63));
-  std::vector<std::uint32_t> buckets(landmarks * options_.tables * probes);
+  std::vector<std::uint32_t> buckets(landmarks * kTables * probes);
   for (std::size_t i = 0, at = 0; i < landmarks; ++i) {
-    for (std::size_t table = 0; table < options_.tables; ++table) {
+    for (std::size_t table = 0; table < kTables; ++table) {
       const std::uint32_t exact = key(table, words.subspan(i * words_each_, words_each_));
       buckets[at++] = exact;
       for (std::size_t bit = 0; bit < key_bits_; ++bit) {
@@ -269,15 +246,15 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
   };
   std::vector<Filed> filed;
   for (std::size_t at = 0; at < buckets.size(); ++at) {
-    const auto table_of = [&](std::size_t probe) { return probe / probes % options_.tables; };
+    const auto table_of = [&](std::size_t probe) { return probe / probes % kTables; };
     if (const std::size_t next = at + kAhead; next < buckets.size()) {
       __builtin_prefetch(&starts_[table_of(next)][buckets[next]]);
     }
     const std::size_t table = table_of(at);
     const std::uint32_t* const starts = &starts_[table][buckets[at]];
     if (starts[0] == starts[1] || starts[1] - starts[0] > most_filed) continue;
-    filed.push_back({static_cast<std::uint32_t>(at / (probes * options_.tables)), starts[0],
-                     starts[1], static_cast<std::uint32_t>(table)});
+    filed.push_back({static_cast<std::uint32_t>(at / (probes * kTables)), starts[0], starts[1],
+                     static_cast<std::uint32_t>(table)});
   }
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs;  // landmark of the query, descriptor
   for (std::size_t at = 0; at < filed.size(); ++at) {
@@ -301,7 +278,7 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
       }
       const std::uint32_t entry = pairs[at].second;
       const std::span other(words_.data() + entry * words_each_, words_each_);
-      if (hamming_distance(descriptor, other) > limit) continue;
+      if (detail::hamming_distance(descriptor, other) > limit) continue;
       const std::size_t map = map_of(entry);
       if (map == except || voted[map] == landmark + 1) continue;
       voted[map] = landmark + 1;

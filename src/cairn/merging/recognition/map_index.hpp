@@ -12,19 +12,6 @@
 
 namespace cairn {
 
-struct RecognitionOptions {
-  std::size_t landmarks = 600;  ///< largest number used per map, the most observed ones
-  double max_difference =
-      0.1953;              ///< largest share of differing bits of one landmark's descriptors
-  std::size_t tables = 3;  ///< number of hash tables
-  /// Key bits per table, 8 to 24; 0: chosen to leave few descriptors per key, at least 14.
-  std::size_t key_bits = 0;
-  std::uint64_t seed = 0;  ///< for the choice of bits
-
-  /// @throws Error (misuse) naming the field, its value and the constraint
-  void validate() const;
-};
-
 /// A map that may show the same place.
 struct RecognitionCandidate {
   std::size_t map = 0;  ///< number from add()
@@ -42,9 +29,10 @@ struct RecognitionCandidate {
 /// landmarks do not count. The same maps, order and seed give the same result.
 class MapIndex {
  public:
-  explicit MapIndex(const RecognitionOptions& options = {});
+  /// @param seed for the choice of bits
+  explicit MapIndex(std::uint64_t seed = 0) : seed_(seed) {}
 
-  /// Adds a map. @return its number, from 0
+  /// Adds a map: its most observed landmarks, at most 600. @return its number, from 0
   std::size_t add(const LandmarkMap& map);
   std::size_t size() const { return entries_of_.size(); }
   /// Whether a map has landmarks here. The first known binary descriptor sets the kind; maps without
@@ -70,7 +58,7 @@ class MapIndex {
   std::vector<RecognitionCandidate> find(std::span<const std::uint64_t> words, std::size_t most,
                                          std::size_t except) const;
 
-  RecognitionOptions options_;
+  std::uint64_t seed_;
   std::string kind_;            // of the descriptors; empty until there is one
   std::size_t bytes_each_ = 0;  // per descriptor
   std::size_t words_each_ = 0;

@@ -9,7 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
+#include "cairn/registration/icp.hpp"
 #include "cairn/registration/stages.hpp"
 
 namespace cairn {
@@ -46,14 +47,6 @@ std::optional<Neighbor> most_confident(const List& nearest, std::span<const doub
 /// later). Keeps the order of the others.
 std::vector<Match> trimmed(std::vector<Match> matches, double trimmed_fraction);
 
-struct ConfidentNeighborOptions {
-  std::size_t k = 5;  ///< candidates per point
-  double max_distance =
-      std::numeric_limits<double>::infinity();  ///< largest distance of a candidate
-  /// share of the matches to leave out, those with the largest distances; in [0, 1)
-  double trimmed_fraction = 0.0;
-};
-
 /// One side of the data association: a searchable set and its points' confidences.
 template <NeighborSearch Search>
 struct ConfidentSet {
@@ -71,14 +64,17 @@ struct ConfidentSet {
 template <NeighborSearch Search>
 class ConfidentNeighborCorrespondence {
  public:
-  /// @param source in the source frame; std::nullopt: matches need not be reciprocal
+  /// @param source  in the source frame; std::nullopt: matches need not be reciprocal
+  /// @param options k, max_distance, trimmed_fraction and the executor count
   ConfidentNeighborCorrespondence(ConfidentSet<Search> target,
                                   std::optional<ConfidentSet<Search>> source,
-                                  const ConfidentNeighborOptions& options, Executor executor)
+                                  const IcpOptions& options)
       : target_(target),
         source_(source),
-        options_(options),
-        executor_(std::move(executor)),
+        k_(std::min(options.k, target.positions.size())),
+        max_distance_(options.max_distance),
+        trimmed_fraction_(options.trimmed_fraction),
+        executor_(options.execution.executor),
         source_queries_(query_batch(target.search, candidates(target))) {}
 
   std::vector<Match> operator()(std::span<const Eigen::Vector3d> moved_source,
@@ -93,7 +89,7 @@ class ConfidentNeighborCorrespondence {
         });
     if (source_) drop_one_sided(matches, target_from_source.inverse());
     std::erase(matches, kNone);
-    return trimmed(std::move(matches), options_.trimmed_fraction);
+    return trimmed(std::move(matches), trimmed_fraction_);
   }
 
   /// The target's queries for the moved source points, to share with other users of the same nearest
@@ -106,10 +102,10 @@ class ConfidentNeighborCorrespondence {
 
   // Without confidences only the nearest can be chosen.
   std::size_t candidates(const ConfidentSet<Search>& set) const {
-    return set.confidences.empty() ? 1 : options_.k;
+    return set.confidences.empty() ? 1 : k_;
   }
 
-  double max_squared_distance() const { return options_.max_distance * options_.max_distance; }
+  double max_squared_distance() const { return max_distance_ * max_distance_; }
 
   void drop_one_sided(std::span<Match> matches, const Rigid3& source_from_target) const {
     constexpr std::size_t kBlock = 256;
@@ -128,7 +124,9 @@ class ConfidentNeighborCorrespondence {
 
   ConfidentSet<Search> target_;
   std::optional<ConfidentSet<Search>> source_;
-  ConfidentNeighborOptions options_;
+  std::size_t k_;
+  double max_distance_;
+  double trimmed_fraction_;
   Executor executor_;
   mutable QueryBatch<Search> source_queries_;
 };

@@ -92,24 +92,21 @@ struct Line {
 TEST(ConfidentNeighborCorrespondence, OfOneCandidateIsTheNearest) {
   const Line line;
   const Points source = {{0.1, 0, 0}, {1.8, 0, 0}};
-  const Correspondence find({line.search, line.target, line.confidences}, std::nullopt, {.k = 1},
-                            Executor());
+  const Correspondence find({line.search, line.target, line.confidences}, std::nullopt, {.k = 1});
   EXPECT_THAT(pairs(find(source, Rigid3())), ElementsAre(std::pair(0, 0), std::pair(1, 2)));
 }
 
 TEST(ConfidentNeighborCorrespondence, OfSeveralIsTheMostConfident) {
   const Line line;
   const Points source = {{0.1, 0, 0}, {1.8, 0, 0}};
-  const Correspondence find({line.search, line.target, line.confidences}, std::nullopt, {.k = 2},
-                            Executor());
+  const Correspondence find({line.search, line.target, line.confidences}, std::nullopt, {.k = 2});
   EXPECT_THAT(pairs(find(source, Rigid3())), ElementsAre(std::pair(0, 1), std::pair(1, 2)));
 }
 
 TEST(ConfidentNeighborCorrespondence, TakesTheWholeTargetForAKBeyondIt) {
   const Line line;
   const Points source = {{0.1, 0, 0}};
-  const Correspondence find({line.search, line.target, line.confidences}, std::nullopt, {.k = 99},
-                            Executor());
+  const Correspondence find({line.search, line.target, line.confidences}, std::nullopt, {.k = 99});
   EXPECT_THAT(pairs(find(source, Rigid3())), ElementsAre(std::pair(0, 2)));
 }
 
@@ -122,12 +119,12 @@ TEST(ConfidentNeighborCorrespondence, KeepsOnlyMutualChoicesIfReciprocal) {
        {std::pair{std::vector{5.0, 1.0}, 0}, std::pair{std::vector{1.0, 5.0}, 1}}) {
     const Correspondence find({line.search, line.target, line.confidences},
                               ConfidentSet<BruteForceSearch>{source_search, source, trust},
-                              {.k = 2}, Executor());
+                              {.k = 2});
     EXPECT_THAT(pairs(find(source, Rigid3())), ElementsAre(std::pair(chosen, 2)));
   }
   const Correspondence nearest_back({line.search, line.target, line.confidences},
                                     ConfidentSet<BruteForceSearch>{source_search, source, {}},
-                                    {.k = 2}, Executor());
+                                    {.k = 2});
   EXPECT_THAT(pairs(nearest_back(source, Rigid3())), ElementsAre(std::pair(1, 2)));
 }
 
@@ -138,8 +135,7 @@ TEST(ConfidentNeighborCorrespondence, SearchesBackFromTheMovedSource) {
   const BruteForceSearch target_search(target);
   const BruteForceSearch source_search(source);
   const Correspondence find({target_search, target, {}},
-                            ConfidentSet<BruteForceSearch>{source_search, source, {}}, {.k = 1},
-                            Executor());
+                            ConfidentSet<BruteForceSearch>{source_search, source, {}}, {.k = 1});
   const Points moved = {{10, 0, 0}, {12, 0, 0}};
   EXPECT_THAT(pairs(find(moved, target_from_source)),
               ElementsAre(std::pair(0, 0), std::pair(1, 1)));
@@ -156,8 +152,10 @@ TEST(ConfidentNeighborCorrespondence, IsTheSameWithAnyNumberOfThreads) {
   for (double& confidence : confidences) confidence = static_cast<double>(random.index(4));
   const BruteForceSearch search(target);
   const auto run = [&](unsigned threads) {
-    return Correspondence({search, target, confidences}, std::nullopt,
-                          {.k = 3, .max_distance = 0.1}, Executor(threads))(source, Rigid3());
+    return Correspondence(
+        {search, target, confidences}, std::nullopt,
+        {.k = 3, .max_distance = 0.1, .execution = {.executor = Executor(threads)}})(source,
+                                                                                     Rigid3());
   };
   const auto one = run(1);
   EXPECT_LT(one.size(), source.size()) << "some have no match";

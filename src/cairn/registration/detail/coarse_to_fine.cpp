@@ -47,7 +47,7 @@ class Samples {
 
   Sample of(std::size_t stride, Random random) const {
     Sample sample;
-    for (const std::size_t chosen : one_of_each(stride, usable_.size(), random)) {
+    for (const std::size_t chosen : detail::one_of_each(stride, usable_.size(), random)) {
       const std::uint32_t i = usable_[chosen];
       sample.positions.push_back(points_.positions[i]);
       if (!points_.confidences.empty()) sample.confidences.push_back(points_.confidences[i]);
@@ -108,13 +108,13 @@ class WithinChance {
 }  // namespace
 
 CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<BatchTree>& target,
-                              const CoarseToFineOptions& options) {
+                              const IcpOptions& options) {
   const Samples moving(
       source, [&](std::size_t i) { return source.weights.empty() || source.weights[i] > 0.0; });
   const Samples searched({target.positions, target.confidences, {}}, [&](std::size_t i) {
     return target.confidences.empty() || target.confidences[i] > 0.0;
   });
-  const bool is_limited = options.matching.max_distance < std::numeric_limits<double>::infinity();
+  const bool is_limited = options.max_distance < std::numeric_limits<double>::infinity();
   const std::size_t coarsest_target = is_limited ? 1 : searched.coarsest();
   CoarseAlignment result;
   for (std::size_t stride = moving.coarsest(); stride > 1; stride /= kFactor) {
@@ -126,16 +126,13 @@ CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<Ba
     const SearchedSample among =
         target_stride == 1 ? SearchedSample(target)
                            : SearchedSample(searched.of(target_stride, Random(stride).fork(1)));
-    ConfidentNeighborOptions matching = options.matching;
-    matching.k = std::min(matching.k, among.set().positions.size());
     std::optional<BatchTree> tree;
     std::optional<ConfidentSet<BatchTree>> both_ways;
     if (options.reciprocal) {
       tree.emplace(positions);
       both_ways.emplace(ConfidentSet<BatchTree>{*tree, positions, sample.confidences});
     }
-    const ConfidentNeighborCorrespondence<BatchTree> find_matches(among.set(), both_ways, matching,
-                                                                  options.execution.executor);
+    const ConfidentNeighborCorrespondence<BatchTree> find_matches(among.set(), both_ways, options);
     const IcpRun icp =
         run_icp(positions, result.target_from_source, find_matches,
                 PointToPointEstimation(among.set().positions, sample.weights),

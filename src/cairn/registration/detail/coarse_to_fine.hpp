@@ -3,19 +3,11 @@
 
 #include <span>
 
-#include "cairn/core/execution.hpp"
-#include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
+#include "cairn/registration/icp.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn::detail {
-
-struct CoarseToFineOptions {
-  ConfidentNeighborOptions matching = {};
-  bool reciprocal = false;  ///< keep only mutual matches, within the sample
-  int max_iterations = PclCriteria().max_iterations;  ///< on each sample
-  Execution execution = {};
-};
 
 /// Columns of equal length; the second and third may be empty.
 struct SampledPoints {
@@ -40,8 +32,9 @@ struct CoarseAlignment {
 /// √(mean squared match distance / points). With a maximum match distance, which assumes the target's
 /// density, the target is not sampled.
 ///
-/// @param source near the target; its confidences matter only for reciprocal matches
+/// @param source  near the target; its confidences matter only for reciprocal matches
+/// @param options reciprocal matches are those within a sample; `initial` has no effect
 CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<BatchTree>& target,
-                              const CoarseToFineOptions& options);
+                              const IcpOptions& options);
 
 }  // namespace cairn::detail

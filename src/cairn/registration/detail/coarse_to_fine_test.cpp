@@ -121,8 +121,8 @@ TEST(CoarseToFine, DoesNotSampleTheTargetOfALimitedSearch) {
   const auto target = moved_points(source, kSmallMotion);
   const BatchTree tree(target);
   const auto error = [&](double max_distance) {
-    const CoarseAlignment found = align_samples({source, {}, {}}, {tree, target, {}},
-                                                {.matching = {.max_distance = max_distance}});
+    const CoarseAlignment found =
+        align_samples({source, {}, {}}, {tree, target, {}}, {.max_distance = max_distance});
     EXPECT_GT(found.iterations, 0);
     return PoseDistance::of(source)(found.target_from_source, kSmallMotion);
   };
@@ -146,7 +146,7 @@ TEST(CoarseToFine, CountsOnlyPointsThatCanBeUsed) {
   EXPECT_EQ(align_samples({source, {}, weights}, {tree, target, {}}, {}).iterations, 0);
   // All target points are searched; what is nearest to one that cannot be used is not matched.
   const CoarseAlignment found =
-      align_samples({source, {}, {}}, {tree, target, confidences}, {.matching = {.k = 1}});
+      align_samples({source, {}, {}}, {tree, target, confidences}, {.k = 1});
   EXPECT_GT(found.iterations, 0);
   EXPECT_LT(PoseDistance::of(source)(found.target_from_source, kSmallMotion), 1e-12);
 }
@@ -176,8 +176,8 @@ TEST(CoarseToFine, WeighsSampledPointsByTheirOwnWeight) {
     weights[i] = i % 3 == 0 ? 0.0 : 1e-12;
   }
   const BatchTree tree(target);
-  const CoarseAlignment found = align_samples({source, {}, weights}, {tree, target, {}},
-                                              {.matching = {.max_distance = 100.0}});
+  const CoarseAlignment found =
+      align_samples({source, {}, weights}, {tree, target, {}}, {.max_distance = 100.0});
   EXPECT_GT(found.iterations, 0);
   EXPECT_LT(PoseDistance::of(place)(found.target_from_source, kSmallMotion), 1e-9);
 }
@@ -191,9 +191,8 @@ TEST(CoarseToFine, KeepsOnlyMutualMatchesIfAsked) {
   }
   const BatchTree tree(target);
   const auto error = [&](bool reciprocal) {
-    const CoarseAlignment found =
-        align_samples({source, {}, {}}, {tree, target, {}},
-                      {.matching = {.max_distance = 100.0}, .reciprocal = reciprocal});
+    const CoarseAlignment found = align_samples({source, {}, {}}, {tree, target, {}},
+                                                {.max_distance = 100.0, .reciprocal = reciprocal});
     return PoseDistance::of(target)(found.target_from_source, kSmallMotion);
   };
   EXPECT_LT(error(true), 0.01);
@@ -206,7 +205,7 @@ void expect_end_within_chance(const std::vector<Eigen::Vector3d>& source,
   const BatchTree tree(target);
   const auto after = [&](int most) {
     return align_samples({source, {}, {}}, {tree, target, {}},
-                         {.matching = {.max_distance = 100.0}, .max_iterations = most});
+                         {.max_iterations = most, .max_distance = 100.0});
   };
   const int last = after(100).iterations;
   ASSERT_GT(last, 3);
@@ -240,8 +239,7 @@ TEST(CoarseToFine, EndsAtOnceWhereMatchesAreExact) {
   const auto source = in_cube(8, 1200);
   const auto target = moved_points(source, kSmallMotion);
   const BatchTree tree(target);
-  EXPECT_EQ(align_samples({source, {}, {}}, {tree, target, {}}, {.matching = {.max_distance = 1.0}})
-                .iterations,
+  EXPECT_EQ(align_samples({source, {}, {}}, {tree, target, {}}, {.max_distance = 1.0}).iterations,
             2)
       << "one moves, and one finds that nothing is left but rounding";
 }
@@ -258,8 +256,7 @@ TEST(CoarseToFine, MatchesSamplesByTheirConfidence) {
   const std::vector<Eigen::Vector3d> source = moved_points(pair.source.positions, pair.truth);
   const BatchTree tree(target);
   const auto found = [&](std::span<const double> known) {
-    return align_samples({source, {}, {}}, {tree, target, known}, {.matching = {.k = 10}})
-        .target_from_source;
+    return align_samples({source, {}, {}}, {tree, target, known}, {.k = 10}).target_from_source;
   };
   const PoseDistance distance = PoseDistance::of(source);
   const Rigid3 copies(Eigen::Quaterniond::Identity(), {0.1, 0.0, 0.0});

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/core/hash.hpp"
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/registration/result.hpp"
 
 namespace cairn::detail {
@@ -23,7 +23,7 @@ class MatchHistory {
   std::optional<MatchCycle> add(std::span<const Match> matches);
 
  private:
-  std::vector<Hash128> seen_;  // by iteration
+  std::vector<detail::Hash128> seen_;  // by iteration
 };
 
 }  // namespace cairn::detail

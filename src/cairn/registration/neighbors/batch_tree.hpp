@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/registration/stages.hpp"
 
 namespace cairn {

@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/registration/stages.hpp"
 

@@ -310,14 +310,13 @@ void Renderer::State::work_out_light(const Executor& executor) {
   });
 }
 
-Renderer::Renderer(Scene scene, const RendererOptions& options, const Executor& executor) {
-  options.validate();
+Renderer::Renderer(Scene scene, double light_grid_m, bool smooth_edges, const Executor& executor) {
   scene.validate();
   auto state = std::make_shared<State>();
   state->scene = std::move(scene);
-  state->smooth_edges = options.smooth_edges;
+  state->smooth_edges = smooth_edges;
   state->build_geometry();
-  state->build_shading(options.light_grid_m);
+  state->build_shading(light_grid_m);
   state->work_out_light(executor);
   state_ = std::move(state);
 }

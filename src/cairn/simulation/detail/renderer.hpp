@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/simulation/scene.hpp"
@@ -45,9 +45,10 @@ RayTable ray_table(const Camera& camera);
 /// 1e-6, and a pixel on an edge may differ.
 class Renderer {
  public:
+  /// @param light_grid_m, smooth_edges see SimulatorOptions
   /// @throws Error (misuse) for a scene that is not valid
-  explicit Renderer(Scene scene, const RendererOptions& options = {},
-                    const Executor& executor = Executor());
+  Renderer(Scene scene, double light_grid_m, bool smooth_edges,
+           const Executor& executor = Executor());
 
   const Scene& scene() const;
 

@@ -22,7 +22,10 @@ using Eigen::Vector3d;
 using ::testing::HasSubstr;
 
 const Camera kCamera{CameraId{0}, "PINHOLE", 80, 60, {65.0, 66.0, 39.5, 29.5}};
-const RendererOptions kPlain{.light_grid_m = 1.0, .smooth_edges = false};
+// A coarse grid of light, and edges as they come.
+Renderer plain_renderer(Scene scene) {
+  return {std::move(scene), 1.0, false};
+}
 
 // A white floor, 10 m wide, and a box with a half-metre side on it.
 const Vector3d kLow(-0.25, -0.25, 0.0);
@@ -64,7 +67,7 @@ Vector3d ray_of(const RayTable& rays, std::size_t pixel) {
 }
 
 TEST(Renderer, DepthIsThatOfTheGeometry) {
-  const Renderer renderer(floor_and_box(), kPlain);
+  const Renderer renderer = plain_renderer(floor_and_box());
   const RayTable rays = ray_table(kCamera);
   for (const Vector3d& eye :
        {Vector3d(1.5, -1.0, 1.2), Vector3d(0.1, 0.2, 2.5), Vector3d(-3, 1, 0.3)}) {
@@ -90,7 +93,7 @@ TEST(Renderer, DepthIsThatOfTheGeometry) {
 }
 
 TEST(Renderer, FacingIsTheCosineOfTheIncidence) {
-  const Renderer renderer(floor_and_box(), kPlain);
+  const Renderer renderer = plain_renderer(floor_and_box());
   const RayTable rays = ray_table(kCamera);
   const Rigid3 pose = looking_at({2.0, 1.0, 1.5}, {2.0, 3.0, 0.0});
   const RenderedFrame frame = renderer.render(kCamera, rays, pose);
@@ -135,7 +138,7 @@ TEST_P(RayTableTest, InvertsTheProjection) {
 
 TEST_P(RayTableTest, KnownPointAppearsWhereTheCameraProjectsIt) {
   const Camera& camera = GetParam();
-  const Renderer renderer(floor_and_box(), kPlain);
+  const Renderer renderer = plain_renderer(floor_and_box());
   const Rigid3 pose = looking_at({0.9, -0.8, 1.1}, {0.0, 0.0, 0.3});
   const RenderedFrame frame = renderer.render(camera, ray_table(camera), pose);
   // Points on the box's top are dark and as far as their depth; the pixel around them shows it.
@@ -160,8 +163,8 @@ TEST(RayTable, RefusesDistortionThatFoldsTheImage) {
 }
 
 TEST(Renderer, SamePictureForAnyNumberOfThreads) {
-  const Renderer one(floor_and_box(), {.light_grid_m = 0.2}, Executor(1));
-  const Renderer two(floor_and_box(), {.light_grid_m = 0.2}, Executor(2));
+  const Renderer one(floor_and_box(), 0.2, true, Executor(1));
+  const Renderer two(floor_and_box(), 0.2, true, Executor(2));
   const RayTable rays = ray_table(kCamera);
   const Rigid3 pose = looking_at({1.5, -1.0, 1.2}, {0, 0, 0.2});
   const RenderedFrame a = one.render(kCamera, rays, pose, Executor(1));
@@ -172,8 +175,8 @@ TEST(Renderer, SamePictureForAnyNumberOfThreads) {
 }
 
 TEST(Renderer, SmoothingEdgesMixesColoursOnlyThere) {
-  const Renderer plain(floor_and_box(), kPlain);
-  const Renderer smooth(floor_and_box(), {.light_grid_m = 1.0, .smooth_edges = true});
+  const Renderer plain = plain_renderer(floor_and_box());
+  const Renderer smooth(floor_and_box(), 1.0, true);
   const RayTable rays = ray_table(kCamera);
   const Rigid3 pose = looking_at({1.5, -1.0, 1.2}, {0, 0, 0.2});
   const RenderedFrame a = plain.render(kCamera, rays, pose);
@@ -189,7 +192,7 @@ TEST(Renderer, SmoothingEdgesMixesColoursOnlyThere) {
 TEST(Renderer, LampsCastShadows) {
   Scene scene = floor_and_box();
   scene.lights.push_back({{0, 0, 2.0}, 0.1, 0.1, 3.0});
-  const Renderer renderer(std::move(scene), {.light_grid_m = 0.05});
+  const Renderer renderer(std::move(scene), 0.05, true);
   const RayTable rays = ray_table(kCamera);
   // Straight down from above: beside the box it is darker than farther out, where light falls in.
   const RenderedFrame frame =
@@ -206,23 +209,22 @@ TEST(Renderer, LampsCastShadows) {
 }
 
 TEST(Renderer, AnEmptySceneIsBlack) {
-  const Renderer renderer(Scene{}, kPlain);
+  const Renderer renderer = plain_renderer(Scene{});
   const RenderedFrame frame = renderer.render(kCamera, ray_table(kCamera), Rigid3());
   EXPECT_EQ(*std::max_element(frame.bgr.begin(), frame.bgr.end()), 0);
   EXPECT_EQ(*std::max_element(frame.depth_m.begin(), frame.depth_m.end()), 0.0F);
 }
 
 TEST(Renderer, RefusesWhatIsWrongByName) {
-  EXPECT_THROW(Renderer(floor_and_box(), {.light_grid_m = 0.0}), Error);
   Scene scene = floor_and_box();
   scene.surfaces[3].texture = 99;
   try {
-    const Renderer renderer(std::move(scene), kPlain);
+    const Renderer renderer = plain_renderer(std::move(scene));
     FAIL();
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("Scene.surfaces[3]"));
   }
-  const Renderer renderer(floor_and_box(), kPlain);
+  const Renderer renderer = plain_renderer(floor_and_box());
   EXPECT_THROW(renderer.render(kCamera, RayTable{}, Rigid3()), Error);
 }
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/simulation/detail/paintings.hpp"
 #include "cairn/simulation/scene.hpp"
 

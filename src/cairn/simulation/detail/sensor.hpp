@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/simulation/detail/renderer.hpp"
 #include "cairn/simulation/simulator.hpp"
 

@@ -148,9 +148,9 @@ void carry_along(LandmarkGraph& graph, std::uint32_t keyframe, const Rigid3& bef
 
 }  // namespace
 
-void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
-            const AdjustmentOptions& options) {
-  const Scope scope = scope_of(graph, moving, options.min_observations);
+void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving, int max_iterations) {
+  constexpr std::size_t kFewestObservations = 2;  // of a landmark that is adjusted
+  const Scope scope = scope_of(graph, moving, kFewestObservations);
   if (scope.landmarks.empty()) return;
 
   // Contiguous arrays, because Ceres orders the blocks of a group by address, which must be deterministic.
@@ -200,7 +200,7 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
   ceres::Solver::Options solve;
   solve.linear_solver_type = moving.size() > 40 ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
   solve.linear_solver_ordering = ordering;
-  solve.max_num_iterations = options.max_iterations;
+  solve.max_num_iterations = max_iterations;
   solve.function_tolerance = 1e-3;
   solve.num_threads = 1;  // sums in a fixed order
   solve.logging_type = ceres::SILENT;
@@ -212,7 +212,7 @@ void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
     Keyframe& moved = graph.keyframes()[keyframe];
     const Rigid3 before = moved.world_from_camera;
     moved.world_from_camera = to_pose(poses[pose_of[keyframe]].data());
-    carry_along(graph, keyframe, before, options.min_observations);
+    carry_along(graph, keyframe, before, kFewestObservations);
   }
   for (std::size_t i = 0; i < points.size(); ++i) {
     graph.landmark(scope.landmarks[i]).position = points[i];

@@ -9,19 +9,12 @@
 
 namespace cairn::detail {
 
-struct AdjustmentOptions {
-  int max_iterations = 5;
-  /// Landmarks with fewer observations only move with their first keyframe. At least 1.
-  std::size_t min_observations = 2;
-};
-
 /// Moves keyframes and the landmarks that they observe to minimise the squared residuals (pixel and depth,
 /// each divided by its standard deviation, with Huber's kernel). Other keyframes that observe these
-/// landmarks are fixed. Then removes observations that the noise does not explain, and landmarks without
-/// observations.
+/// landmarks are fixed; landmarks with one observation only move with their first keyframe. Then removes observations
+/// that the noise does not explain, and landmarks without observations.
 /// @param moving positions of keyframes, each once
-void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving,
-            const AdjustmentOptions& options = {});
+void adjust(LandmarkGraph& graph, std::span<const std::uint32_t> moving, int max_iterations = 5);
 
 /// The same for single landmarks with all keyframes fixed, by Gauss-Newton. Removes no observations.
 void adjust_landmarks(LandmarkGraph& graph, std::span<const LandmarkIndex> landmarks);

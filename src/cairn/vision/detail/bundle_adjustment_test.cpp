@@ -66,7 +66,7 @@ TEST(Adjust, FindsTheTruthOfExactMeasurements) {
   TrueGraph made = make_true_graph({.seed = 1, .noise = 0.0});
   const auto moving = all_but_the_first(made.graph);
   disturb(made.graph, moving, 0.02, 0.01, 0.02);
-  adjust(made.graph, moving, {.max_iterations = 50});
+  adjust(made.graph, moving, 50);
   const Errors errors = errors_of(made);
   EXPECT_LT(errors.translation, 1e-3);
   EXPECT_LT(errors.rotation, 1e-3);
@@ -78,7 +78,7 @@ TEST(Adjust, ComesNearTheTruthOfNoisyMeasurements) {
     TrueGraph made = make_true_graph({.seed = seed});
     const auto moving = all_but_the_first(made.graph);
     disturb(made.graph, moving, 0.03, 0.02, 0.03);
-    adjust(made.graph, moving, {.max_iterations = 30});
+    adjust(made.graph, moving, 30);
     const Errors errors = errors_of(made);
     EXPECT_LT(errors.translation, 0.015) << seed;
     EXPECT_LT(errors.rotation, 0.005) << seed;
@@ -94,7 +94,7 @@ TEST(Adjust, LeavesKeyframesThatDoNotMoveUntouchedToTheBit) {
   for (const Keyframe& keyframe : made.graph.keyframes()) {
     before.push_back(keyframe.world_from_camera.matrix());
   }
-  adjust(made.graph, moving, {.max_iterations = 30});
+  adjust(made.graph, moving, 30);
   for (const std::size_t k : {0U, 2U, 4U}) {
     EXPECT_EQ(made.graph.keyframes()[k].world_from_camera.matrix(), before[k]) << k;
   }
@@ -144,7 +144,7 @@ TEST(Adjust, DropsWhatTheNoiseDoesNotExplain) {
   ASSERT_EQ(wrong_depths.size(), 15U);
   const auto moving = all_but_the_first(made.graph);
   disturb(made.graph, moving, 0.01, 0.005, 0.01);
-  adjust(made.graph, moving, {.max_iterations = 30});
+  adjust(made.graph, moving, 30);
   for (const KeypointReference& at : wrong_pixels) {
     EXPECT_FALSE(made.graph.keyframes()[at.keyframe].landmarks[at.keypoint]);
   }

@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 #include <opencv2/imgproc.hpp>
 
+#include "cairn/core/detail/hamming.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/hamming.hpp"
 #include "cairn/core/random.hpp"
 
 #include "support/refusal.hpp"
@@ -44,10 +44,10 @@ TEST(HammingDistance, CountsTheBitsThatDiffer) {
   const Descriptor none{};
   const Descriptor all{~0ULL, ~0ULL, ~0ULL, ~0ULL};
   const Descriptor three{1, 0, 1ULL << 63U, 4};
-  EXPECT_EQ(hamming_distance(none, none), 0);
-  EXPECT_EQ(hamming_distance(none, all), 256);
-  EXPECT_EQ(hamming_distance(three, none), 3);
-  EXPECT_EQ(hamming_distance(all, three), 253);
+  EXPECT_EQ(detail::hamming_distance(none, none), 0);
+  EXPECT_EQ(detail::hamming_distance(none, all), 256);
+  EXPECT_EQ(detail::hamming_distance(three, none), 3);
+  EXPECT_EQ(detail::hamming_distance(all, three), 253);
 }
 
 std::vector<std::uint32_t> found_near(const Features& features, const Eigen::Vector2d& pixel,
@@ -151,7 +151,7 @@ TEST(FeatureExtractor, FindsTheSameCornersInAShiftedImage) {
     if (expected.x() < 25 || expected.y() < 25) continue;
     ++inside;
     b.visit_near(expected.cast<double>(), 0.01, [&](std::uint32_t j) {
-      again += hamming_distance(a.descriptors()[i], b.descriptors()[j]) == 0 ? 1 : 0;
+      again += detail::hamming_distance(a.descriptors()[i], b.descriptors()[j]) == 0 ? 1 : 0;
     });
   }
   EXPECT_GT(inside, 200U);

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <span>
 
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/noise_estimation.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
 #include "cairn/vision/detail/sensor_model.hpp"
@@ -81,8 +81,8 @@ std::vector<LandmarkMatch> KeyframeMap::match_corners(const TrackedFrame& frame,
     others.landmarks.push_back(expected.landmarks[i]);
     others.appearances.push_back(expected.appearances[i]);
   }
-  const auto more = match_near(graph_, frame.features, others.landmarks, others.appearances, taken,
-                               {.radius_pixels = radius});
+  const auto more =
+      match_near(graph_, frame.features, others.landmarks, others.appearances, taken, radius);
   matches.insert(matches.end(), more.begin(), more.end());
   return matches;
 }
@@ -317,9 +317,8 @@ void KeyframeMap::merge_known_landmarks(std::uint32_t keyframe) {
       appearances.push_back(*appearance);
     }
     const std::vector<bool> taken(graph_.keyframes()[neighbour].features.size(), false);
-    const auto matches =
-        match_near(graph_, graph_.keyframes()[neighbour].features, landmarks, appearances, taken,
-                   {.radius_pixels = 3.0, .max_distance = 60, .max_ratio = 1.0});
+    const auto matches = match_near(graph_, graph_.keyframes()[neighbour].features, landmarks,
+                                    appearances, taken, 3.0, 60, 1.0);
     for (const LandmarkMatch& match : matches) {
       if (graph_.landmark(match.landmark).gone()) continue;
       const PointMeasurement measured =

@@ -50,7 +50,7 @@ class KeyframeMap {
 
   ExpectedLandmarks expected_in(const TrackedFrame& frame) const;
   /// The landmarks already matched in the frame, and the expected ones matched with corners within the
-  /// radius (see MatchingOptions).
+  /// radius (see match_near()).
   std::vector<LandmarkMatch> match_corners(const TrackedFrame& frame,
                                            const ExpectedLandmarks& expected, double radius) const;
   /// Moves the keypoints to where their landmarks' patches match best. @return the matches whose patches do

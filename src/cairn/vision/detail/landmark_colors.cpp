@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/content_uuid.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn::detail {

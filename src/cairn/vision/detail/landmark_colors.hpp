@@ -3,7 +3,7 @@
 
 #include <stop_token>
 
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/vision/sequence.hpp"
 

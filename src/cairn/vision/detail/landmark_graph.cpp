@@ -6,7 +6,7 @@
 
 #include <Eigen/LU>
 
-#include "cairn/core/hamming.hpp"
+#include "cairn/core/detail/hamming.hpp"
 
 namespace cairn::detail {
 
@@ -125,7 +125,7 @@ void LandmarkGraph::refresh(LandmarkIndex index) {
   for (std::size_t i = first; i < seen.observations.size(); ++i) {
     int sum = 0;
     for (std::size_t j = first; j < seen.observations.size(); ++j) {
-      sum += hamming_distance(descriptor(i), descriptor(j));
+      sum += detail::hamming_distance(descriptor(i), descriptor(j));
     }
     if (sum < least) {
       least = sum;

@@ -7,7 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "cairn/core/hamming.hpp"
+#include "cairn/core/detail/hamming.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -57,8 +57,8 @@ std::optional<ExpectedAppearance> expected_appearance(const SensorModel& sensor,
 std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features& features,
                                       std::span<const LandmarkIndex> landmarks,
                                       std::span<const ExpectedAppearance> appearances,
-                                      const std::vector<bool>& taken,
-                                      const MatchingOptions& options) {
+                                      const std::vector<bool>& taken, double radius_pixels,
+                                      int max_distance, double max_ratio) {
   const SensorModel& sensor = graph.sensor();
   std::vector<LandmarkMatch> matches;
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
@@ -69,7 +69,7 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
     // From the side, the patch and the detected position of its corner change.
     constexpr double kFrontal = 0.998;
     const double radius =
-        options.radius_pixels * sensor.scale(octave) * (appearance.cos_view > kFrontal ? 0.7 : 1.0);
+        radius_pixels * sensor.scale(octave) * (appearance.cos_view > kFrontal ? 0.7 : 1.0);
     int best = kNone;
     int second = kNone;
     std::uint32_t best_keypoint = 0;
@@ -79,7 +79,7 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
       if (taken[keypoint]) return;
       const int at = features.keypoints()[keypoint].octave;
       if (at < octave - 1 || at > octave + 1) return;
-      const int distance = hamming_distance(descriptor, features.descriptors()[keypoint]);
+      const int distance = detail::hamming_distance(descriptor, features.descriptors()[keypoint]);
       if (distance < best) {
         second = best;
         second_octave = best_octave;
@@ -91,9 +91,9 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
         second_octave = at;
       }
     });
-    if (best > options.max_distance) continue;
+    if (best > max_distance) continue;
     // The same corner on the next octave does not count as the second best.
-    if (second != kNone && second_octave == best_octave && best > options.max_ratio * second) {
+    if (second != kNone && second_octave == best_octave && best > max_ratio * second) {
       continue;
     }
     matches.push_back({best_keypoint, landmarks[i], best});
@@ -115,7 +115,7 @@ std::vector<LandmarkMatch> match_by_descriptor(const LandmarkGraph& graph, std::
     int second = kNone;
     std::uint32_t best_keypoint = 0;
     for (std::uint32_t j = 0; j < features.size(); ++j) {
-      const int distance = hamming_distance(descriptor, features.descriptors()[j]);
+      const int distance = detail::hamming_distance(descriptor, features.descriptors()[j]);
       if (distance < best) {
         second = best;
         best = distance;

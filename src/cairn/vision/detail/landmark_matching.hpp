@@ -31,20 +31,17 @@ std::optional<ExpectedAppearance> expected_appearance(const SensorModel& sensor,
                                                       const Rigid3& camera_from_world,
                                                       const Eigen::Vector3d& camera_centre);
 
-struct MatchingOptions {
-  double radius_pixels = 4.0;  ///< on the finest pyramid level; scaled with the octave
-  int max_distance = 80;       ///< of descriptors, bits
-  double max_ratio = 0.85;     ///< best to second best distance
-};
-
 /// Matches landmarks with the keypoints near their expected places. Each keypoint gets at most one
 /// landmark, the most similar; keypoints in `taken` get none. Ordered by keypoint.
-/// @param appearances one per entry of `landmarks`
+/// @param appearances   one per entry of `landmarks`
+/// @param radius_pixels on the finest pyramid level; scaled with the octave
+/// @param max_distance  of descriptors, bits
+/// @param max_ratio     best to second best distance
 std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features& features,
                                       std::span<const LandmarkIndex> landmarks,
                                       std::span<const ExpectedAppearance> appearances,
-                                      const std::vector<bool>& taken,
-                                      const MatchingOptions& options);
+                                      const std::vector<bool>& taken, double radius_pixels,
+                                      int max_distance = 80, double max_ratio = 0.85);
 
 /// Matches a frame's keypoints with the landmarks of a keyframe by descriptor alone: mutual nearest
 /// neighbours that are clearly better than the second best. Ordered by keypoint.

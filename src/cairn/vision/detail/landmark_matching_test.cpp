@@ -69,8 +69,8 @@ class MatchNearTest : public ::testing::Test {
     }
   }
 
-  std::vector<LandmarkMatch> match(const std::vector<bool>& taken, const MatchingOptions& options) {
-    return match_near(made_.graph, features_, landmarks_, appearances_, taken, options);
+  std::vector<LandmarkMatch> match(const std::vector<bool>& taken, double radius_pixels = 4.0) {
+    return match_near(made_.graph, features_, landmarks_, appearances_, taken, radius_pixels);
   }
 
   testing::TrueGraph made_;
@@ -80,7 +80,7 @@ class MatchNearTest : public ::testing::Test {
 };
 
 TEST_F(MatchNearTest, FindsEachLandmarkWhereItIs) {
-  const auto matches = match(std::vector<bool>(features_.size(), false), {});
+  const auto matches = match(std::vector<bool>(features_.size(), false));
   ASSERT_EQ(matches.size(), features_.size());
   for (std::uint32_t i = 0; i < matches.size(); ++i) {
     EXPECT_EQ(matches[i].keypoint, i) << "ordered by keypoint";
@@ -92,7 +92,7 @@ TEST_F(MatchNearTest, FindsEachLandmarkWhereItIs) {
 TEST_F(MatchNearTest, LeavesTakenKeypointsAlone) {
   std::vector<bool> taken(features_.size(), false);
   for (std::size_t i = 0; i < taken.size(); i += 2) taken[i] = true;
-  const auto matches = match(taken, {});
+  const auto matches = match(taken);
   EXPECT_EQ(matches.size(), features_.size() / 2);
   for (const LandmarkMatch& found : matches) EXPECT_FALSE(taken[found.keypoint]);
 }
@@ -108,8 +108,8 @@ TEST_F(MatchNearTest, LooksWithinTheRadiusOnly) {
   std::size_t near_octave = 0;
   for (const Keypoint& keypoint : features_.keypoints())
     near_octave += keypoint.octave <= 1 ? 1 : 0;
-  EXPECT_EQ(match(free, {.radius_pixels = 3.5}).size(), near_octave);
-  EXPECT_THAT(match(free, {.radius_pixels = 2.5}), IsEmpty());
+  EXPECT_EQ(match(free, 3.5).size(), near_octave);
+  EXPECT_THAT(match(free, 2.5), IsEmpty());
 }
 
 TEST_F(MatchNearTest, AnotherLandmarkIsNoMatch) {
@@ -118,7 +118,7 @@ TEST_F(MatchNearTest, AnotherLandmarkIsNoMatch) {
   for (const LandmarkIndex index : landmarks_) {
     made_.graph.landmark(index).descriptor = testing::random_descriptor(random);
   }
-  EXPECT_LE(match(free, {.radius_pixels = 10.0}).size(), 1U);
+  EXPECT_LE(match(free, 10.0).size(), 1U);
 }
 
 TEST_F(MatchNearTest, AKeypointGoesToTheMostSimilarLandmark) {
@@ -129,7 +129,7 @@ TEST_F(MatchNearTest, AKeypointGoesToTheMostSimilarLandmark) {
   graph.landmarks().push_back(rival);
   landmarks_.insert(landmarks_.begin(), {static_cast<std::uint32_t>(graph.landmarks().size() - 1)});
   appearances_.insert(appearances_.begin(), appearances_[0]);
-  const auto matches = match(std::vector<bool>(features_.size(), false), {});
+  const auto matches = match(std::vector<bool>(features_.size(), false));
   ASSERT_EQ(matches.size(), features_.size());
   EXPECT_EQ(matches[0].landmark, landmarks_[1]);
 }

@@ -292,8 +292,7 @@ std::optional<PoseEstimate> Tracker::locate_by_previous(TrackedFrame& frame, dou
   }
   const std::vector<bool> taken(frame.features.size(), false);
   std::vector<LandmarkMatch> matches =
-      match_near(graph_, frame.features, landmarks, appearances, taken,
-                 {.radius_pixels = radius, .max_distance = 90, .max_ratio = 0.9});
+      match_near(graph_, frame.features, landmarks, appearances, taken, radius, 90, 0.9);
   std::vector<float> turns;
   for (const LandmarkMatch& match : matches) {
     turns.push_back(frame.features.keypoints()[match.keypoint].angle -
@@ -441,7 +440,7 @@ void Tracker::complete() {
   map_.adopt_estimated_noise();
   std::vector<std::uint32_t> moving;
   for (std::uint32_t i = 1; i < graph_.keyframes().size(); ++i) moving.push_back(i);
-  adjust(graph_, moving, {.max_iterations = options_.final_iterations});
+  adjust(graph_, moving, options_.final_iterations);
 }
 
 std::optional<Rigid3> Tracker::last_pose() const {

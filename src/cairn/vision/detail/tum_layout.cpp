@@ -7,10 +7,10 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/time_association.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/core/time_association.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -90,7 +90,7 @@ std::vector<ImagePair> associate_images(const std::vector<ImageEntry>& color,
   };
   std::vector<ImagePair> pairs(color.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i].color = i;
-  for (const auto& [i, j] : associate_times(times(color), times(depth), max_difference_s)) {
+  for (const auto& [i, j] : detail::associate_times(times(color), times(depth), max_difference_s)) {
     pairs[i].depth = j;
   }
   return pairs;

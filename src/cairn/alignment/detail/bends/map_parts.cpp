@@ -13,7 +13,8 @@
 namespace cairn::detail {
 namespace {
 
-constexpr double kCutWithin = 0.25;  // of a part, from an even division
+constexpr double kCutWithin = 0.25;        // of a part, from an even division
+constexpr std::size_t kMostPlaced = 1500;  // landmarks of a part: the most observed ones
 
 // Of each keyframe.
 std::vector<std::uint32_t> ranks_of(const std::vector<FrameIndex>& order) {
@@ -85,7 +86,7 @@ AlongParts along_parts(const LandmarkMap& map, std::span<const FrameId> middles)
 }
 
 std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOptions& points,
-                                    const CutOptions& options) {
+                                    std::size_t part_landmarks) {
   const std::vector<LandmarkIndex> kept = landmarks_to_align(map, points);
   if (!map.has_observations() || map.frame_count() == 0 || kept.empty()) return {};
   const std::vector<FrameIndex> order = keyframes_in_order(map);
@@ -106,8 +107,7 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
   std::partial_sum(across.begin(), across.end(), across.begin());
 
   const std::size_t count =
-      std::clamp<std::size_t>(total / std::max<std::size_t>(options.landmarks, 1), 1,
-                              std::max<std::size_t>(options.parts, 1));
+      std::clamp<std::size_t>(total / std::max<std::size_t>(part_landmarks, 1), 1, kMostParts);
   // Each part begins with the keyframe of that rank.
   std::vector<std::uint32_t> begins = {0};
   const double size = static_cast<double>(total) / static_cast<double>(count);
@@ -153,7 +153,7 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
 
 PreparedParts::PreparedParts(const LandmarkMap& map, const PrepareOptions& options)
     : seed_(options.seed) {
-  parts_ = cut_into_parts(map, options.points, options.cut);
+  parts_ = cut_into_parts(map, options.points, options.part_landmarks);
   if (parts_.size() < 2) parts_.clear();
   std::vector<std::uint32_t> of_landmark(map.landmark_count(),
                                          static_cast<std::uint32_t>(parts_.size()));
@@ -172,7 +172,7 @@ PreparedParts::PreparedParts(const LandmarkMap& map, const PrepareOptions& optio
   along_.centre = of_map.centre;
   for (const MapPart& part : parts_) {
     clouds_.push_back(
-        landmark_cloud(with_landmarks(map, most_observed(map, part.landmarks, options.cut.placed)),
+        landmark_cloud(with_landmarks(map, most_observed(map, part.landmarks, kMostPlaced)),
                        options.confidence, options.points));
   }
 }

@@ -32,16 +32,19 @@ struct AlongParts {
 /// @param middles keyframes of the map, of at least two parts, in the parts' order
 AlongParts along_parts(const LandmarkMap& map, std::span<const FrameId> middles);
 
+constexpr std::size_t kMostParts = 12;
+
 /// Cuts a map into parts with about equally many landmarks.
 ///
 /// Orders the keyframes as keyframes_in_order(). A landmark belongs to the part of the middle
 /// keyframe of those that observed it. Each cut is where the fewest landmarks were observed on both sides,
 /// within a quarter of a part's landmarks from an even division.
 ///
-/// @param points which landmarks take part
+/// @param points         which landmarks take part
+/// @param part_landmarks approximate number in each part
 /// @return at most one part if the map has too few landmarks for two, or no observations
 std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOptions& points = {},
-                                    const CutOptions& options = {});
+                                    std::size_t part_landmarks = PrepareOptions().part_landmarks);
 
 /// A part of a map, prepared to be placed separately. It is in the frame of the map.
 struct PreparedPart {

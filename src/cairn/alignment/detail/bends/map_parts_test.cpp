@@ -16,7 +16,7 @@ namespace {
 
 TEST(MapParts, HoldEachLandmarkOnceInTheOrderOfKeyframes) {
   const LandmarkMap map = synthetic_map({.seed = 71, .landmarks = 2500, .frames = 60});
-  const std::vector<MapPart> parts = cut_into_parts(map, {}, {.landmarks = 500});
+  const std::vector<MapPart> parts = cut_into_parts(map);
   ASSERT_GE(parts.size(), 3U);
   std::set<std::uint32_t> seen;
   std::size_t total = 0;
@@ -48,7 +48,7 @@ TEST(MapParts, FollowTheTimesOfKeyframesNotTheirIds) {
   tables.frames.timestamps_s.clear();
   for (const auto& time : times) tables.frames.timestamps_s.push_back(time);
   const LandmarkMap turned(std::move(tables));
-  const std::vector<MapPart> parts = cut_into_parts(turned, {}, {.landmarks = 500});
+  const std::vector<MapPart> parts = cut_into_parts(turned);
   ASSERT_GE(parts.size(), 3U);
   EXPECT_GT(parts.front().first, parts.back().first);
 }
@@ -68,9 +68,9 @@ TEST(MapParts, AreCutOfALargeMapOnly) {
   }
 }
 
-TEST(MapParts, AreAsManyAsAskedForAtMost) {
+TEST(MapParts, AreFewAtMost) {
   const LandmarkMap map = synthetic_map({.seed = 73, .landmarks = 3000, .frames = 60});
-  EXPECT_LE(cut_into_parts(map, {}, {.landmarks = 100, .parts = 4}).size(), 4U);
+  EXPECT_LE(cut_into_parts(map, {}, 100).size(), kMostParts);
   EXPECT_TRUE(cut_into_parts(LandmarkMap()).empty());
 }
 

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
-#include "cairn/core/hamming.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/core/detail/hamming.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -42,8 +42,9 @@ std::uint32_t least_difference(const Descriptors& a, std::size_t i, const Descri
     for (std::size_t q = 0; q < of_b.size(); q += each) {
       const auto x = of_a.subspan(p, each);
       const auto y = of_b.subspan(q, each);
-      least = std::min(least, a.binary() ? static_cast<std::uint32_t>(hamming_distance(x, y))
-                                         : squared_difference(x, y));
+      least =
+          std::min(least, a.binary() ? static_cast<std::uint32_t>(detail::hamming_distance(x, y))
+                                     : squared_difference(x, y));
     }
   }
   return least;

@@ -389,7 +389,7 @@ class RobustAlignment::Trial {
   Arm arm_;
   BatchTree::Batch queries_;
   std::vector<std::size_t> tried_ =
-      one_of_each((all().size() + kTried - 1) / kTried, all().size(), Random(0));
+      detail::one_of_each((all().size() + kTried - 1) / kTried, all().size(), Random(0));
   std::vector<Eigen::Vector3d> moved_;  // one per source landmark
   std::vector<double> here_;            // terms at the pose
 };

@@ -198,10 +198,12 @@ struct Pose {
 class Finder {
  public:
   Finder(std::span<const Eigen::Vector3d> source, std::span<const Eigen::Vector3d> target,
-         Random random, const ConstellationOptions& options)
-      : options_(options),
+         Random random, double fine, std::size_t draws, const Execution& execution)
+      : draws_(draws),
+        execution_(execution),
         random_(random),
-        fine_(static_cast<float>(options.fine)),
+        unit_(fine),
+        fine_(static_cast<float>(fine)),
         source_(single(source)),
         target_(single(target)),
         occupancy_(target_, fine_),
@@ -210,13 +212,13 @@ class Finder {
 
   std::vector<ConstellationPose> run() const {
     std::vector<ConstellationPose> found;  // most evidence first
-    for (std::size_t first = 0; first < options_.draws && !clear(found); first += kRound) {
-      if (options_.execution.stop.stop_requested()) break;
+    for (std::size_t first = 0; first < draws_ && !clear(found); first += kRound) {
+      if (execution_.stop.stop_requested()) break;
       std::array<std::vector<ConstellationPose>, kRound> round;
-      const std::size_t count = std::min(kRound, options_.draws - first);
-      options_.execution.executor.for_blocks(count, 4, [&](std::size_t begin, std::size_t end) {
+      const std::size_t count = std::min(kRound, draws_ - first);
+      execution_.executor.for_blocks(count, 4, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) {
-          if (options_.execution.stop.stop_requested()) return;
+          if (execution_.stop.stop_requested()) return;
           if (const auto one = draw(random_.fork(first + i))) round[i] = poses_of(*one);
         }
       });
@@ -226,7 +228,7 @@ class Finder {
     }
     std::vector<ConstellationPose> kept;
     for (const ConstellationPose& pose : found) {
-      if (kept.size() == options_.poses) break;
+      if (kept.size() == kMostConstellationPoses) break;
       const bool known = std::any_of(kept.begin(), kept.end(), [&](const auto& other) {
         return are_one(pose, other, kSamePose);
       });
@@ -237,7 +239,7 @@ class Finder {
 
  private:
   bool are_one(const ConstellationPose& a, const ConstellationPose& b, double radii) const {
-    return distance_(a.target_from_source, b.target_from_source) < radii * options_.fine;
+    return distance_(a.target_from_source, b.target_from_source) < radii * unit_;
   }
 
   // Whether several constellations agree on a pose, and no other has similar evidence.
@@ -388,8 +390,10 @@ class Finder {
     return result;
   }
 
-  const ConstellationOptions& options_;
+  std::size_t draws_;
+  const Execution& execution_;
   Random random_;
+  double unit_;
   float fine_;
   PointsF source_;
   PointsF target_;
@@ -402,10 +406,10 @@ class Finder {
 
 std::vector<ConstellationPose> constellation_poses(std::span<const Eigen::Vector3d> source,
                                                    std::span<const Eigen::Vector3d> target,
-                                                   Random random,
-                                                   const ConstellationOptions& options) {
+                                                   Random random, double fine, std::size_t draws,
+                                                   const Execution& execution) {
   if (source.empty() || target.empty()) return {};
-  return Finder(source, target, random, options).run();
+  return Finder(source, target, random, fine, draws, execution).run();
 }
 
 }  // namespace cairn::detail

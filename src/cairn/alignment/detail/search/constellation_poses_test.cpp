@@ -16,6 +16,7 @@ using Eigen::Vector3d;
 using Points = std::vector<Vector3d>;
 
 constexpr double kFine = 0.16;
+constexpr std::size_t kDraws = 192;
 
 // Two strips of one hilly ground that share a third of their length. Of the landmarks there, seven in
 // ten are in both, a twentieth of the fine scale off.
@@ -49,10 +50,9 @@ Points shuffled(Points points, Random random) {
   return points;
 }
 
-std::vector<ConstellationPose> poses_of(const Ground& ground, ConstellationOptions options = {}) {
-  options.fine = kFine;
+std::vector<ConstellationPose> poses_of(const Ground& ground, const Execution& execution = {}) {
   return constellation_poses(shuffled(ground.source, Random(1)), shuffled(ground.target, Random(2)),
-                             Random(3), options);
+                             Random(3), kFine, kDraws, execution);
 }
 
 TEST(ConstellationPoses, FindsThePoseOfMapsThatShareAThird) {
@@ -72,7 +72,7 @@ TEST(ConstellationPoses, WhatStandsTwiceHasTwoPoses) {
   for (const Vector3d& point : once) ground.target.push_back(point + apart);
   const auto found = poses_of(ground);
   ASSERT_GE(found.size(), 2U);
-  EXPECT_LE(found.size(), ConstellationOptions{}.poses);
+  EXPECT_LE(found.size(), kMostConstellationPoses);
   const PoseDistance distance = PoseDistance::of(ground.source);
   const Rigid3 twin = Rigid3(Eigen::Quaterniond::Identity(), apart) * ground.truth;
   for (const Rigid3& pose : {ground.truth, twin}) {
@@ -100,7 +100,7 @@ TEST(ConstellationPoses, AMirrorImageHasLittleEvidence) {
 TEST(ConstellationPoses, SameWithAnyNumberOfThreads) {
   const Ground ground(2);
   const auto one = poses_of(ground);
-  const auto many = poses_of(ground, {.execution = {.executor = Executor(0)}});
+  const auto many = poses_of(ground, {.executor = Executor(0)});
   ASSERT_EQ(one.size(), many.size());
   for (std::size_t i = 0; i < one.size(); ++i) {
     EXPECT_EQ(one[i].target_from_source.matrix(), many[i].target_from_source.matrix());
@@ -109,19 +109,18 @@ TEST(ConstellationPoses, SameWithAnyNumberOfThreads) {
 }
 
 TEST(ConstellationPoses, ThereAreNoneWhereNothingCanTell) {
-  const ConstellationOptions options{.fine = kFine};
   const Ground ground(1);
-  EXPECT_TRUE(constellation_poses({}, ground.target, Random(1), options).empty());
-  EXPECT_TRUE(constellation_poses(ground.source, {}, Random(1), options).empty());
+  EXPECT_TRUE(constellation_poses({}, ground.target, Random(1), kFine, kDraws).empty());
+  EXPECT_TRUE(constellation_poses(ground.source, {}, Random(1), kFine, kDraws).empty());
   const Points same(200, Vector3d(1.0, 2.0, 3.0));
-  EXPECT_TRUE(constellation_poses(same, ground.target, Random(1), options).empty());
-  EXPECT_TRUE(constellation_poses(ground.source, same, Random(1), options).empty());
+  EXPECT_TRUE(constellation_poses(same, ground.target, Random(1), kFine, kDraws).empty());
+  EXPECT_TRUE(constellation_poses(ground.source, same, Random(1), kFine, kDraws).empty());
   const Points line = [] {
     Points points;
     for (int i = 0; i < 400; ++i) points.emplace_back(0.01 * i, 0.0, 0.0);
     return points;
   }();
-  EXPECT_TRUE(constellation_poses(line, ground.target, Random(1), options).empty());
+  EXPECT_TRUE(constellation_poses(line, ground.target, Random(1), kFine, kDraws).empty());
 }
 
 TEST(ConstellationPoses, AStrayLandmarkFarAwayCostsNoMemory) {
@@ -136,7 +135,7 @@ TEST(ConstellationPoses, AStrayLandmarkFarAwayCostsNoMemory) {
 TEST(ConstellationPoses, StopWhenAsked) {
   std::stop_source source;
   source.request_stop();
-  EXPECT_TRUE(poses_of(Ground(1), {.execution = {.stop = source.get_token()}}).empty());
+  EXPECT_TRUE(poses_of(Ground(1), {.stop = source.get_token()}).empty());
 }
 
 }  // namespace

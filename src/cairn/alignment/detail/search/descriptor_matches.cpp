@@ -9,14 +9,14 @@
 #include "cairn/alignment/detail/cloud_scales.hpp"
 #include "cairn/core/detail/descriptor_kernel.hpp"
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
 
 constexpr std::size_t kMostPairs = std::size_t{1} << 26;     // of landmarks that are compared
 constexpr std::size_t kMostRowPairs = std::size_t{1} << 28;  // the same, if landmarks have several
-constexpr std::uint32_t kNone = descriptor_kernel::Nearest::kNone;
+constexpr std::uint32_t kNone = detail::descriptor_kernel::Nearest::kNone;
 constexpr double kThing = 0.25;  // radius of an object that may occur twice, in extents of a map
 constexpr std::uint32_t kMostDifferingBits = 4;  // a match differs in at most one of so many bits
 // Square of Lowe's ratio.
@@ -64,8 +64,9 @@ struct NearestLandmark {
 };
 
 // One per landmark of the cloud, of which `rows` are the rows.
-std::vector<NearestLandmark> by_landmark(std::span<const descriptor_kernel::Nearest> nearest,
-                                         const Rows& rows, const Rows& others, std::size_t count) {
+std::vector<NearestLandmark> by_landmark(
+    std::span<const detail::descriptor_kernel::Nearest> nearest, const Rows& rows,
+    const Rows& others, std::size_t count) {
   std::vector<NearestLandmark> result(count);
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     if (nearest[i].index == kNone) continue;
@@ -120,8 +121,8 @@ DescriptorMatches::DescriptorMatches(const LandmarkCloud& of_source,
   const auto [source, target] = affordable_rows(of_source, source_count, of_target, target_count);
   const std::size_t bytes_each = of_source.descriptors->bytes_each;
   const bool binary = is_binary(of_source.descriptors->kind);
-  using descriptor_kernel::Norm;
-  const auto nearest = descriptor_kernel::nearest_both_ways(
+  using detail::descriptor_kernel::Norm;
+  const auto nearest = detail::descriptor_kernel::nearest_both_ways(
       source.bytes, target.bytes, bytes_each, binary ? Norm::kHamming : Norm::kSquaredBytes,
       target.has_several ? std::span<const std::uint32_t>(target.landmarks)
                          : std::span<const std::uint32_t>());

@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -18,6 +18,8 @@ constexpr std::size_t kFewestAgreeing = 4;  // because three matches fit their o
 constexpr int kReestimations = 3;
 constexpr double kLeastLength = 4.0;  // in tolerances, of the sides of a triple
 constexpr std::size_t kMostProposals = 256;
+constexpr std::size_t kMatches = 800;  // that are used, the most similar ones
+constexpr int kDraws = 4000;  // triples that are tried; three times as many with a free scale
 
 using Places = std::vector<Eigen::Vector3d>;
 using Indices = std::vector<std::uint32_t>;
@@ -47,31 +49,32 @@ struct Proposal {
 
 class Consensus {
  public:
-  Consensus(const DescriptorMatches& matches, const DescriptorPoseOptions& options)
+  Consensus(const DescriptorMatches& matches, double tolerance,
+            const std::optional<ScaleRange>& scale)
       : source_(matches.source_places()),
         target_(matches.target_places()),
-        options_(options),
-        count_(std::min(options.matches, source_.size())),
+        tolerance_(tolerance),
+        scale_(scale),
+        count_(std::min(kMatches, source_.size())),
         here_(distances(source_)),
         there_(distances(target_)) {}
 
   std::vector<Proposal> proposals(Random& random) const {
     std::vector<Proposal> found;
     if (count_ < kFewestAgreeing) return found;
-    const int draws = options_.free_scale ? 3 * options_.draws : options_.draws;
+    const int draws = scale_ ? 3 * kDraws : kDraws;
     Indices thirds;
     for (int draw = 0; draw < draws; ++draw) {
       const std::size_t first = random.index(count_);
-      const auto second =
-          options_.free_scale ? any_second(first, random) : rigid_second(first, random);
+      const auto second = scale_ ? any_second(first, random) : rigid_second(first, random);
       if (!second) continue;
-      const double scale = options_.free_scale ? ratio(first, *second) : 1.0;
+      const double scale = scale_ ? ratio(first, *second) : 1.0;
       thirds.clear();
       for (std::uint32_t k = 0; k < count_; ++k) {
         if (agree(first, k, scale) && agree(*second, k, scale)) thirds.push_back(k);
       }
       // With a free scale, a fourth match is needed, which is usually also one of these.
-      if (thirds.empty() || (options_.free_scale && thirds.size() < 2)) continue;
+      if (thirds.empty() || (scale_ && thirds.size() < 2)) continue;
       const std::uint32_t third = thirds[random.index(thirds.size())];
       add(propose({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(*second), third}),
           found);
@@ -100,8 +103,7 @@ class Consensus {
   bool agree(std::size_t i, std::size_t j, double scale) const {
     const double here = scale * static_cast<double>(here_[i * count_ + j]);
     const auto there = static_cast<double>(there_[i * count_ + j]);
-    return std::min(here, there) > kLeastLength * options_.tolerance &&
-           std::abs(here - there) < options_.tolerance;
+    return std::min(here, there) > kLeastLength * tolerance_ && std::abs(here - there) < tolerance_;
   }
 
   std::optional<std::size_t> rigid_second(std::size_t first, Random& random) const {
@@ -117,14 +119,14 @@ class Consensus {
     const std::size_t second = random.index(count_);
     const auto here = static_cast<double>(here_[first * count_ + second]);
     const auto there = static_cast<double>(there_[first * count_ + second]);
-    if (!(here > 0.0) || there < kLeastLength * options_.tolerance) return std::nullopt;
+    if (!(here > 0.0) || there < kLeastLength * tolerance_) return std::nullopt;
     const double scale = there / here;
-    if (scale < options_.least_scale || scale > options_.most_scale) return std::nullopt;
+    if (scale < scale_->least || scale > scale_->most) return std::nullopt;
     return second;
   }
 
   Indices agreeing_with(const Similarity3& pose) const {
-    const double squared = options_.tolerance * options_.tolerance;
+    const double squared = tolerance_ * tolerance_;
     const Eigen::Matrix3d linear = pose.linear();
     Indices result;
     for (std::uint32_t i = 0; i < source_.size(); ++i) {
@@ -143,7 +145,7 @@ class Consensus {
         from.push_back(source_[match]);
         to.push_back(target_[match]);
       }
-      Proposal proposal{pose_of(from, to, options_.free_scale), {}};
+      Proposal proposal{pose_of(from, to, scale_.has_value()), {}};
       proposal.agreeing = agreeing_with(proposal.pose);
       if (proposal.agreeing.size() <= best.agreeing.size()) break;
       best = std::move(proposal);
@@ -173,7 +175,8 @@ class Consensus {
 
   std::span<const Eigen::Vector3d> source_;
   std::span<const Eigen::Vector3d> target_;
-  const DescriptorPoseOptions& options_;
+  double tolerance_;
+  const std::optional<ScaleRange>& scale_;
   std::size_t count_;
   std::vector<float> here_;   // distances between the source's landmarks
   std::vector<float> there_;  // and the target's
@@ -182,11 +185,12 @@ class Consensus {
 }  // namespace
 
 std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, Random random,
-                                             const DescriptorPoseOptions& options) {
+                                             double tolerance,
+                                             const std::optional<ScaleRange>& scale) {
   std::vector<DescriptorPose> poses;
   std::vector<Proposal> kept;
-  for (Proposal& proposal : Consensus(matches, options).proposals(random)) {
-    if (poses.size() == options.poses) break;
+  for (Proposal& proposal : Consensus(matches, tolerance, scale).proposals(random)) {
+    if (poses.size() == kMostDescriptorPoses) break;
     // Two proposals are the same if they share half of the matches of the smaller one.
     const bool known = std::any_of(kept.begin(), kept.end(), [&](const Proposal& other) {
       Indices both;

@@ -56,12 +56,12 @@ PosedClouds posed_clouds(std::size_t shared, std::size_t count, const std::strin
 }
 
 std::vector<Similarity3> poses(const PosedClouds& clouds, bool free_scale = false) {
-  DescriptorPoseOptions options;
-  options.tolerance = 0.03;
-  options.free_scale = free_scale;
+  constexpr double kTolerance = 0.03;
+  const auto scale =
+      free_scale ? std::optional(ScaleRange{1.0 / 400.0, 400.0}) : std::optional<ScaleRange>();
   std::vector<Similarity3> found;
-  for (const DescriptorPose& one :
-       descriptor_poses(DescriptorMatches(clouds.source, clouds.target), Random(1), options)) {
+  for (const DescriptorPose& one : descriptor_poses(DescriptorMatches(clouds.source, clouds.target),
+                                                    Random(1), kTolerance, scale)) {
     found.push_back(one.pose);
   }
   return found;
@@ -103,7 +103,7 @@ TEST(DescriptorPoses, TellSeveralConsensusSetsApart) {
 
 TEST(DescriptorPoses, AreDistinctAndFew) {
   const std::vector<Similarity3> found = poses(posed_clouds(40, 400));
-  EXPECT_LE(found.size(), DescriptorPoseOptions().poses);
+  EXPECT_LE(found.size(), kMostDescriptorPoses);
   for (std::size_t i = 0; i < found.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       EXPECT_FALSE(found[i].matrix().isApprox(found[j].matrix(), 1e-6));

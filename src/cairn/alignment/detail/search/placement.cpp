@@ -259,38 +259,30 @@ SightCounts Placement::sights(const Similarity3& pose) const {
 }
 
 std::vector<DescriptorPose> Placement::proposals() const {
-  DescriptorPoseOptions options;
-  options.free_scale = options_.scale.has_value();
   // With a free scale, only the target's lengths are known.
-  options.tolerance =
-      kMatched * (options.free_scale ? kernel_scales(all_.target, all_.target).fine : fine(1.0));
-  if (options_.scale) {
-    options.least_scale = options_.scale->least;
-    options.most_scale = options_.scale->most;
-  }
-  return descriptor_poses(matches_, Random(options_.seed).fork(4), options);
+  const double tolerance =
+      kMatched * (options_.scale ? kernel_scales(all_.target, all_.target).fine : fine(1.0));
+  return descriptor_poses(matches_, Random(options_.seed).fork(4), tolerance, options_.scale);
 }
 
 std::vector<ConstellationPose> Placement::constellations(const std::stop_token& stop) const {
   constexpr double kConstellations = 192;  // at effort 1
-  const ConstellationOptions options{
-      .fine = sample_.at(*equal_).fine,
-      .draws = static_cast<std::size_t>(std::ceil(kConstellations * options_.effort)),
-      .execution = {.executor = options_.execution.executor, .stop = stop}};
+  const auto draws = static_cast<std::size_t>(std::ceil(kConstellations * options_.effort));
   const auto sample = source_.sample();
   std::vector<Eigen::Vector3d> source(sample.begin(), sample.end());
   for (Eigen::Vector3d& position : source) position *= *equal_;
-  return constellation_poses(source, target_.sample(), Random(options_.seed).fork(6), options);
+  return constellation_poses(source, target_.sample(), Random(options_.seed).fork(6),
+                             sample_.at(*equal_).fine, draws,
+                             {.executor = options_.execution.executor, .stop = stop});
 }
 
 std::vector<QuadPose> Placement::quads(const std::stop_token& stop) const {
   // A quad's scale is less certain than a pose's.
   constexpr double kQuadScale = 1.03;
   const ScaleRange range = options_.scale.value_or(ScaleRange{1.0 / kQuadScale, kQuadScale});
-  QuadOptions options{.least_scale = range.least, .most_scale = range.most};
-  options.fine = kernel_scales(all_.target, all_.target).fine;
-  options.execution = {.executor = options_.execution.executor, .stop = stop};
-  std::vector<QuadPose> found = quad_poses(source_, target_, options);
+  std::vector<QuadPose> found =
+      quad_poses(source_, target_, range, kernel_scales(all_.target, all_.target).fine,
+                 {.executor = options_.execution.executor, .stop = stop});
   if (!options_.scale) {
     for (QuadPose& pose : found) pose.target_from_source = pose.target_from_source.rigid();
   }
@@ -352,23 +344,20 @@ void Placement::search(double scale, double progress, std::size_t scales,
                        const std::function<bool(const Rigid3&)>& accept,
                        const std::stop_token& stop, std::vector<Finalist>& poses) const {
   constexpr std::size_t kCandidatesAScale = 24;  // if several scales are searched
-  constexpr std::size_t kCandidatesBeside = 48;  // in addition to those from constellations
-  const KernelScales kernel = all_.at(scale);
-  SearchOptions options{.coarse = kernel.coarse,
-                        .fine = kernel.fine,
-                        .execution = {.executor = options_.execution.executor, .stop = stop}};
-  if (scales > 1) options.candidates = kCandidatesAScale;
-  if (!options_.scale) options.candidates = kCandidatesBeside;
+  constexpr std::size_t kCandidatesBeside =
+      48;  // in addition to those from quads and constellations
+  const std::size_t candidates = scales > 1 ? kCandidatesAScale : kCandidatesBeside;
+  Execution execution{.executor = options_.execution.executor, .stop = stop};
   if (options_.execution.progress) {
-    options.execution.progress = [&](double share) {
+    execution.progress = [&](double share) {
       options_.execution.progress(progress + share / static_cast<double>(scales));
     };
   }
   std::vector<Eigen::Vector3d> source = source_.landmarks().positions;
   for (Eigen::Vector3d& position : source) position *= scale;
-  for (const SearchCandidate& found :
-       search_poses(source, source_.landmarks().weights, target_.landmarks().positions,
-                    target_.landmarks().weights, turns, accept, options)) {
+  for (const SearchCandidate& found : search_poses(
+           source, source_.landmarks().weights, target_.landmarks().positions,
+           target_.landmarks().weights, turns, accept, all_.at(scale), candidates, execution)) {
     poses.emplace_back();
     set_similarity(poses.back(), {scale, found.target_from_source});
   }

@@ -50,7 +50,7 @@ class TimeLimit {
       work(over.get_token());
       return !caller_.stop_requested();
     }
-    const Alarm alarm(end, caller_);
+    const detail::Alarm alarm(end, caller_);
     work(alarm.token());
     return alarm.token().stop_requested() && !caller_.stop_requested();
   }

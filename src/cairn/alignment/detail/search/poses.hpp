@@ -3,13 +3,16 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "cairn/alignment/detail/cloud_scales.hpp"
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
+#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/execution.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/similarity3.hpp"
@@ -32,13 +35,6 @@ struct SearchCandidate {
   double score = 0.0;  ///< mean of the kernel over the sampled source points, in [0, 1]
 };
 
-struct SearchOptions {
-  double coarse = 0.0;  ///< initial kernel scale
-  double fine = 0.0;    ///< final kernel scale
-  std::size_t candidates = 128;
-  Execution execution = {};  ///< when stopped, returns what was found so far
-};
-
 /// Poses that bring source points close to target points: from each rotation with many translations, by
 /// iteratively reweighted least squares with the Geman-McClure kernel 1 / (1 + d²/σ²)², with σ decreasing
 /// from coarse to fine while ever fewer poses are kept.
@@ -47,23 +43,17 @@ struct SearchOptions {
 ///
 /// @param source, target points centred near both centroids, so that single precision suffices; the source
 ///        in random order, because its first points are the sample
-/// @param accept  whether a pose may be a candidate
+/// @param accept     whether a pose may be a candidate
+/// @param candidates largest number of poses
+/// @param execution  when stopped, returns what was found so far
 /// @return distinct poses, best score first
-std::vector<SearchCandidate> search_poses(std::span<const Eigen::Vector3d> source,
-                                          std::span<const double> source_weights,
-                                          std::span<const Eigen::Vector3d> target,
-                                          std::span<const double> target_weights,
-                                          std::span<const Eigen::Quaterniond> rotations,
-                                          const std::function<bool(const Rigid3&)>& accept,
-                                          const SearchOptions& options);
+std::vector<SearchCandidate> search_poses(
+    std::span<const Eigen::Vector3d> source, std::span<const double> source_weights,
+    std::span<const Eigen::Vector3d> target, std::span<const double> target_weights,
+    std::span<const Eigen::Quaterniond> rotations, const std::function<bool(const Rigid3&)>& accept,
+    const KernelScales& kernel, std::size_t candidates, const Execution& execution = {});
 
-struct ConstellationOptions {
-  /// Unit of all lengths here: the fine kernel scale, about three times the landmark spacing. Positive.
-  double fine = 0.0;
-  std::size_t draws = 192;   ///< number of source constellations to search for in the target
-  std::size_t poses = 24;    ///< largest number of proposals
-  Execution execution = {};  ///< when stopped, returns what was found so far
-};
+constexpr std::size_t kMostConstellationPoses = 24;
 
 /// A pose that aligns a constellation and its surroundings.
 struct ConstellationPose {
@@ -78,19 +68,16 @@ struct ConstellationPose {
 /// points.
 ///
 /// The same input gives the same poses for any number of threads.
+/// @param fine      unit of all lengths here: the fine kernel scale, about three times the landmark spacing; positive
+/// @param draws     number of source constellations to search for in the target
+/// @param execution when stopped, returns what was found so far
 /// @return distinct poses, most evidence first
 std::vector<ConstellationPose> constellation_poses(std::span<const Eigen::Vector3d> source,
                                                    std::span<const Eigen::Vector3d> target,
-                                                   Random random,
-                                                   const ConstellationOptions& options);
+                                                   Random random, double fine, std::size_t draws,
+                                                   const Execution& execution = {});
 
-struct QuadOptions {
-  double least_scale = 1.0 / 400.0;
-  double most_scale = 400.0;
-  double fine = 0.0;         ///< fine kernel scale, in the target's unit; nearer poses are one
-  std::size_t poses = 24;    ///< largest number of proposals
-  Execution execution = {};  ///< when stopped, returns what was found so far
-};
+constexpr std::size_t kMostQuadPoses = 24;
 
 /// A pose that aligns a quad and its surroundings.
 struct QuadPose {
@@ -103,20 +90,15 @@ struct QuadPose {
 /// neighbours of the quad.
 ///
 /// The same input gives the same poses for any number of threads.
+/// @param scales    bounds of the source's scale
+/// @param fine      fine kernel scale, in the target's unit; poses nearer than half of it are one
+/// @param execution when stopped, returns what was found so far
 /// @return distinct poses, most evidence first
 std::vector<QuadPose> quad_poses(const PreparedCloud& source, const PreparedCloud& target,
-                                 const QuadOptions& options);
+                                 const ScaleRange& scales, double fine,
+                                 const Execution& execution = {});
 
-struct DescriptorPoseOptions {
-  std::size_t matches = 800;  ///< number of matches to use, the most similar ones
-  int draws = 4000;           ///< number of triples to try; three times as many with a free scale
-  std::size_t poses = 8;      ///< largest number of proposals
-  /// Largest difference between distances of landmarks, in the target's unit; positive.
-  double tolerance = 0.0;
-  bool free_scale = false;           ///< estimate the source's scale; if false, it is 1
-  double least_scale = 1.0 / 400.0;  ///< bounds of a free scale
-  double most_scale = 400.0;
-};
+constexpr std::size_t kMostDescriptorPoses = 8;
 
 /// A pose that several descriptor matches agree with.
 struct DescriptorPose {
@@ -128,8 +110,11 @@ struct DescriptorPose {
 /// Bolles 1981): three landmarks with equal distances in both clouds, or with a free scale equal
 /// proportions, give a pose, which is re-estimated from all agreeing matches.
 ///
+/// @param tolerance largest difference between distances of landmarks, in the target's unit; positive
+/// @param scale     bounds of the source's scale, which is then estimated; std::nullopt: it is 1
 /// @return distinct poses, most agreeing matches first; each with at least four
 std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, Random random,
-                                             const DescriptorPoseOptions& options);
+                                             double tolerance,
+                                             const std::optional<ScaleRange>& scale = {});
 
 }  // namespace cairn::detail

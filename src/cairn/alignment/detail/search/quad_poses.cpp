@@ -244,23 +244,24 @@ struct Match {
 
 class QuadFinder {
  public:
-  QuadFinder(const PreparedCloud& source, const PreparedCloud& target, const QuadOptions& options)
-      : options_(options),
-        source_(source, PreparedCloud::kSample, options.execution.executor),
-        target_(target, kMostCentres, options.execution.executor),
-        index_(target_, options.execution.executor) {}
+  QuadFinder(const PreparedCloud& source, const PreparedCloud& target, const ScaleRange& scales,
+             double fine, const Execution& execution)
+      : scales_(scales),
+        fine_(fine),
+        execution_(execution),
+        source_(source, PreparedCloud::kSample, execution.executor),
+        target_(target, kMostCentres, execution.executor),
+        index_(target_, execution.executor) {}
 
   std::vector<QuadPose> run() const {
     if (std::min(source_.size, target_.size) <= kQuadGlance + 4) return {};
     std::vector<Match> alike = matches();
     constexpr std::size_t kBlock = 64;
     std::vector<std::vector<QuadPose>> parts((alike.size() + kBlock - 1) / kBlock);
-    options_.execution.executor.for_blocks(alike.size(), kBlock,
-                                           [&](std::size_t begin, std::size_t end) {
-                                             if (options_.execution.stop.stop_requested()) return;
-                                             for (std::size_t i = begin; i < end; ++i)
-                                               test(alike[i], parts[begin / kBlock]);
-                                           });
+    execution_.executor.for_blocks(alike.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+      if (execution_.stop.stop_requested()) return;
+      for (std::size_t i = begin; i < end; ++i) test(alike[i], parts[begin / kBlock]);
+    });
     std::vector<QuadPose> found;
     for (const auto& part : parts) found.insert(found.end(), part.begin(), part.end());
     std::stable_sort(found.begin(), found.end(),
@@ -277,18 +278,17 @@ class QuadFinder {
                 [&](const Quad& quad, const Shape& shape) { wanted.emplace_back(quad, shape); });
     }
     std::vector<Match> all(wanted.size());
-    options_.execution.executor.for_blocks(
-        wanted.size(), 512, [&](std::size_t begin, std::size_t end) {
-          if (options_.execution.stop.stop_requested()) return;
-          for (std::size_t i = begin; i < end; ++i) {
-            all[i].source = wanted[i].first;
-            all[i].target = index_.nearest(wanted[i].second, all[i].difference);
-          }
-        });
+    execution_.executor.for_blocks(wanted.size(), 512, [&](std::size_t begin, std::size_t end) {
+      if (execution_.stop.stop_requested()) return;
+      for (std::size_t i = begin; i < end; ++i) {
+        all[i].source = wanted[i].first;
+        all[i].target = index_.nearest(wanted[i].second, all[i].difference);
+      }
+    });
     std::erase_if(all, [&](const Match& match) {
       if (match.target == nullptr) return true;
       const double scale = static_cast<double>(match.target->length / match.source.length);
-      return scale < options_.least_scale || scale > options_.most_scale;
+      return scale < scales_.least || scale > scales_.most;
     });
     std::stable_sort(all.begin(), all.end(),
                      [](const Match& a, const Match& b) { return a.difference < b.difference; });
@@ -301,7 +301,7 @@ class QuadFinder {
                                      std::span<const Vector3d> to) const {
     const Eigen::Matrix4d matrix = least_squares_similarity(from, to, true);
     const double scale = std::cbrt(matrix.topLeftCorner<3, 3>().determinant());
-    if (!(scale >= options_.least_scale && scale <= options_.most_scale)) return std::nullopt;
+    if (!(scale >= scales_.least && scale <= scales_.most)) return std::nullopt;
     return Similarity3::from_matrix(matrix);
   }
 
@@ -376,17 +376,18 @@ class QuadFinder {
     std::vector<QuadPose> kept;
     const PoseDistance distance = PoseDistance::of(source_.points);
     for (const QuadPose& pose : found) {
-      if (kept.size() == options_.poses) break;
+      if (kept.size() == kMostQuadPoses) break;
       const bool known = std::any_of(kept.begin(), kept.end(), [&](const QuadPose& other) {
-        return distance(pose.target_from_source, other.target_from_source) <
-               kSameQuadPose * options_.fine;
+        return distance(pose.target_from_source, other.target_from_source) < kSameQuadPose * fine_;
       });
       if (!known) kept.push_back(pose);
     }
     return kept;
   }
 
-  const QuadOptions& options_;
+  const ScaleRange& scales_;
+  double fine_;
+  const Execution& execution_;
   Surroundings source_;
   Surroundings target_;
   QuadIndex index_;
@@ -395,8 +396,9 @@ class QuadFinder {
 }  // namespace
 
 std::vector<QuadPose> quad_poses(const PreparedCloud& source, const PreparedCloud& target,
-                                 const QuadOptions& options) {
-  return QuadFinder(source, target, options).run();
+                                 const ScaleRange& scales, double fine,
+                                 const Execution& execution) {
+  return QuadFinder(source, target, scales, fine, execution).run();
 }
 
 }  // namespace cairn::detail

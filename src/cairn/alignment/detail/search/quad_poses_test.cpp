@@ -46,11 +46,12 @@ struct Found {
   std::vector<double> off;  // of each pose from the truth, in the target's unit
 };
 
-Found poses_of(const ScaledGround& ground, QuadOptions options = {}) {
-  options.fine = 0.16;
+Found poses_of(const ScaledGround& ground, const ScaleRange& scales = {},
+               const Execution& execution = {}) {
+  constexpr double kFine = 0.16;
   const PreparedCloud source(ground.source, 1);
   const PreparedCloud target(ground.target, 2);
-  Found found{quad_poses(source, target, options), {}};
+  Found found{quad_poses(source, target, scales, kFine, execution), {}};
   const PoseDistance distance = PoseDistance::of(ground.source.positions);
   for (const QuadPose& one : found.poses) {
     found.off.push_back(
@@ -61,7 +62,7 @@ Found poses_of(const ScaledGround& ground, QuadOptions options = {}) {
 
 TEST(QuadPoses, FindThePoseAndTheScaleOfMapsThatShareAThird) {
   for (const double scale : {0.001, 0.4, 1.0, 2.7, 300.0}) {
-    const Found found = poses_of(ScaledGround(1, scale), {.least_scale = 1e-4, .most_scale = 1e4});
+    const Found found = poses_of(ScaledGround(1, scale), {1e-4, 1e4});
     ASSERT_FALSE(found.poses.empty()) << scale;
     EXPECT_LT(found.off.front(), 0.1) << scale;
     EXPECT_NEAR(found.poses.front().target_from_source.scale() / scale, 1.0, 0.02);
@@ -72,7 +73,7 @@ TEST(QuadPoses, MostEvidenceFirstAndEachPoseOnce) {
   const ScaledGround ground(2);
   const Found found = poses_of(ground);
   const PoseDistance distance = PoseDistance::of(ground.source.positions);
-  EXPECT_LE(found.poses.size(), QuadOptions{}.poses);
+  EXPECT_LE(found.poses.size(), kMostQuadPoses);
   for (std::size_t i = 1; i < found.poses.size(); ++i) {
     EXPECT_GE(found.poses[i - 1].evidence, found.poses[i].evidence);
     for (std::size_t j = 0; j < i; ++j) {
@@ -83,7 +84,7 @@ TEST(QuadPoses, MostEvidenceFirstAndEachPoseOnce) {
 }
 
 TEST(QuadPoses, KeepToTheRangeOfScales) {
-  const Found found = poses_of(ScaledGround(1), {.least_scale = 0.5, .most_scale = 2.0});
+  const Found found = poses_of(ScaledGround(1), {0.5, 2.0});
   for (const double off : found.off) EXPECT_GT(off, 0.5);
 }
 
@@ -98,7 +99,7 @@ TEST(QuadPoses, AMirrorImageHasLittleEvidence) {
 TEST(QuadPoses, SameWithAnyNumberOfThreads) {
   const ScaledGround ground(2);
   const Found one = poses_of(ground);
-  const Found many = poses_of(ground, {.execution = {.executor = Executor(0)}});
+  const Found many = poses_of(ground, {}, {.executor = Executor(0)});
   ASSERT_EQ(one.poses.size(), many.poses.size());
   for (std::size_t i = 0; i < one.poses.size(); ++i) {
     EXPECT_EQ(one.poses[i].target_from_source.matrix(), many.poses[i].target_from_source.matrix());
@@ -121,7 +122,7 @@ TEST(QuadPoses, ThereAreNoneWhereNothingCanTell) {
 TEST(QuadPoses, StopWhenAsked) {
   std::stop_source source;
   source.request_stop();
-  EXPECT_TRUE(poses_of(ScaledGround(1), {.execution = {.stop = source.get_token()}}).poses.empty());
+  EXPECT_TRUE(poses_of(ScaledGround(1), {}, {.stop = source.get_token()}).poses.empty());
 }
 
 }  // namespace

@@ -128,36 +128,39 @@ class Search {
  public:
   Search(std::span<const Eigen::Vector3d> source, std::span<const double> source_weights,
          std::span<const Eigen::Vector3d> target, std::span<const double> target_weights,
-         const std::function<bool(const Rigid3&)>& accept, const SearchOptions& options)
+         const std::function<bool(const Rigid3&)>& accept, const KernelScales& kernel,
+         std::size_t candidates, const Execution& execution)
       : source_(in_single_precision(source)),
         target_(in_single_precision(target)),
         source_weights_(source_weights),
         target_weights_(target_weights),
         accept_(accept),
-        options_(options),
+        kernel_(kernel),
+        candidates_(candidates),
+        execution_(execution),
         distance_(PoseDistance::of(source)) {}
 
   std::vector<SearchCandidate> run(std::span<const Eigen::Quaterniond> rotations) const {
-    double scale = options_.coarse;
+    double scale = kernel_.coarse;
     std::vector<SearchCandidate> poses = scout(rotations, field(scale));
     double done = 1.0;
     for (const Round& round : kRounds) {
-      if (options_.execution.progress) options_.execution.progress(done++ / (kRounds.size() + 1.0));
+      if (execution_.progress) execution_.progress(done++ / (kRounds.size() + 1.0));
       keep_best(poses, round.entrants);
       const double start = scale;
-      scale = options_.coarse * std::pow(options_.fine / options_.coarse, round.scale);
+      scale = kernel_.coarse * std::pow(kernel_.fine / kernel_.coarse, round.scale);
       std::vector<SearchCandidate> refined = poses;
       refine(refined, start, scale, round, field(scale));
       // Scores of different scales are not comparable.
-      if (options_.execution.stop.stop_requested()) break;
+      if (execution_.stop.stop_requested()) break;
       poses = std::move(refined);
       // Keeps one of the poses that approach the same optimum.
       poses = distinct(std::move(poses), 0.5 * scale);
     }
     std::erase_if(poses,
                   [&](const SearchCandidate& pose) { return !accept_(pose.target_from_source); });
-    poses = distinct(std::move(poses), 0.35 * options_.fine);
-    keep_best(poses, options_.candidates);
+    poses = distinct(std::move(poses), 0.35 * kernel_.fine);
+    keep_best(poses, candidates_);
     return poses;
   }
 
@@ -175,37 +178,36 @@ class Search {
     const std::size_t count = std::min(kScoutPoints, source_.size());
     constexpr double kNotTried = -1.0;
     std::vector<SearchCandidate> poses(rotations.size(), {Rigid3(), kNotTried});
-    options_.execution.executor.for_blocks(
-        rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
-          // The first block always runs, so that there are poses to continue with.
-          if (begin > 0 && options_.execution.stop.stop_requested()) return;
-          PointsF rotated(count);
-          for (std::size_t i = begin; i < end; ++i) {
-            const Eigen::Matrix3f rotation = rotations[i].toRotationMatrix().cast<float>();
-            for (std::size_t j = 0; j < count; ++j) rotated[j] = rotation * source_[j];
-            float best = -1.0F;
-            Eigen::Vector3f best_translation = Eigen::Vector3f::Zero();
-            for (const Eigen::Vector3f& a : from) {
-              const Eigen::Vector3f moved = rotation * a;
-              for (const Eigen::Vector3f& b : to) {
-                const Eigen::Vector3f translation = b - moved;
-                const float value = score(rotated, translation, field);
-                if (value > best) {
-                  best = value;
-                  best_translation = translation;
-                }
-              }
+    execution_.executor.for_blocks(rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
+      // The first block always runs, so that there are poses to continue with.
+      if (begin > 0 && execution_.stop.stop_requested()) return;
+      PointsF rotated(count);
+      for (std::size_t i = begin; i < end; ++i) {
+        const Eigen::Matrix3f rotation = rotations[i].toRotationMatrix().cast<float>();
+        for (std::size_t j = 0; j < count; ++j) rotated[j] = rotation * source_[j];
+        float best = -1.0F;
+        Eigen::Vector3f best_translation = Eigen::Vector3f::Zero();
+        for (const Eigen::Vector3f& a : from) {
+          const Eigen::Vector3f moved = rotation * a;
+          for (const Eigen::Vector3f& b : to) {
+            const Eigen::Vector3f translation = b - moved;
+            const float value = score(rotated, translation, field);
+            if (value > best) {
+              best = value;
+              best_translation = translation;
             }
-            poses[i] = {Rigid3(rotations[i], best_translation.cast<double>()), best};
           }
-        });
+        }
+        poses[i] = {Rigid3(rotations[i], best_translation.cast<double>()), best};
+      }
+    });
     std::erase_if(poses, [](const SearchCandidate& pose) { return pose.score == kNotTried; });
     return poses;
   }
 
   float score(const PointsF& rotated, const Eigen::Vector3f& translation,
               const NearestField& field) const {
-    const auto per_square = static_cast<float>(1.0 / (options_.coarse * options_.coarse));
+    const auto per_square = static_cast<float>(1.0 / (kernel_.coarse * kernel_.coarse));
     float sum = 0.0F;
     for (std::size_t i = 0; i < rotated.size(); ++i) {
       const Eigen::Vector3f moved = rotated[i] + translation;
@@ -226,16 +228,15 @@ class Search {
   void refine(std::vector<SearchCandidate>& poses, double start, double end, const Round& round,
               const NearestField& field) const {
     const std::size_t count = std::min(round.points, source_.size());
-    options_.execution.executor.for_blocks(
-        poses.size(), 16, [&](std::size_t begin, std::size_t stop) {
-          for (std::size_t i = begin; i < stop; ++i) {
-            if (options_.execution.stop.stop_requested()) return;
-            for (int k = 1; k <= round.iterations; ++k) {
-              const double share = static_cast<double>(k) / round.iterations;
-              step(poses[i], start * std::pow(end / start, share), count, field);
-            }
-          }
-        });
+    execution_.executor.for_blocks(poses.size(), 16, [&](std::size_t begin, std::size_t stop) {
+      for (std::size_t i = begin; i < stop; ++i) {
+        if (execution_.stop.stop_requested()) return;
+        for (int k = 1; k <= round.iterations; ++k) {
+          const double share = static_cast<double>(k) / round.iterations;
+          step(poses[i], start * std::pow(end / start, share), count, field);
+        }
+      }
+    });
   }
 
   // One step of least squares; the score is that before it.
@@ -293,7 +294,9 @@ class Search {
   std::span<const double> source_weights_;
   std::span<const double> target_weights_;
   const std::function<bool(const Rigid3&)>& accept_;
-  const SearchOptions& options_;
+  const KernelScales& kernel_;
+  std::size_t candidates_;
+  const Execution& execution_;
   PoseDistance distance_;
 };
 
@@ -331,15 +334,15 @@ std::vector<Eigen::Quaterniond> rotations_about(const Eigen::Vector3d& from,
   return rotations;
 }
 
-std::vector<SearchCandidate> search_poses(std::span<const Eigen::Vector3d> source,
-                                          std::span<const double> source_weights,
-                                          std::span<const Eigen::Vector3d> target,
-                                          std::span<const double> target_weights,
-                                          std::span<const Eigen::Quaterniond> rotations,
-                                          const std::function<bool(const Rigid3&)>& accept,
-                                          const SearchOptions& options) {
+std::vector<SearchCandidate> search_poses(
+    std::span<const Eigen::Vector3d> source, std::span<const double> source_weights,
+    std::span<const Eigen::Vector3d> target, std::span<const double> target_weights,
+    std::span<const Eigen::Quaterniond> rotations, const std::function<bool(const Rigid3&)>& accept,
+    const KernelScales& kernel, std::size_t candidates, const Execution& execution) {
   if (source.empty() || target.empty()) return {};
-  return Search(source, source_weights, target, target_weights, accept, options).run(rotations);
+  return Search(source, source_weights, target, target_weights, accept, kernel, candidates,
+                execution)
+      .run(rotations);
 }
 
 }  // namespace cairn::detail

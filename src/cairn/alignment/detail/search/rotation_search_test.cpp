@@ -50,13 +50,13 @@ std::vector<Eigen::Quaterniond> rotations_near(const Rigid3& truth, double degre
   return rotations;
 }
 
+constexpr KernelScales kKernel = {.coarse = 0.5, .fine = 0.03};
 const auto kAcceptAll = [](const Rigid3&) { return true; };
 
 TEST(SearchPoses, FindsThePoseFromARotationNearIt) {
   const Clouds pair = clouds(1, 900);
-  const auto found =
-      search_poses(pair.source, pair.weights, pair.target, pair.weights,
-                   rotations_near(pair.truth, 12.0), kAcceptAll, {.coarse = 0.5, .fine = 0.03});
+  const auto found = search_poses(pair.source, pair.weights, pair.target, pair.weights,
+                                  rotations_near(pair.truth, 12.0), kAcceptAll, kKernel, 128);
   ASSERT_FALSE(found.empty());
   const auto off = found.front().target_from_source.difference_to(pair.truth);
   EXPECT_LT(off.head<3>().norm(), 0.01);
@@ -67,8 +67,7 @@ TEST(SearchPoses, FindsThePoseFromARotationNearIt) {
 TEST(SearchPoses, AreDistinctAndBestFirst) {
   const Clouds pair = clouds(2, 600);
   const auto found = search_poses(pair.source, pair.weights, pair.target, pair.weights,
-                                  rotations_near(pair.truth, 5.0), kAcceptAll,
-                                  {.coarse = 0.5, .fine = 0.03, .candidates = 16});
+                                  rotations_near(pair.truth, 5.0), kAcceptAll, kKernel, 16);
   ASSERT_GT(found.size(), 1U);
   EXPECT_LE(found.size(), 16U);
   for (std::size_t i = 1; i < found.size(); ++i) {
@@ -85,9 +84,8 @@ TEST(SearchPoses, GivesNoPoseThatIsNotAccepted) {
   const auto far_from_truth = [&](const Rigid3& pose) {
     return pose.difference_to(pair.truth).norm() > 0.5;
   };
-  const auto found =
-      search_poses(pair.source, pair.weights, pair.target, pair.weights,
-                   rotations_near(pair.truth, 5.0), far_from_truth, {.coarse = 0.5, .fine = 0.03});
+  const auto found = search_poses(pair.source, pair.weights, pair.target, pair.weights,
+                                  rotations_near(pair.truth, 5.0), far_from_truth, kKernel, 128);
   for (const SearchCandidate& candidate : found) {
     EXPECT_TRUE(far_from_truth(candidate.target_from_source));
   }
@@ -96,10 +94,9 @@ TEST(SearchPoses, GivesNoPoseThatIsNotAccepted) {
 TEST(SearchPoses, IsTheSameWithAnyNumberOfThreads) {
   const Clouds pair = clouds(4, 700);
   const auto with_threads = [&](unsigned threads) {
-    SearchOptions options{.coarse = 0.5, .fine = 0.03};
-    options.execution.executor = Executor(threads);
     return search_poses(pair.source, pair.weights, pair.target, pair.weights,
-                        rotations_near(pair.truth, 9.0), kAcceptAll, options);
+                        rotations_near(pair.truth, 9.0), kAcceptAll, kKernel, 128,
+                        {.executor = Executor(threads)});
   };
   const auto one = with_threads(1);
   const auto two = with_threads(2);

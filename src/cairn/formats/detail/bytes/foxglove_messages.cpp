@@ -172,31 +172,8 @@ ProtobufMessage text_message(const SceneText& text) {
       .text(6, text.text);
 }
 
-// NumericType; 0 for a type that it lacks.
-std::uint32_t numeric_type(ScalarType type) {
-  switch (type) {
-    case ScalarType::kUint8:
-      return 1;
-    case ScalarType::kInt8:
-      return 2;
-    case ScalarType::kUint16:
-      return 3;
-    case ScalarType::kInt16:
-      return 4;
-    case ScalarType::kUint32:
-      return 5;
-    case ScalarType::kInt32:
-      return 6;
-    case ScalarType::kFloat32:
-      return 7;
-    case ScalarType::kFloat64:
-      return 8;
-    case ScalarType::kInt64:
-    case ScalarType::kUint64:
-      break;
-  }
-  return 0;
-}
+// NumericType of each ScalarType; 0 for a type that it lacks.
+constexpr std::array<std::uint32_t, kScalars.size()> kNumericTypes = {2, 1, 4, 3, 6, 5, 0, 0, 7, 8};
 
 }  // namespace
 
@@ -224,7 +201,7 @@ std::string point_cloud_message(std::uint64_t time_ns, std::string_view frame,
     places.message(5, ProtobufMessage()
                           .text(1, field.name)
                           .fixed32(2, static_cast<std::uint32_t>(stride))
-                          .whole(3, numeric_type(field.type)));
+                          .whole(3, kNumericTypes[static_cast<std::size_t>(field.type)]));
     stride += size_of(field.type);
   }
   message.fixed32(4, static_cast<std::uint32_t>(stride));

@@ -11,6 +11,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/version_number.hpp"
+#include "cairn/formats/detail/bytes/scalars.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -33,21 +34,14 @@ enum Opcode : std::uint8_t {
   kDataEnd = 0x0F,
 };
 
-template <class Number>
-void append_little_endian(std::string& out, Number value) {
-  for (std::size_t i = 0; i < sizeof value; ++i) {
-    out += static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * i));
-  }
-}
-
 void append_text(std::string& out, std::string_view text) {
-  append_little_endian(out, static_cast<std::uint32_t>(text.size()));
+  append_scalar(out, static_cast<std::uint32_t>(text.size()));
   out += text;
 }
 
 void append_record(std::string& out, Opcode opcode, std::string_view content) {
-  append_little_endian(out, opcode);
-  append_little_endian(out, std::uint64_t{content.size()});
+  append_scalar(out, opcode);
+  append_scalar(out, std::uint64_t{content.size()});
   out += content;
 }
 
@@ -81,7 +75,7 @@ McapWriter::McapWriter(ByteSink sink) : sink_(std::move(sink)) {
 std::uint16_t McapWriter::add_schema(std::string_view name, std::string_view encoding,
                                      std::string_view data) {
   std::string content;
-  append_little_endian(content, ++schema_count_);
+  append_scalar(content, ++schema_count_);
   append_text(content, name);
   append_text(content, encoding);
   append_text(content, data);
@@ -101,8 +95,8 @@ std::uint16_t McapWriter::add_channel(std::uint16_t schema, std::string_view top
     append_text(words, value);
   }
   std::string content;
-  append_little_endian(content, ++channel_count_);
-  append_little_endian(content, schema);
+  append_scalar(content, ++channel_count_);
+  append_scalar(content, schema);
   append_text(content, topic);
   append_text(content, message_encoding);
   append_text(content, words);
@@ -118,12 +112,12 @@ void McapWriter::add_message(std::uint16_t channel, std::uint64_t time_ns, std::
   }
   chunk_index_[channel].push_back({time_ns, chunk_.size()});
   std::string head;
-  append_little_endian(head, channel);
-  append_little_endian(head, static_cast<std::uint32_t>(message_counts_[channel]++));
-  append_little_endian(head, time_ns);
-  append_little_endian(head, time_ns);
-  append_little_endian(chunk_, kMessage);
-  append_little_endian(chunk_, std::uint64_t{head.size() + data.size()});
+  append_scalar(head, channel);
+  append_scalar(head, static_cast<std::uint32_t>(message_counts_[channel]++));
+  append_scalar(head, time_ns);
+  append_scalar(head, time_ns);
+  append_scalar(chunk_, kMessage);
+  append_scalar(chunk_, std::uint64_t{head.size() + data.size()});
   chunk_ += head;
   chunk_ += data;
   ++message_count_;
@@ -135,22 +129,22 @@ void McapWriter::add_message(std::uint16_t channel, std::uint64_t time_ns, std::
 void McapWriter::finish() {
   end_chunk();
   std::string content;
-  append_little_endian(content, crc_);
+  append_scalar(content, crc_);
   put(record(kDataEnd, content));
 
   std::string statistics;
-  append_little_endian(statistics, message_count_);
-  append_little_endian(statistics, schema_count_);
-  append_little_endian(statistics, std::uint32_t{channel_count_});
-  append_little_endian(statistics, std::uint32_t{0});  // attachments
-  append_little_endian(statistics, std::uint32_t{0});  // metadata records
-  append_little_endian(statistics, chunk_count_);
-  append_little_endian(statistics, times_.first_ns);
-  append_little_endian(statistics, times_.last_ns);
+  append_scalar(statistics, message_count_);
+  append_scalar(statistics, schema_count_);
+  append_scalar(statistics, std::uint32_t{channel_count_});
+  append_scalar(statistics, std::uint32_t{0});  // attachments
+  append_scalar(statistics, std::uint32_t{0});  // metadata records
+  append_scalar(statistics, chunk_count_);
+  append_scalar(statistics, times_.first_ns);
+  append_scalar(statistics, times_.last_ns);
   std::string counts;
   for (const auto& [channel, count] : message_counts_) {
-    append_little_endian(counts, channel);
-    append_little_endian(counts, count);
+    append_scalar(counts, channel);
+    append_scalar(counts, count);
   }
   append_text(statistics, counts);
 
@@ -165,9 +159,9 @@ void McapWriter::finish() {
            {kChunkIndex, chunk_indexes_}}) {
     if (records.empty()) continue;
     std::string place;
-    append_little_endian(place, opcode);
-    append_little_endian(place, summary_start + summary.size());
-    append_little_endian(place, std::uint64_t{records.size()});
+    append_scalar(place, opcode);
+    append_scalar(place, summary_start + summary.size());
+    append_scalar(place, std::uint64_t{records.size()});
     append_record(offsets, kSummaryOffset, place);
     summary += records;
   }
@@ -175,11 +169,11 @@ void McapWriter::finish() {
   summary += offsets;
   // The footer's checksum is of the summary and of the footer itself up to the checksum.
   constexpr std::uint64_t kFooterBytes = 8 + 8 + 4;
-  append_little_endian(summary, kFooter);
-  append_little_endian(summary, kFooterBytes);
-  append_little_endian(summary, summary_start);
-  append_little_endian(summary, offsets_start);
-  append_little_endian(summary, crc_of(summary));
+  append_scalar(summary, kFooter);
+  append_scalar(summary, kFooterBytes);
+  append_scalar(summary, summary_start);
+  append_scalar(summary, offsets_start);
+  append_scalar(summary, crc_of(summary));
   put(summary);
   put(kMcapMagic);
 }
@@ -195,15 +189,15 @@ void McapWriter::end_chunk() {
   const std::uint64_t start = position_;
   const std::uint64_t size = chunk_.size();
   std::string head;
-  append_little_endian(head, chunk_times_.first_ns);
-  append_little_endian(head, chunk_times_.last_ns);
-  append_little_endian(head, size);
-  append_little_endian(head, crc_of(chunk_));
+  append_scalar(head, chunk_times_.first_ns);
+  append_scalar(head, chunk_times_.last_ns);
+  append_scalar(head, size);
+  append_scalar(head, crc_of(chunk_));
   append_text(head, "");  // not compressed
-  append_little_endian(head, size);
+  append_scalar(head, size);
   std::string begin;
-  append_little_endian(begin, kChunk);
-  append_little_endian(begin, head.size() + size);
+  append_scalar(begin, kChunk);
+  append_scalar(begin, head.size() + size);
   put(begin + head);
   put(chunk_);
   const std::uint64_t length = position_ - start;
@@ -211,29 +205,29 @@ void McapWriter::end_chunk() {
   std::string places;  // of the message indexes
   const std::uint64_t indexes_start = position_;
   for (const auto& [channel, messages] : chunk_index_) {
-    append_little_endian(places, channel);
-    append_little_endian(places, position_);
+    append_scalar(places, channel);
+    append_scalar(places, position_);
     std::string entries;
     for (const MessagePlace& message : messages) {
-      append_little_endian(entries, message.time_ns);
-      append_little_endian(entries, message.offset);
+      append_scalar(entries, message.time_ns);
+      append_scalar(entries, message.offset);
     }
     std::string content;
-    append_little_endian(content, channel);
+    append_scalar(content, channel);
     append_text(content, entries);
     put(record(kMessageIndex, content));
   }
 
   std::string content;
-  append_little_endian(content, chunk_times_.first_ns);
-  append_little_endian(content, chunk_times_.last_ns);
-  append_little_endian(content, start);
-  append_little_endian(content, length);
+  append_scalar(content, chunk_times_.first_ns);
+  append_scalar(content, chunk_times_.last_ns);
+  append_scalar(content, start);
+  append_scalar(content, length);
   append_text(content, places);
-  append_little_endian(content, position_ - indexes_start);
+  append_scalar(content, position_ - indexes_start);
   append_text(content, "");
-  append_little_endian(content, size);
-  append_little_endian(content, size);
+  append_scalar(content, size);
+  append_scalar(content, size);
   append_record(chunk_indexes_, kChunkIndex, content);
 
   ++chunk_count_;

@@ -3,18 +3,22 @@
 
 #include <bit>
 #include <cmath>
-#include <limits>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 
 namespace cairn::detail {
-namespace {
-
-constexpr std::uint64_t kMostWhole = std::numeric_limits<std::int64_t>::max();
-
-}  // namespace
+MsgpackReader::Head MsgpackReader::sized(Kind kind, std::uint64_t size, std::string_view field) {
+  // Each value takes a byte at least, each pair two.
+  const std::uint64_t least = kind == Kind::kMap ? 2 : 1;
+  if (const auto left = in_.bytes_left(); left && size > *left / least) {
+    in_.refuse(field, fmt::format("states a size of {}, but {} bytes are left", size, *left),
+               "no more than there are");
+  }
+  return {kind, size};
+}
 
 MsgpackReader::Head MsgpackReader::next(std::string_view field) {
   const std::uint8_t head = in_.u8(field);
@@ -23,82 +27,41 @@ MsgpackReader::Head MsgpackReader::next(std::string_view field) {
     for (int i = 0; i < bytes; ++i) value = value << 8 | in_.u8(field);
     return value;
   };
-  const auto sized = [&](Kind kind, std::uint64_t size) {
-    // Each value takes a byte at least, each pair two.
-    const std::uint64_t least = kind == Kind::kMap ? 2 : 1;
-    if (const auto left = in_.bytes_left(); left && size > *left / least) {
-      in_.refuse(field, fmt::format("states a size of {}, but {} bytes are left", size, *left),
-                 "no more than there are");
-    }
-    return Head{kind, size};
+  const auto is_in = [&](unsigned first, unsigned last) { return head >= first && head <= last; };
+  // Of the heads of a kind, each states twice as many bytes as the one before.
+  const auto after = [&](unsigned head_of_one_byte) {
+    return big_endian(1 << (head - head_of_one_byte));
   };
   const auto whole = [](std::int64_t value) {
     return Head{Kind::kWhole, 0, static_cast<double>(value), value};
   };
-  const auto natural = [&](std::uint64_t value) {
-    if (value > kMostWhole) {
-      in_.refuse(field, fmt::format("{} is too large", value), "a number of 63 bits");
-    }
-    return whole(static_cast<std::int64_t>(value));
-  };
-  const auto number = [](double value) { return Head{Kind::kNumber, 0, value}; };
-  if (head < 0x80) return whole(head);
-  if (head < 0x90) return sized(Kind::kMap, head & 0x0fU);
-  if (head < 0xa0) return sized(Kind::kArray, head & 0x0fU);
-  if (head < 0xc0) return sized(Kind::kText, head & 0x1fU);
-  if (head >= 0xe0) return whole(static_cast<std::int8_t>(head));
-  // Of four heads in a row, each states twice as many bytes as the one before.
-  const int bytes_of_four = 1 << (head & 3U);
-  switch (head) {
-    case 0xc0:
-      return {};
-    case 0xc2:
-    case 0xc3:
-      return {Kind::kBool};
-    case 0xc4:
-    case 0xc5:
-    case 0xc6:
-      return sized(Kind::kBytes, big_endian(bytes_of_four));
-    case 0xc7:
-    case 0xc8:
-    case 0xc9:  // extensions: a type before the bytes
-      return sized(Kind::kBytes, big_endian(1 << (head - 0xc7U)) + 1);
-    case 0xca:
-      return number(std::bit_cast<float>(static_cast<std::uint32_t>(big_endian(4))));
-    case 0xcb:
-      return number(std::bit_cast<double>(big_endian(8)));
-    case 0xcc:
-    case 0xcd:
-    case 0xce:
-    case 0xcf:
-      return natural(big_endian(bytes_of_four));
-    case 0xd0:
-      return whole(static_cast<std::int8_t>(big_endian(1)));
-    case 0xd1:
-      return whole(static_cast<std::int16_t>(big_endian(2)));
-    case 0xd2:
-      return whole(static_cast<std::int32_t>(big_endian(4)));
-    case 0xd3:
-      return whole(static_cast<std::int64_t>(big_endian(8)));
-    case 0xd4:
-    case 0xd5:
-    case 0xd6:
-    case 0xd7:
-    case 0xd8:  // extensions of 1, 2, 4, 8, 16 bytes
-      return sized(Kind::kBytes, (std::uint64_t{1} << (head - 0xd4U)) + 1);
-    case 0xd9:
-    case 0xda:
-    case 0xdb:
-      return sized(Kind::kText, big_endian(1 << (head - 0xd9U)));
-    case 0xdc:
-    case 0xdd:
-      return sized(Kind::kArray, big_endian(2 << (head - 0xdcU)));
-    case 0xde:
-    case 0xdf:
-      return sized(Kind::kMap, big_endian(2 << (head - 0xdeU)));
-    default:
-      in_.refuse(field, fmt::format("byte {:#04x} begins no value", head), "MessagePack");
+  if (is_in(0x00, 0x7f) || is_in(0xe0, 0xff)) return whole(static_cast<std::int8_t>(head));
+  if (is_in(0x80, 0x8f)) return sized(Kind::kMap, head & 0x0fU, field);
+  if (is_in(0x90, 0x9f)) return sized(Kind::kArray, head & 0x0fU, field);
+  if (is_in(0xa0, 0xbf)) return sized(Kind::kText, head & 0x1fU, field);
+  if (head == 0xc0) return {};
+  if (is_in(0xc2, 0xc3)) return {Kind::kBool};
+  if (is_in(0xc4, 0xc6)) return sized(Kind::kBytes, after(0xc4), field);
+  // Extensions have their type before their bytes.
+  if (is_in(0xc7, 0xc9)) return sized(Kind::kBytes, after(0xc7) + 1, field);
+  if (is_in(0xd4, 0xd8)) return sized(Kind::kBytes, (1U << (head - 0xd4U)) + 1, field);
+  if (head == 0xca) {
+    return {Kind::kNumber, 0, std::bit_cast<float>(static_cast<std::uint32_t>(big_endian(4)))};
   }
+  if (head == 0xcb) return {Kind::kNumber, 0, std::bit_cast<double>(big_endian(8))};
+  if (is_in(0xcc, 0xcf)) {
+    const std::uint64_t value = after(0xcc);
+    if (std::in_range<std::int64_t>(value)) return whole(static_cast<std::int64_t>(value));
+    in_.refuse(field, fmt::format("{} is too large", value), "a number of 63 bits");
+  }
+  if (is_in(0xd0, 0xd3)) {
+    const int unused = 64 - (8 << (head - 0xd0));
+    return whole(static_cast<std::int64_t>(after(0xd0) << unused) >> unused);
+  }
+  if (is_in(0xd9, 0xdb)) return sized(Kind::kText, after(0xd9), field);
+  if (is_in(0xdc, 0xdd)) return sized(Kind::kArray, after(0xdb), field);
+  if (is_in(0xde, 0xdf)) return sized(Kind::kMap, after(0xdd), field);
+  in_.refuse(field, fmt::format("byte {:#04x} begins no value", head), "MessagePack");
 }
 
 std::uint64_t MsgpackReader::begin_map(std::string_view field) {

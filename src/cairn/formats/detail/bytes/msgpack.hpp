@@ -45,6 +45,7 @@ class MsgpackReader {
     double number = 0.0;
     std::int64_t whole = 0;
   };
+  Head sized(Kind kind, std::uint64_t size, std::string_view field);
   // Reads a value without the content of texts, bytes, arrays and maps.
   Head next(std::string_view field);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/formats/detail/bytes/protobuf.hpp"
 
-#include <bit>
+#include "cairn/formats/detail/bytes/scalars.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -23,7 +23,7 @@ ProtobufMessage& ProtobufMessage::whole(std::uint32_t field, std::uint64_t value
 
 ProtobufMessage& ProtobufMessage::fixed32(std::uint32_t field, std::uint32_t value) {
   varint(tag(field, kFourBytes));
-  little_endian(value, 4);
+  append_scalar(bytes_, value);
   return *this;
 }
 
@@ -31,13 +31,13 @@ ProtobufMessage& ProtobufMessage::fixed32s(std::uint32_t field,
                                            std::span<const std::uint32_t> values) {
   varint(tag(field, kSized));
   varint(4 * values.size());
-  for (const std::uint32_t value : values) little_endian(value, 4);
+  for (const std::uint32_t value : values) append_scalar(bytes_, value);
   return *this;
 }
 
 ProtobufMessage& ProtobufMessage::real(std::uint32_t field, double value) {
   varint(tag(field, kEightBytes));
-  little_endian(std::bit_cast<std::uint64_t>(value), 8);
+  append_scalar(bytes_, value);
   return *this;
 }
 
@@ -52,10 +52,6 @@ ProtobufMessage& ProtobufMessage::bytes(std::uint32_t field, std::string_view va
 void ProtobufMessage::varint(std::uint64_t value) {
   for (; value >= 0x80; value >>= 7U) bytes_ += static_cast<char>(value | 0x80U);
   bytes_ += static_cast<char>(value);
-}
-
-void ProtobufMessage::little_endian(std::uint64_t value, int size) {
-  for (int i = 0; i < size; ++i) bytes_ += static_cast<char>(value >> (8 * i));
 }
 
 }  // namespace cairn::detail

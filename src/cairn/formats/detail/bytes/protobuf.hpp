@@ -28,7 +28,6 @@ class ProtobufMessage {
 
  private:
   void varint(std::uint64_t value);
-  void little_endian(std::uint64_t value, int size);
 
   std::string bytes_;
 };

@@ -83,4 +83,14 @@ sqlite::Database open_foreign_database(const fs::path& path, const MapReadOption
   return database;
 }
 
+std::string column_or_null(sqlite::Database& database, const char* table, const char* column) {
+  const auto columns = database.columns(table);
+  return std::find(columns.begin(), columns.end(), column) != columns.end() ? column : "NULL";
+}
+
+void refuse_database(const sqlite::Database& database, const std::string& where,
+                     std::string_view what, std::string_view expected) {
+  throw Error(ErrorKind::kInput, fmt::format("{}: {}", database.name(), where), what, expected);
+}
+
 }  // namespace cairn::detail

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <initializer_list>
+#include <string>
 #include <string_view>
 
 #include "cairn/formats/map_file.hpp"
@@ -22,5 +23,13 @@ bool is_database_with(const std::filesystem::path& path,
 /// @throws Error (input) naming the file, also if changes are in its write-ahead log or a hot journal
 sqlite::Database open_foreign_database(const std::filesystem::path& path,
                                        const MapReadOptions& options);
+
+/// The name of a column, or "NULL" if the table lacks it, as databases of other versions may.
+std::string column_or_null(sqlite::Database& database, const char* table, const char* column);
+
+/// @param where e.g. the table
+/// @throws Error (input) naming the database
+[[noreturn]] void refuse_database(const sqlite::Database& database, const std::string& where,
+                                  std::string_view what, std::string_view expected);
 
 }  // namespace cairn::detail

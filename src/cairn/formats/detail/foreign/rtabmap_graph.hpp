@@ -74,8 +74,4 @@ std::optional<Rigid3> pose_of_floats(std::span<const std::byte> bytes);
 /// The number if it is finite.
 std::optional<double> finite(std::optional<double> value);
 
-/// @throws Error (input) naming the database
-[[noreturn]] void refuse_database(const sqlite::Database& database, const std::string& where,
-                                  std::string_view what, std::string_view expected);
-
 }  // namespace cairn::detail

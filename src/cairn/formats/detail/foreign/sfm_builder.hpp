@@ -13,8 +13,8 @@
 #include <Eigen/Geometry>
 
 #include "cairn/formats/map_file.hpp"
-#include "cairn/map/distinct_descriptors.hpp"
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/formats/detail/foreign/written_frames.hpp"
 
-#include <algorithm>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -17,6 +16,41 @@ void require_cameras(const LandmarkMap& map, std::string_view image) {
     if (!frames.cameras.empty() && frames.cameras[i]) continue;
     throw Error(ErrorKind::kInput, fmt::format("frame {}", frames.ids[i].value),
                 fmt::format("has no camera, and {} needs one", image), "a camera for every frame");
+  }
+}
+
+const Camera& camera_of(const LandmarkMap& map, FrameIndex frame) {
+  return map.cameras()[map.frames().cameras[frame.value]->value];
+}
+
+void refuse_model(const Camera& camera, std::string_view system) {
+  throw Error(ErrorKind::kInput, fmt::format("camera {}", camera.id.value),
+              fmt::format("is of model {}, which {} does not have", camera.model, system),
+              "another model, e.g. OPENCV");
+}
+
+Color color_of(const LandmarkMap& map, std::uint32_t landmark) {
+  const auto& colors = map.landmarks().colors;
+  return colors.empty() ? Color{} : colors[landmark].value_or(Color{});
+}
+
+FrameObservations::FrameObservations(const LandmarkMap& map)
+    : of_frame(map.frame_count()), landmark_of(map.observation_count()) {
+  const ObservationTable& observations = map.observations();
+  for (std::uint32_t i = 0; i < map.landmark_count() && map.has_observations(); ++i) {
+    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
+      landmark_of[k] = i;
+      of_frame[observations.frames[k].value].push_back(k);
+    }
+  }
+  if (observations.keypoints.empty()) return;
+  for (auto& of_one : of_frame) {
+    const auto key = [&](std::uint64_t k) {
+      const auto keypoint = observations.keypoints[k];
+      return keypoint ? std::uint64_t{*keypoint} : ~std::uint64_t{0};
+    };
+    std::stable_sort(of_one.begin(), of_one.end(),
+                     [&](std::uint64_t a, std::uint64_t b) { return key(a) < key(b); });
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -15,6 +16,33 @@ namespace cairn::detail {
 /// @param image the system's term for a frame, e.g. "a shot of OpenSfM"
 /// @throws Error (input) naming a frame without a camera
 void require_cameras(const LandmarkMap& map, std::string_view image);
+
+/// The camera of a frame that has one.
+const Camera& camera_of(const LandmarkMap& map, FrameIndex frame);
+/// @throws Error (input) naming the camera, whose model the system lacks
+[[noreturn]] void refuse_model(const Camera& camera, std::string_view system);
+/// Black if unknown.
+Color color_of(const LandmarkMap& map, std::uint32_t landmark);
+
+/// Ids as a system has them: the map's if all are at most `most`, otherwise counted from `first`.
+template <class Id>
+std::vector<std::uint64_t> fitting_ids(const std::vector<Id>& ids, std::uint64_t most,
+                                       std::uint64_t first) {
+  std::vector<std::uint64_t> result;
+  result.reserve(ids.size());
+  const bool fit = std::all_of(ids.begin(), ids.end(), [&](Id id) { return id.value <= most; });
+  for (std::size_t i = 0; i < ids.size(); ++i) result.push_back(fit ? ids[i].value : first + i);
+  return result;
+}
+
+/// The observations of each frame, for systems that list the keypoints of an image.
+struct FrameObservations {
+  explicit FrameObservations(const LandmarkMap& map);
+
+  /// By the index of their keypoint; those without one follow in the order of their landmarks.
+  std::vector<std::vector<std::uint64_t>> of_frame;
+  std::vector<std::uint32_t> landmark_of;  ///< of each observation
+};
 
 /// The names of the frames' images; "frame_ID" for one that has none.
 /// @throws Error (input) naming a frame whose image has the name of another's, which programs would take for it

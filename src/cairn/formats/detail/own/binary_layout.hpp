@@ -41,6 +41,24 @@ inline constexpr std::size_t kBinaryBlock = std::size_t{1} << 20;
 
 inline constexpr std::size_t kUpperTriangle = 21;  // numbers of a symmetric matrix of six rows
 
+/// The integers of an optional column.
+template <class Value>
+Value from_integer(std::int64_t integer) {
+  if constexpr (requires { Value{}.value; }) {
+    return Value{static_cast<decltype(Value{}.value)>(integer)};
+  } else {
+    return static_cast<Value>(integer);
+  }
+}
+template <class Value>
+std::int64_t to_integer(Value value) {
+  if constexpr (requires { value.value; }) {
+    return value.value;
+  } else {
+    return static_cast<std::int64_t>(value);
+  }
+}
+
 // What a section has entries for.
 enum class Per { kFile, kFrame, kLandmark, kOffset, kObservation };
 
@@ -94,6 +112,99 @@ constexpr std::size_t index_of(MapColumn column) {
 
 constexpr std::uint64_t aligned(std::uint64_t byte) {
   return (byte + kAlignment - 1) / kAlignment * kAlignment;
+}
+
+/// The parts of a map, of which a LandmarkMap shows constant ones.
+template <class Info, class Cameras, class Frames, class Landmarks, class Observations>
+struct MapParts {
+  Info& info;
+  Cameras& cameras;
+  Frames& frames;
+  Landmarks& landmarks;
+  Observations& observations;
+};
+
+/// Passes the content of every section to a codec, which reads or writes it.
+template <class Codec, class Parts>
+void code_sections(Codec& codec, const Parts& map) {
+  using enum MapColumn;
+  constexpr std::int64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
+  const auto number = [](auto& io, auto& value) { io(value, "number"); };
+  const auto geodetic = [](auto& io, auto& position) {
+    io(position.latitude_deg, "latitude");
+    io(position.longitude_deg, "longitude");
+    io(position.altitude_m, "altitude");
+  };
+  const auto vector = [](auto& io, auto& x) {
+    for (auto& component : x) io(component, "vector");
+  };
+
+  auto& info = map.info;
+  codec.text(kWorldFrame, info.world_frame);
+  codec.entry(kGravity, info.gravity, vector);
+  codec.text(kUuid, info.uuid);
+  codec.entries(kProvenance, info.provenance,
+                [](auto& io, auto& step) { io.filled(step, "a text"); });
+  codec.entry(kGeoReference, info.georeference, [&](auto& io, auto& georeference) {
+    geodetic(io, georeference.origin);
+    io(georeference.scale, "scale");
+    vector(io, georeference.quaternion);
+    vector(io, georeference.translation);
+  });
+  codec.entries(kControlPoints, info.control_points, [&](auto& io, auto& point) {
+    geodetic(io, point);
+    io(point.name, "name");
+    io.list(point.views, "number of images", [&](auto& view) {
+      io(view.pixel.u, "u");
+      io(view.pixel.v, "v");
+      io(view.image_name, "image");
+    });
+  });
+  codec.entries(kCameras, map.cameras, [](auto& io, auto& camera) {
+    io(camera.id.value, "id");
+    io(camera.width, "width");
+    io(camera.height, "height");
+    io(camera.model, "model");
+    io(camera.parameters, "parameters");
+  });
+
+  auto& frames = map.frames;
+  codec.rows(kFrameIds, frames.ids);
+  codec.rows(kTranslations, frames.translations);
+  codec.rows(kQuaternions, frames.quaternions);
+  codec.integers(kFrameCameras, frames.cameras, 0, kMost32);
+  codec.template numbers<1>(kTimestamps, frames.timestamps_s, number);
+  codec.names(kImageNames, frames.image_names);
+  codec.template numbers<4>(kGnss, frames.gnss, [=](auto& io, auto& fix) {
+    geodetic(io, fix.position);
+    io(fix.accuracy_m, "accuracy");
+  });
+  const auto upper_triangle = [](auto& io, auto& matrix) {
+    for (int i = 0; i < 6; ++i) {
+      for (int j = i; j < 6; ++j) io.both(matrix(i, j), matrix(j, i));
+    }
+  };
+  codec.template numbers<kUpperTriangle>(kPoseCovariances, frames.pose_covariances, upper_triangle);
+
+  auto& landmarks = map.landmarks;
+  codec.rows(kLandmarkIds, landmarks.ids);
+  codec.rows(kPositions, landmarks.positions);
+  codec.covariances(landmarks.covariances);
+  codec.colors(landmarks.colors);
+  codec.descriptors(landmarks.descriptors);
+  codec.named_columns(landmarks.columns);
+
+  auto& observations = map.observations;
+  codec.offsets(observations.offsets);
+  codec.rows(kObservingFrames, observations.frames);
+  codec.rows(kPixels, observations.pixels);
+  codec.integers(kKeypoints, observations.keypoints, 0, kMost32);
+  codec.template numbers<1>(kDepths, observations.depths, number);
+  codec.integers(kOctaves, observations.octaves, std::numeric_limits<std::int32_t>::min(),
+                 std::numeric_limits<std::int32_t>::max());
+  codec.integers(kPixelSources, observations.sources, 0,
+                 static_cast<std::int64_t>(kPixelSourceCount) - 1);
+  codec.template numbers<1>(kPixelSigmas, observations.sigmas_px, number);
 }
 
 }  // namespace cairn::detail

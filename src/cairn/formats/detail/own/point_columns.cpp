@@ -136,11 +136,6 @@ void walk_record(HeadedSource& source, const PointRecords& records, std::uint64_
   }
 }
 
-bool is_plain_name(std::string_view name) {
-  return !name.empty() &&
-         std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c < '\x7f'; });
-}
-
 }  // namespace
 
 std::optional<LengthUnit> unit_in_comment(std::string_view comment) {
@@ -170,7 +165,7 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
     if (format == PointFormat::kPcd && field.name == "_") continue;  // padding
     if (field.list_count || field.count != 1) {
       lost(fmt::format("field {} left out: it is not one number a point", printable(field.name)));
-    } else if (!is_plain_name(field.name)) {
+    } else if (!is_visible(field.name)) {
       lost(fmt::format("field {} left out: its name is not visible ASCII", printable(field.name)));
     } else {
       by_name.emplace(field.name, i);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/hamming.hpp"
+#include "cairn/core/detail/hamming.hpp"
 
 #include <bitset>
 #include <vector>
@@ -8,7 +8,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 TEST(Hamming, IsTheNumberOfBitsThatDiffer) {
@@ -37,4 +37,4 @@ TEST(Hamming, CountsAllBits) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

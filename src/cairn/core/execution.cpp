@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 
 #include <algorithm>
 #include <optional>
@@ -16,12 +16,12 @@ struct Executor::Threads {
   }
 
   unsigned count;
-  std::optional<TaskArena> arena;
+  std::optional<detail::TaskArena> arena;
 };
 
 Executor::Executor(unsigned threads) {
   // With more threads than workers, TBB prints a warning to stderr.
-  const unsigned most = TaskArena::most_threads();
+  const unsigned most = detail::TaskArena::most_threads();
   threads_ = std::make_shared<Threads>(threads == 0 ? most : std::min(threads, most));
 }
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Positions in two lists, (first, second).
 using IndexPairs = std::vector<std::pair<std::size_t, std::size_t>>;
@@ -19,4 +19,4 @@ using IndexPairs = std::vector<std::pair<std::size_t, std::size_t>>;
 IndexPairs associate_times(std::span<const double> a, std::span<const double> b,
                            double max_difference_s);
 
-}  // namespace cairn
+}  // namespace cairn::detail

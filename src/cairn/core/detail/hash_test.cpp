@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/hash.hpp"
+#include "cairn/core/detail/hash.hpp"
 
 #include <string>
 
 #include <gtest/gtest.h>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 // The published test vector of the empty input.
@@ -28,4 +28,4 @@ TEST(Hasher, DoesNotDependOnThePieces) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

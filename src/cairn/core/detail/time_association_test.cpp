@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/time_association.hpp"
+#include "cairn/core/detail/time_association.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 
 #include "cairn/core/random.hpp"
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 using ::testing::ElementsAre;
@@ -103,4 +103,4 @@ TEST(AssociateTimes, TakesNoTimeForALimitThatAllPairsMeet) {
 }
 
 }  // namespace
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/hash.hpp"
+#include "cairn/core/detail/hash.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-namespace cairn {
+namespace cairn::detail {
 
 struct Hasher::State {
   XXH3_state_t xxh3;  // over-aligned, which `new` supports
@@ -32,4 +32,4 @@ Hash128 Hasher::digest() const {
   return {hash.low64, hash.high64};
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

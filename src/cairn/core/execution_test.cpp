@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/executor.hpp"
+#include "cairn/core/execution.hpp"
 
 #include <atomic>
 #include <stdexcept>

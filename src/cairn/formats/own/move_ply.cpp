@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/carry_along.hpp"
-
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -20,6 +18,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/own/ply_header.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/core/time_association.hpp"
+#include "cairn/core/detail/time_association.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <queue>
 #include <tuple>
 
-namespace cairn {
+namespace cairn::detail {
 namespace {
 
 constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
@@ -90,4 +90,4 @@ IndexPairs associate_times(std::span<const double> a, std::span<const double> b,
   return pairs;
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

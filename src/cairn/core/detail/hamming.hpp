@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// Hamming distance of two descriptors of equal length.
 ///
@@ -23,4 +23,4 @@ inline int hamming_distance(std::span<const std::uint64_t> a, std::span<const st
   return static_cast<int>(sum);
 }
 
-}  // namespace cairn
+}  // namespace cairn::detail

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace cairn {
+namespace cairn::detail {
 
 /// A hash of 128 bits.
 struct Hash128 {
@@ -36,4 +36,4 @@ class Hasher {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::detail

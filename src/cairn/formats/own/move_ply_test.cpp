@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/formats/foreign/carry_along.hpp"
-
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -9,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/formats/own_formats.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "support/maps.hpp"
