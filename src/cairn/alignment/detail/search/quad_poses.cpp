@@ -37,7 +37,6 @@ constexpr std::size_t kQuadGlanceHits = 6;
 constexpr double kLeastEvidence = 6.0;
 constexpr double kMostStretch = 6.0;   // of a patch beside that of the target's points, either way
 constexpr double kSameQuadPose = 0.5;  // fine scales: largest distance of equal poses
-constexpr std::size_t kMostFound = 512;
 
 // Corners in an order that depends on proportions only: the longest side first, from its end nearer to the others, then
 // the corner nearer to it.
