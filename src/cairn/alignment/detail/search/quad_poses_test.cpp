@@ -48,10 +48,10 @@ struct Found {
 
 Found poses_of(const ScaledGround& ground, const ScaleRange& scales = {},
                const Execution& execution = {}) {
-  constexpr double kFine = 0.16;
+  constexpr double kGroundFine = 0.16;
   const PreparedCloud source(ground.source, 1);
   const PreparedCloud target(ground.target, 2);
-  Found found{quad_poses(source, target, scales, kFine, execution), {}};
+  Found found{quad_poses(source, target, scales, kGroundFine, execution), {}};
   const PoseDistance distance = PoseDistance::of(ground.source.positions);
   for (const QuadPose& one : found.poses) {
     found.off.push_back(
