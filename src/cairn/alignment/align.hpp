@@ -44,7 +44,7 @@ struct AlignOptions {
   std::optional<PosePrior> prior = {};
   /// For maps: metric of the landmarks' confidences. std::nullopt with kIcp: the paper's base ICP.
   std::optional<Metric> confidence = {};
-  /// Also estimates the scale, e.g. of maps from a single camera; several times slower if descriptors do not decide.
+  /// Also estimates the scale, e.g. of maps from a single camera; slower if neither descriptors nor quads decide.
   /// std::nullopt: both maps have one scale. Not with kIcp.
   std::optional<ScaleRange> scale = {};
   /// align(), kRobust, for maps: does so within the default range if the unit of one of them is free.
@@ -118,10 +118,10 @@ Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
 
 /// Aligns two maps without an initial pose and judges the pose.
 ///
-/// Starts from thousands of evenly spread rotations, each with the translations that best overlay parts of
-/// the source and the target. A tournament of robust refinements on samples of both maps leaves a few
-/// distinct poses. With a free scale, this runs at scales a quarter apart around what the extents and
-/// spacings suggest, and the refinements also estimate the scale. The poses are refined with all sampled
+/// Descriptors and quads of neighbouring landmarks propose poses. Thousands of evenly spread rotations, each with the
+/// translations that best overlay parts of the source and the target, propose more. A tournament of robust refinements on
+/// samples of both maps leaves a few distinct poses. With a free scale, rotations are searched at the scales that the
+/// quads suggest, and the refinements also estimate the scale. The poses are refined with all sampled
 /// landmarks and ranked by probability, from the match distances and descriptors compared with chance
 /// (Support) and the free-space check (SightCounts). The best pose is refined with all landmarks and their
 /// covariances.

@@ -111,8 +111,7 @@ struct GravityPrior {
   double max_tilt_rad = 0.17;  ///< largest angle between the two after alignment; in (0, π]
 };
 
-/// Bounds of s in x_target = R·(s·x_source) + t. The search tries only scales within about three times of
-/// what the maps' extents and spacings suggest; a map less than a tenth of the other's size is not found.
+/// Bounds of s in x_target = R·(s·x_source) + t.
 struct ScaleRange {
   double least = 1.0 / 20.0;
   double most = 20.0;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "cairn/alignment/detail/search/poses.hpp"
+#include "cairn/alignment/detail/search/proposals.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
 namespace cairn::detail {
@@ -226,15 +227,8 @@ class Finder {
       std::stable_sort(found.begin(), found.end(),
                        [](const auto& a, const auto& b) { return a.evidence > b.evidence; });
     }
-    std::vector<ConstellationPose> kept;
-    for (const ConstellationPose& pose : found) {
-      if (kept.size() == kMostConstellationPoses) break;
-      const bool known = std::any_of(kept.begin(), kept.end(), [&](const auto& other) {
-        return are_one(pose, other, kSamePose);
-      });
-      if (!known) kept.push_back(pose);
-    }
-    return kept;
+    return first_distinct(found, kMostConstellationPoses,
+                          [&](const auto& a, const auto& b) { return are_one(a, b, kSamePose); });
   }
 
  private:
@@ -369,14 +363,9 @@ class Finder {
     std::vector<ConstellationPose> result;
     for (const Pose& pose : best) {
       const std::size_t total = constellation.patch.size();
-      const auto count = static_cast<double>(pose.hits + hits(constellation, pose, kLook, total));
-      const double share = count / static_cast<double>(total);
-      if (share <= kOccupiedByChance) continue;
-      // Log-likelihood ratio of a binomial distribution versus chance.
-      const double evidence =
-          count * std::log(share / kOccupiedByChance) +
-          (static_cast<double>(total) - count) *
-              std::log1p((kOccupiedByChance - share) / (1.0 - kOccupiedByChance));
+      const std::size_t count = pose.hits + hits(constellation, pose, kLook, total);
+      const double evidence = hit_evidence(count, total, kOccupiedByChance);
+      if (!(evidence > 0.0)) continue;
       const Eigen::Quaterniond rotation(
           (pose.target_from_axes * constellation.source_from_axes.transpose()).cast<double>());
       const Rigid3 turn(rotation.normalized(), Eigen::Vector3d::Zero());

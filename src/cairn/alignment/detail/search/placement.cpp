@@ -210,7 +210,6 @@ Candidates Placement::candidates(const TimeLimit& time) const {
       time.cuts(kQuadTime, [&](const std::stop_token& stop) { from_quads = quads(stop); }) ||
       result.cut_short;
   for (const QuadPose& quad : from_quads) {
-    if (!accept(quad.target_from_source.rigid())) continue;
     poses.emplace_back();
     set_similarity(poses.back(), quad.target_from_source);
   }
@@ -283,6 +282,10 @@ std::vector<QuadPose> Placement::quads(const std::stop_token& stop) const {
   std::vector<QuadPose> found =
       quad_poses(source_, target_, range, kernel_scales(all_.target, all_.target).fine,
                  {.executor = options_.execution.executor, .stop = stop});
+  // A pose that gravity forbids must not end the search.
+  std::erase_if(found, [&](const QuadPose& pose) {
+    return is_tilted(pose.target_from_source.rigid(), options_);
+  });
   if (!options_.scale) {
     for (QuadPose& pose : found) pose.target_from_source = pose.target_from_source.rigid();
   }

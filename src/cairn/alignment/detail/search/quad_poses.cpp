@@ -10,6 +10,7 @@
 
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/alignment/detail/search/poses.hpp"
+#include "cairn/alignment/detail/search/proposals.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 
@@ -235,7 +236,7 @@ class QuadIndex {
   std::vector<Shape> shapes_;
 };
 
-struct Match {
+struct QuadMatch {
   Quad source;
   const Quad* target = nullptr;
   float difference = 0.0F;
@@ -253,8 +254,7 @@ class QuadFinder {
         index_(target_, execution.executor) {}
 
   std::vector<QuadPose> run() const {
-    if (std::min(source_.size, target_.size) <= kQuadGlance + 4) return {};
-    std::vector<Match> alike = matches();
+    const std::vector<QuadMatch> alike = matches();
     constexpr std::size_t kBlock = 64;
     std::vector<std::vector<QuadPose>> parts((alike.size() + kBlock - 1) / kBlock);
     execution_.executor.for_blocks(alike.size(), kBlock, [&](std::size_t begin, std::size_t end) {
@@ -265,18 +265,21 @@ class QuadFinder {
     for (const auto& part : parts) found.insert(found.end(), part.begin(), part.end());
     std::stable_sort(found.begin(), found.end(),
                      [](const QuadPose& a, const QuadPose& b) { return a.evidence > b.evidence; });
-    return distinct(found);
+    const PoseDistance distance = PoseDistance::of(source_.points);
+    return first_distinct(found, kMostQuadPoses, [&](const QuadPose& a, const QuadPose& b) {
+      return distance(a.target_from_source, b.target_from_source) < kSameQuadPose * fine_;
+    });
   }
 
  private:
   // The most similar pairs of quads, most similar first.
-  std::vector<Match> matches() const {
+  std::vector<QuadMatch> matches() const {
     std::vector<std::pair<Quad, Shape>> wanted;
     for (std::size_t i = 0; i < source_.count && wanted.size() < kSourceQuads; ++i) {
       for_quads(source_, i,
                 [&](const Quad& quad, const Shape& shape) { wanted.emplace_back(quad, shape); });
     }
-    std::vector<Match> all(wanted.size());
+    std::vector<QuadMatch> all(wanted.size());
     execution_.executor.for_blocks(wanted.size(), 512, [&](std::size_t begin, std::size_t end) {
       if (execution_.stop.stop_requested()) return;
       for (std::size_t i = begin; i < end; ++i) {
@@ -284,13 +287,14 @@ class QuadFinder {
         all[i].target = index_.nearest(wanted[i].second, all[i].difference);
       }
     });
-    std::erase_if(all, [&](const Match& match) {
+    std::erase_if(all, [&](const QuadMatch& match) {
       if (match.target == nullptr) return true;
       const double scale = static_cast<double>(match.target->length / match.source.length);
       return scale < scales_.least || scale > scales_.most;
     });
-    std::stable_sort(all.begin(), all.end(),
-                     [](const Match& a, const Match& b) { return a.difference < b.difference; });
+    std::stable_sort(all.begin(), all.end(), [](const QuadMatch& a, const QuadMatch& b) {
+      return a.difference < b.difference;
+    });
     if (all.size() > kMostMatches) all.resize(kMostMatches);
     return all;
   }
@@ -307,7 +311,6 @@ class QuadFinder {
   struct Hits {
     std::vector<Vector3d> from;
     std::vector<Vector3d> to;
-    std::size_t tested = 0;
   };
 
   // Points of a patch that a pose brings near a target point.
@@ -316,7 +319,6 @@ class QuadFinder {
     std::array<Neighbor, 1> nearest;
     for (const std::uint32_t i : patch) {
       const Vector3d& point = source_.points[i];
-      ++result.tested;
       target_.tree.nearest(pose * point, nearest);
       if (nearest[0].squared_distance > reach * reach) continue;
       result.from.push_back(point);
@@ -325,7 +327,7 @@ class QuadFinder {
     return result;
   }
 
-  void test(const Match& match, std::vector<QuadPose>& found) const {
+  void test(const QuadMatch& match, std::vector<QuadPose>& found) const {
     std::array<Vector3d, 4> from;
     std::array<Vector3d, 4> to;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -358,30 +360,8 @@ class QuadFinder {
     // Share of points that are near a target point by chance if the surfaces coincide.
     const double areas = std::pow(kQuadReach * spacing / target_.spacing(match.target->centre), 2);
     const double chance = 1.0 - std::exp(-std::numbers::pi * areas);
-    const auto tested = static_cast<double>(all.tested);
-    const auto count = static_cast<double>(all.from.size());
-    const double share = count / tested;
-    if (share <= chance) return;
-    const double against = tested - count;
-    // Log-likelihood ratio of a binomial distribution versus chance.
-    const double evidence =
-        count * std::log(share / chance) +
-        (against > 0.0 ? against * std::log((1.0 - share) / (1.0 - chance)) : 0.0);
-    if (evidence < kLeastEvidence) return;
-    found.push_back({*best, evidence});
-  }
-
-  std::vector<QuadPose> distinct(const std::vector<QuadPose>& found) const {
-    std::vector<QuadPose> kept;
-    const PoseDistance distance = PoseDistance::of(source_.points);
-    for (const QuadPose& pose : found) {
-      if (kept.size() == kMostQuadPoses) break;
-      const bool known = std::any_of(kept.begin(), kept.end(), [&](const QuadPose& other) {
-        return distance(pose.target_from_source, other.target_from_source) < kSameQuadPose * fine_;
-      });
-      if (!known) kept.push_back(pose);
-    }
-    return kept;
+    const double evidence = hit_evidence(all.from.size(), patch.size(), chance);
+    if (evidence >= kLeastEvidence) found.push_back({*best, evidence});
   }
 
   const ScaleRange& scales_;
@@ -397,6 +377,8 @@ class QuadFinder {
 std::vector<QuadPose> quad_poses(const PreparedCloud& source, const PreparedCloud& target,
                                  const ScaleRange& scales, double fine,
                                  const Execution& execution) {
+  const bool too_few = std::min(source.size(), target.size()) <= kQuadGlance + 4;
+  if (too_few || execution.stop.stop_requested()) return {};
   return QuadFinder(source, target, scales, fine, execution).run();
 }
 
