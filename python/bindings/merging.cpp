@@ -58,7 +58,7 @@ Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_na
   return merged;
 }
 
-// Nothing of a map that is not placed.
+// Of a map that is not placed, all counts are 0.
 MapFusion fusion_of(const MergedPart& map) {
   return map.part.fusion.value_or(MapFusion());
 }

@@ -223,9 +223,7 @@ std::string timings_row(const TrialResult& run) {
 }
 
 std::string detail::row_checksum(std::string_view before) {
-  detail::Hasher hasher;
-  hasher.update(before);
-  return to_string(hasher.digest()).substr(0, kChecksumSize);
+  return to_string(hash_of(before)).substr(0, kChecksumSize);
 }
 
 std::size_t detail::sound_size(std::string_view table, std::string_view header,

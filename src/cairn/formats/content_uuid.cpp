@@ -20,9 +20,7 @@ std::string uuid_of(const detail::Hash128& hash) {
 }  // namespace
 
 std::string uuid_of(std::string_view bytes) {
-  detail::Hasher hasher;
-  hasher.update(bytes);
-  return uuid_of(hasher.digest());
+  return uuid_of(detail::hash_of(bytes));
 }
 
 std::string content_uuid(const LandmarkMap& map) {

@@ -20,10 +20,9 @@ namespace {
 
 // Makes the samples of two maps independent, even if their landmarks have the same order.
 Random random_of(const LandmarkCloud& cloud, std::uint64_t seed) {
-  detail::Hasher hasher;
-  hasher.update({reinterpret_cast<const char*>(cloud.positions.data()),
-                 cloud.size() * sizeof(Eigen::Vector3d)});
-  return Random(seed).fork(hasher.digest().low);
+  const std::string_view bytes(reinterpret_cast<const char*>(cloud.positions.data()),
+                               cloud.size() * sizeof(Eigen::Vector3d));
+  return Random(seed).fork(hash_of(bytes).low);
 }
 
 // Weighted random order: landmarks of larger weight are probably earlier (Efraimidis and Spirakis 2006).

@@ -132,9 +132,7 @@ RowBytes& RowBytes::add(double value) {
 }
 
 std::string RowBytes::digest() const {
-  detail::Hasher hasher;
-  hasher.update(bytes_);
-  const detail::Hash128 hash = hasher.digest();
+  const detail::Hash128 hash = detail::hash_of(bytes_);
   std::string result;
   for (const std::uint64_t half : {hash.high, hash.low}) {
     for (int i = 7; i >= 0; --i) result += static_cast<char>((half >> (8 * i)) & 0xff);

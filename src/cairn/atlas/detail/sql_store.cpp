@@ -153,8 +153,7 @@ AtlasState SqlStore::state(std::optional<CommitId> at) {
                 fmt::format("one of its commits, the last of which is {}", last.value));
   }
   if (at) {
-    const auto first =
-        static_cast<std::uint64_t>(database_.integer("SELECT coalesce(min(id), 0) FROM commits"));
+    const std::uint64_t first = first_commit();
     if (at->value < first && !(at->value == 0 && first <= 1)) {
       throw Error(ErrorKind::kMisuse, name(), fmt::format("commit {}", at->value),
                   fmt::format("commit {} or later: what was before is compacted", first));
@@ -194,9 +193,7 @@ AtlasTouched SqlStore::touched(std::span<const CommitId> commits) {
 }
 
 std::string SqlStore::put_map(std::string_view bytes) {
-  Hasher hasher;
-  hasher.update(bytes);
-  std::string hash = to_string(hasher.digest());
+  std::string hash = to_string(hash_of(bytes));
   const std::string key = *bytes_of_hexadecimal(hash);
   Within transaction(database_, storage::Transaction::Kind::kWrite);
   Statement known = database_.prepare("SELECT id FROM maps WHERE hash = ?1");
@@ -238,9 +235,7 @@ std::string SqlStore::map_bytes(const std::string& hash) {
     if (chunk.size() > size - bytes.size()) fail_as_damaged(name(), what);
     bytes += chunk;
   }
-  Hasher hasher;
-  hasher.update(bytes);
-  if (bytes.size() != size || to_string(hasher.digest()) != hash) fail_as_damaged(name(), what);
+  if (bytes.size() != size || to_string(hash_of(bytes)) != hash) fail_as_damaged(name(), what);
   return bytes;
 }
 
@@ -323,6 +318,10 @@ AtlasVerification SqlStore::verify() {
   return result;
 }
 
+std::uint64_t SqlStore::first_commit() {
+  return static_cast<std::uint64_t>(database_.integer("SELECT coalesce(min(id), 0) FROM commits"));
+}
+
 void SqlStore::count_rows(AtlasVerification& result) {
   const auto count = [&](const char* table) {
     return static_cast<std::uint64_t>(
@@ -346,8 +345,7 @@ AtlasCompaction SqlStore::compact(std::uint64_t keep, bool dry) {
   AtlasCompaction result;
   storage::Transaction transaction(database_);
   const CommitId last = last_commit();
-  const auto first =
-      static_cast<std::uint64_t>(database_.integer("SELECT coalesce(min(id), 0) FROM commits"));
+  const std::uint64_t first = first_commit();
   if (first == 0) return result;
   // Becomes the oldest remaining commit.
   const CommitId base{last.value + 1 > first + keep ? last.value + 1 - keep : first};

@@ -74,6 +74,7 @@ class SqlStore : public AtlasStore {
   void read_rows(const char* table, const char* columns,
                  const std::map<std::uint64_t, std::uint64_t>& values, const TakeRow& take);
   std::uint64_t next_id(const char* table, std::int64_t kind);
+  std::uint64_t first_commit();  // 0 if there is none
   void count_rows(AtlasVerification& result);
   std::uint64_t bytes_of_maps(const std::string& where = {});
   std::vector<RowChange> write_objects(AtlasChanges& changes, AtlasCommitted& committed);

@@ -32,4 +32,10 @@ Hash128 Hasher::digest() const {
   return {hash.low64, hash.high64};
 }
 
+Hash128 hash_of(std::string_view bytes) {
+  Hasher hasher;
+  hasher.update(bytes);
+  return hasher.digest();
+}
+
 }  // namespace cairn::detail

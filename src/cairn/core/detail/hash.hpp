@@ -36,4 +36,7 @@ class Hasher {
   std::unique_ptr<State> state_;
 };
 
+/// The same of bytes that are all there.
+Hash128 hash_of(std::string_view bytes);
+
 }  // namespace cairn::detail

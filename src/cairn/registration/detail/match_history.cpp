@@ -14,10 +14,8 @@ std::optional<MatchCycle> MatchHistory::add(std::span<const Match> matches) {
     pairs.push_back(match.source);
     pairs.push_back(match.target);
   }
-  detail::Hasher hasher;
-  hasher.update(std::string_view(reinterpret_cast<const char*>(pairs.data()),
-                                 pairs.size() * sizeof(std::uint32_t)));
-  const detail::Hash128 hash = hasher.digest();
+  const detail::Hash128 hash = detail::hash_of(
+      {reinterpret_cast<const char*>(pairs.data()), pairs.size() * sizeof(std::uint32_t)});
   // The latest first, because most cycles are fixed points.
   const auto found = std::find(seen_.rbegin(), seen_.rend(), hash);
   std::optional<MatchCycle> cycle;
