@@ -71,6 +71,8 @@ export async function settled(page) {
     }
   });
   await page.waitForTimeout(260);
+  // On a busy machine, what happened last may wait for the next frame.
+  await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
   await page.waitForFunction(() => document.querySelector("[data-scene]").dataset.drawn === "full", null, { timeout: 180_000 });
 }
 
