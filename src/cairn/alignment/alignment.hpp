@@ -34,7 +34,7 @@ struct Likeness {
   double evidence() const;
 };
 
-/// Agreement of descriptor matches, found without a pose, with a pose.
+/// How many descriptor matches agree with a pose. The matches are found without the pose.
 struct DescriptorAgreement {
   std::size_t matches = 0;   ///< mutual descriptor matches
   std::size_t agreeing = 0;  ///< matches whose landmarks the pose brings within the radius
@@ -134,7 +134,7 @@ struct PartPose {
   /// `found` is aligned separately, or agrees with neighbouring parts that are.
   bool agrees = false;
   /// Pose of the part under the consensus: `found` if it agrees, else interpolated between the neighbouring
-  /// parts. std::nullopt without a consensus.
+  /// parts. std::nullopt without a consensus of parts (see place_by_parts()).
   std::optional<Similarity3> target_from_source;
 };
 

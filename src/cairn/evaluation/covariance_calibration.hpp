@@ -90,7 +90,7 @@ std::vector<LandmarkEstimate> estimates_in_first_keyframe(
 /// True poses of the map's frames, world_from_camera, one per frame.
 using KeyframePoses = std::vector<std::optional<Rigid3>>;
 
-/// Poses of the frames with the same ids in another map; std::nullopt if it has none.
+/// For each frame of `map`, the pose in `truth` of the frame with the same id; std::nullopt if there is none.
 KeyframePoses keyframe_poses(const LandmarkMap& map, const LandmarkMap& truth);
 
 /// Poses nearest in time on a trajectory; std::nullopt if none is within the time difference, or the

@@ -10,8 +10,8 @@
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/geometry/trajectory.hpp"
 
-/// Errors of an estimated trajectory, as defined by the TUM RGB-D benchmark (Sturm et al., IROS 2012) and
-/// evo.
+// Errors of an estimated trajectory, as defined by the TUM RGB-D benchmark (Sturm et al., IROS 2012) and
+// evo.
 namespace cairn {
 
 /// Alignment of the estimate with the truth before the comparison.

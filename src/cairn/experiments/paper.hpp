@@ -72,7 +72,7 @@ struct PaperOptions {
   /// displacement, the ratio of the paper's 0.0037 to its own.
   std::optional<double> success_score;
   PoseTolerance tolerance;
-  /// Also search for the displacement at which each XY quadrant fails, as in the paper.
+  /// Also search, in each XY quadrant, for the displacement at which the alignment fails, as in the paper.
   bool search_xy = false;
   double search_limit_m = 5.0;        ///< of |x| and |y|; positive
   double search_resolution_m = 0.01;  ///< positive

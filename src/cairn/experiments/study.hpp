@@ -250,7 +250,7 @@ struct ScoreJudgement {
   SuccessRate lowest_is_wrong;  ///< pairs whose lowest score belongs to a wrong pose
 };
 
-/// What a study's runs come to. studies/analyse.py compares the strategies.
+/// Summary of a study's runs. studies/analyse.py compares the strategies.
 struct StudySummary {
   std::vector<std::string> pairs;             ///< with runs
   std::vector<std::size_t> pairs_with_truth;  ///< indices into pairs

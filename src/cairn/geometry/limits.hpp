@@ -14,8 +14,8 @@ namespace cairn {
 // Limits of all input, so that squares, sums of squares and products of a few coordinates stay finite, also
 // in single precision.
 
-/// Largest magnitude of a coordinate: of a landmark, a camera centre, the translation of a pose, in metres
-/// or the map's unit, or of a pixel. Doubles still resolve 1e-6 there. Also the largest scale of a
+/// Largest absolute value of a coordinate: of a landmark, camera centre or translation (in metres or the
+/// map's unit), or of a pixel. Doubles still resolve 1e-6 there. Also the largest scale of a
 /// similarity that is read; its inverse is the smallest.
 inline constexpr double kLargestCoordinate = 1e9;
 

@@ -44,7 +44,7 @@ struct OptimisedPoses {
   std::vector<Matrix7d> covariances;
   /// Per link: whether it is in the group and agrees with the poses. Links that disagree were not used.
   std::vector<bool> agrees;
-  /// Indices of the links that reach each node from the first one, most certain first.
+  /// Spanning tree of the most certain links, in the order in which they reach nodes from the first one.
   std::vector<std::size_t> tree;
 };
 
@@ -70,7 +70,7 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
 /// optimised from the poses before, which takes few iterations, and all covariances are those of the used links.
 ///
 /// Differs from optimise_poses() in that links that were used before stay unless the new ones contradict them; a
-/// wrong majority is therefore not reconsidered. If the same links are used, so are poses and covariances.
+/// wrong majority is therefore not reconsidered. If both use the same links, poses and covariances are the same.
 ///
 /// If the frame would change, or the new links break the group apart, the result is that of optimise_poses().
 ///

@@ -139,9 +139,9 @@ struct MapAtPoses {
 };
 
 /// Builds a landmark map with known camera poses, e.g. from motion capture or another SLAM system; only the
-/// landmarks are estimated. A frame's pose is interpolated between neighbours at most 0.1 s apart, or is
-/// that of the same time, to a millisecond. Keyframes are frames with depth after each rotation of 10
-/// degrees or 15 cm of motion; only their images are read. The result is the same for any number of
+/// landmarks are estimated. A frame's pose is interpolated if its neighbours are at most 0.1 s apart.
+/// Otherwise a pose within 1 ms of the frame is taken. A frame with depth becomes a keyframe after 10 degrees
+/// or 15 cm of motion. Only images of keyframes are read. The result is the same for any number of
 /// threads.
 /// @param timestamps_s of the frames, ascending
 /// @param read_frame   returns a frame; called from several threads

@@ -45,7 +45,7 @@ struct AtlasSalvage {
 
 /// Copies the undamaged maps, and the last links and poses between them, from a damaged atlas to a new one
 /// at `to`, without the history.
-/// @throws Error as the two above; (misuse) naming a location that is no file
+/// @throws Error as create_store() and open_store(); (misuse) naming a location that is no file
 AtlasSalvage salvage_store(const std::string& from, const std::string& to,
                            const AtlasStoreOptions& options = {});
 

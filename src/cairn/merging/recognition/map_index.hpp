@@ -22,7 +22,7 @@ struct RecognitionCandidate {
 /// binary descriptors.
 ///
 /// Each table stores a descriptor under a key of a few of its bits (Indyk and Motwani 1998), drawn at
-/// random from bits that are balanced and uncorrelated in these maps, because others would collect
+/// random from bits that are balanced and uncorrelated in these maps. Other bits would collect
 /// everything under few keys. A query looks up its key and the keys that differ in one bit (Lv et al.
 /// 2007), skips overfull keys, and keeps descriptors with few differing bits. Each landmark of the query
 /// votes for the maps in which it is found, with log(maps / maps in which it is found), so that ubiquitous

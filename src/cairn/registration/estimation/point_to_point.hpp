@@ -84,8 +84,8 @@ struct PoseEvidence {
   double reach = std::numeric_limits<double>::infinity();
 };
 
-/// The sandwich estimator of pose_uncertainty() for any estimate that solves normal equations: a rigid
-/// motion with 6 degrees of freedom or a similarity with 7.
+/// Covariance of a pose from its normal equations, by the sandwich estimator A⁻¹·B·A⁻¹. 6 degrees of freedom
+/// for a rigid motion, 7 for a similarity.
 template <int kFreedoms>
 PoseUncertainty pose_uncertainty(const Similarity3& target_from_source,
                                  const PoseEvidence<kFreedoms>& evidence);
