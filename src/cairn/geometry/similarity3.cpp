@@ -26,13 +26,13 @@ Similarity3 Similarity3::from_matrix(const Matrix4d& matrix, double tolerance) {
                 "the determinant of the upper left part is " + std::to_string(determinant),
                 "a positive finite number");
   }
-  // RᵀR may differ from I by the tolerance, and so the scale from 1 by half the tolerance.
+  // RᵀR may differ from I by the tolerance; what is taken for a rigid motion must be one after rounding, too.
   double scale = std::cbrt(determinant);
   if (scale > kLargestCoordinate || scale < 1.0 / kLargestCoordinate) {
     throw Error(ErrorKind::kMisuse, "Similarity3", fmt::format("the scale is {:.6g}", scale),
                 "a scale from 1e-9 to 1e9");
   }
-  if (std::abs(scale - 1.0) <= 0.5 * tolerance) scale = 1.0;
+  if (std::abs(scale * scale - 1.0) <= 0.99 * tolerance) scale = 1.0;
   Matrix4d rigid = matrix;
   rigid.topLeftCorner<3, 3>() /= scale;
   return {scale, Rigid3::from_matrix(rigid, tolerance)};

@@ -46,6 +46,11 @@ TEST(Similarity3, IsReadFromItsMatrix) {
   for (int i = 0; i < 16; ++i)
     rounded(i / 4, i % 4) = std::round(1e6 * rounded(i / 4, i % 4)) / 1e6;
   EXPECT_EQ(Similarity3::from_matrix(rounded).scale(), 1.0);
+  // Nearly rigid motions are read, too, on both sides of the tolerance.
+  for (int i = -100; i <= 100; ++i) {
+    const Similarity3 pose(1.0 + 1e-6 * i, Rigid3(rotation_exp({0.3, 0.2, 0.1}), {1, 2, 3}));
+    EXPECT_NEAR(Similarity3::from_matrix(pose.matrix()).scale(), pose.scale(), 5e-5) << i;
+  }
   Matrix4d mirrored = Matrix4d::Identity();
   mirrored(0, 0) = -1.0;
   EXPECT_THROW(Similarity3::from_matrix(mirrored), Error);
