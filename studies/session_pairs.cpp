@@ -105,7 +105,8 @@ std::vector<Session> read_sessions(const std::filesystem::path& folder,
     if (!exists(std::filesystem::path(file).replace_extension(".gt"))) continue;
     Session session{place, read_map(file), {}};
     FileReader truth(file.replace_extension(".gt"));
-    for (const TimedPose& pose : read_trajectory(truth).poses()) {
+    const Trajectory trajectory = read_trajectory(truth);
+    for (const TimedPose& pose : trajectory.poses()) {
       session.truth[pose.timestamp_s] = pose.world_from_camera;
     }
     sessions.push_back(std::move(session));
