@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -12,6 +13,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -41,6 +43,20 @@ TEST(MapDefects, CountsLandmarksAtOnePosition) {
   positions[twice[1].value] = positions[twice[0].value];
   EXPECT_THAT(map_defects(LandmarkMap(std::move(changed))),
               ElementsAre(HasSubstr("lie exactly where another does: 1")));
+}
+
+TEST(MapDefects, NamesTheGridOfPositions) {
+  const auto with_grid = [](int axes) {
+    MapTables changed = tables();
+    for (Eigen::Vector3d& position : changed.landmarks.positions) {
+      for (int axis = 0; axis < axes; ++axis)
+        position[axis] = 0.25 * std::round(4.0 * position[axis]);
+    }
+    return map_defects(LandmarkMap(std::move(changed)));
+  };
+  EXPECT_THAT(with_grid(3), Contains(HasSubstr("lie on a grid of 0.25 x 0.25 x 0.25")));
+  EXPECT_THAT(with_grid(2), Contains(HasSubstr("lie on a grid of 0.25 x 0.25 x 0")));
+  EXPECT_THAT(with_grid(1), IsEmpty());
 }
 
 TEST(KeyframeUncertainties, AreThoseOfTheWorstKeyframeAndTheGreatestStep) {
