@@ -21,17 +21,16 @@ import numpy as np
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
 BEYOND_DOUBT = 0.99      # what the verdict accepts; verdict.cpp has the same
 # Fitted to 474 pairs of places of one layout, by described and with lines of sight.
-PRIOR = {(True, True): [-12.293, 12.076, 0.740, 0.0, -0.786],
-         (True, False): [-9.095, 11.304, 0.775, 0.0, 0.0],
-         (False, True): [-10.824, 5.706, 1.267, 1.146, -0.829],
-         (False, False): [-8.095, 6.358, 1.281, 1.007, 0.0]}
-# By described, the likeliest of CHOOSE. With descriptors it grows with the penalty, so the prior stays.
-PENALTY = {True: math.inf, False: 1.0}
+PRIOR = {(True, True): [-12.293, 12.076, 0.740, 0.0, -0.786, 0.0],
+         (True, False): [-9.095, 11.304, 0.775, 0.0, 0.0, 0.0],
+         (False, True): [-10.824, 5.706, 1.267, 1.146, -0.829, 0.0],
+         (False, False): [-8.095, 6.358, 1.281, 1.007, 0.0, 0.0]}
+PENALTIES = [0.1, 0.3, 1.0, 3.0]  # of which the likeliest of CHOOSE is taken
 MATCHES_MORE = 20.0      # so that a few matches say little
 CLOSE_MORE = 3.0
 FINE = "within_2"        # matches within a quarter of the radius
 LEAST_EXPECTED = 0.25    # as in descriptor_agreement.cpp
-NAMES = ["constant", "evidence", "proximity", "lead", "contradicted"]
+NAMES = ["constant", "evidence", "proximity", "lead", "contradicted", "agreement"]
 BINS = [0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0]
 
 
@@ -72,16 +71,16 @@ def agreement_evidence(row):
 def features(rows, i, described, seen):
     """What probabilities() is linear in, of candidate i, in the order of NAMES; 0 for what is unknown."""
     row = rows[i]
-    others = [other[FINE] for j, other in enumerate(rows) if j != i]
-    best_other = max(others) if others else 0.5 * row[FINE]
+    leading = "spread_agreeing" if described else FINE
+    others = [other[leading] for j, other in enumerate(rows) if j != i]
+    best_other = max(others) if others else 0.5 * row[leading]
     evidence = row["spread_evidence"] + row["spread_proximity"]
     if described:
         evidence += max(row["spread_likeness"], 0.0) + agreement_evidence(row)
-    lead = math.log((row[FINE] + CLOSE_MORE) / (best_other + CLOSE_MORE))
+    lead = math.log((row[leading] + CLOSE_MORE) / (best_other + CLOSE_MORE))
     line = [1.0, math.sqrt(evidence / (row["within_0"] + MATCHES_MORE)),
-            math.log1p(row["spread_proximity"]),
-            # Beside descriptors it adds nothing.
-            0.0 if described else lead, 0.0]
+            math.log1p(row["spread_proximity"]), lead, 0.0,
+            math.log1p(agreement_evidence(row)) if described else 0.0]
     if seen:
         # Where too few lines of sight were looked at: a share that says little.
         share = row["contradicted"] if row["contradicted"] >= 0.0 else 0.05
@@ -95,15 +94,23 @@ def softmax(values):
     return (values / values.sum())[:-1]
 
 
-def fit(pairs, described, seen):
-    prior, penalty = np.array(PRIOR[described, seen]), PENALTY[described]
-    if math.isinf(penalty):
-        return prior
-    data = []
-    for rows in map(candidates_of, pairs):
-        if rows:
-            data.append((np.array([features(rows, i, described, seen) for i in range(len(rows))]),
-                         right_of(rows)))
+def lines_of(pairs, described, seen):
+    """Of each pair the features of its candidates, and which is right."""
+    return [(np.array([features(rows, i, described, seen) for i in range(len(rows))]), right_of(rows))
+            for rows in map(candidates_of, pairs) if rows]
+
+
+def likelihood(pairs, weights, described, seen):
+    result = 0.0
+    for lines, right in lines_of(pairs, described, seen):
+        likely = softmax(lines @ weights)
+        result += math.log(max(likely[right] if right >= 0 else 1.0 - likely.sum(), 1e-12))
+    return result
+
+
+def fit(pairs, described, seen, penalty):
+    prior = np.array(PRIOR[described, seen])
+    data = lines_of(pairs, described, seen)
     weights = prior
     for _ in range(200):
         gradient = penalty * (weights - prior)
@@ -241,10 +248,13 @@ def main():
     weights = {}
     for described in (True, False):
         for seen in (True, False):
-            pairs = fitted["searched" if described else "undescribed"]
-            weights[described, seen] = fit(pairs, described, seen)
-            print("descriptors {}, lines of sight {}:".format(*("yes" if k else "no"
-                                                                for k in (described, seen))),
+            name = "searched" if described else "undescribed"
+            by_penalty = {penalty: fit(fitted[name], described, seen, penalty) for penalty in PENALTIES}
+            best = max(PENALTIES,
+                       key=lambda k: likelihood(chosen[name], by_penalty[k], described, seen))
+            weights[described, seen] = by_penalty[best]
+            print("descriptors {}, lines of sight {}, penalty {}:".format(
+                *("yes" if k else "no" for k in (described, seen)), best),
                   ", ".join(f"{name} {value:.3f}"
                             for name, value in zip(NAMES, weights[described, seen])))
     for name, described in (("searched", True), ("descriptors", True), ("undescribed", False)):

@@ -18,6 +18,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
@@ -459,6 +460,38 @@ TEST(Place, DoesNotSearchWhereDescriptorsDecide) {
   EXPECT_LT(result.candidates[1].support.agreement->spread, kDecisiveAgreement);
 }
 
+// A pillar turns and shifts along itself without any landmark noticing, but for the few that both maps have.
+TEST(Place, HoldsAPoseByWhatDescriptorsShowWhereTheShapeDoesNot) {
+  constexpr std::size_t kEach = 2000;
+  constexpr std::size_t kCommon = 80;
+  Random random(9);
+  const auto on_pillar = [&] {
+    const double angle = random.uniform(-std::numbers::pi, std::numbers::pi);
+    return Eigen::Vector3d(0.3 * std::cos(angle), 0.3 * std::sin(angle), random.uniform(-1.0, 1.0));
+  };
+  const Rigid3 truth = any_pose(random, 2.0);
+  LandmarkCloud source;
+  LandmarkCloud target;
+  for (std::size_t i = 0; i < kEach; ++i) {
+    const Eigen::Vector3d noise(random.normal(), random.normal(), random.normal());
+    source.positions.push_back(on_pillar());
+    target.positions.push_back(
+        truth * (i < kCommon ? Eigen::Vector3d(source.positions[i] + 0.001 * noise) : on_pillar()));
+  }
+  source = with_any_looks(std::move(source), random);
+  target = with_any_looks(std::move(target), random);
+  for (std::size_t i = 0; i < kCommon; ++i) std::copy_n(look(target, i), kBytes, look(source, i));
+  const Alignment result = place(source, target, two_threads());
+  EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
+  ASSERT_TRUE(result.registration.covariance);
+  const Difference error = difference(result.registration.target_from_source, truth, source);
+  EXPECT_LT(error.rotation_deg, 1.5);
+  EXPECT_LT(error.translation, 0.01);
+  EXPECT_LT(normalised_squared_error(result.registration.target_from_source,
+                                     *result.registration.covariance, truth),
+            16.8);  // 99 % of chi-squared with 6 degrees of freedom
+}
+
 // A part of a map that is too small for the search without its scale.
 TEST(Place, SearchesBesideWhatDescriptorsPropose) {
   constexpr double kUnit = 0.1;
@@ -705,6 +738,36 @@ PreparedPair prepared_pair(const LandmarkCloud& source, const LandmarkCloud& tar
                            const AlignOptions& options = {}) {
   const PrepareOptions preparation{.seed = options.seed, .executor = options.execution.executor};
   return {PreparedMap(source, preparation), PreparedMap(target, preparation), options};
+}
+
+// A nearly symmetric box with marks on its sides; its mirror image also fits half of it.
+TEST(Place, DoesNotTakeAMirrorImageForThePlace) {
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    Random random(seed);
+    const Rigid3 pose = any_pose(random, 3.0);
+    LandmarkCloud source;
+    LandmarkCloud mirrored;
+    LandmarkCloud same;
+    for (int i = 0; i < 600; ++i) {
+      const Eigen::Vector3d half(0.1 * random.uniform(-1, 1), 0.2 * random.uniform(-1, 1),
+                                 0.3 * random.uniform(-1, 1));
+      const bool is_double = i < 200;
+      for (const double side : {-0.05, 0.05}) {
+        if (!is_double && side < 0.0) continue;
+        const Eigen::Vector3d at(side + (side < 0.0 ? -half.x() : half.x()), half.y(), half.z());
+        const auto noise = [&]() -> Eigen::Vector3d {
+          return 0.0002 * Eigen::Vector3d(random.normal(), random.normal(), random.normal());
+        };
+        source.positions.push_back(at);
+        same.positions.push_back(pose * (at + noise()));
+        mirrored.positions.push_back(pose * (Eigen::Vector3d(-at.x(), at.y(), at.z()) + noise()));
+      }
+    }
+    const Alignment result = place(source, mirrored, two_threads(seed));
+    EXPECT_EQ(result.verdict, Verdict::kRejected) << result.reason;
+    EXPECT_THAT(result.reason, HasSubstr("the mirror image of the source fits better"));
+    EXPECT_EQ(place(source, same, two_threads(seed)).verdict, Verdict::kAligned);
+  }
 }
 
 TEST(PreparedPair, PlacesAsPlaceDoesHoweverOftenAsked) {

@@ -9,6 +9,7 @@
 
 #include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/evidence/verdict.hpp"
+#include "cairn/alignment/detail/refinement/known_matches.hpp"
 #include "cairn/alignment/detail/search/placement.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
@@ -27,18 +28,26 @@ double likely_scale(const CloudScales& from, const CloudScales& to) {
   return std::isfinite(square) && square > 0.0 ? std::sqrt(square) : 1.0;
 }
 
+constexpr double kClear = 20.0;  // least evidence
+
+// Whether descriptors show that landmarks are the same ones.
+bool are_told_by_descriptors(const Finalist& pose) {
+  const auto& agreement = pose.support.agreement;
+  return agreement && agreement->evidence() > kClear;
+}
+
 // How closely the maps agree at a candidate, in fine scales, if known. A much finer kernel would fit the
 // errors of single landmarks.
 double precision(const Finalist& pose) {
   constexpr double kPerDeviation = 2.0;
-  constexpr double kClear = 20.0;  // least evidence
   const Support& support = pose.support;
   if (support.proximity.spread > kClear) {
     return std::max(kPerDeviation * support.proximity.deviation / kSmoothSpacings, kFinest);
   }
   // Descriptors also identify the same landmarks, but not their distances.
-  const bool same = support.agreement && support.agreement->evidence() > kClear;
-  return same ? kPerDeviation * ProximityEvidence::kWidest / kSmoothSpacings : 1.0;
+  return are_told_by_descriptors(pose)
+             ? kPerDeviation * ProximityEvidence::kWidest / kSmoothSpacings
+             : 1.0;
 }
 
 }  // namespace
@@ -112,11 +121,13 @@ class PreparedPair::Work {
   }
   RegistrationResult refined(const Finalist& best, bool hold, const TimeLimit& time,
                              Alignment& result) const;
+  std::vector<Match> known_matches(const Finalist& best) const;
   const Candidates& searched(const TimeLimit& time);
   void conclude(Candidates found, const TimeLimit& time, Alignment& result) const;
   void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
                      const TimeLimit& time, Alignment& result) const;
   void judge_best(const Finalist& best, Alignment& result) const;
+  std::optional<std::string> fits_mirrored(const Finalist& best) const;
   Placed beside(Candidates found, const Finalist& pose) const;
   void report(const std::vector<Finalist>& poses, Alignment& result) const;
   void require_scale(const Similarity3& pose) const;
@@ -154,7 +165,7 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
   RegistrationResult alignment;
   const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
     refinement.execution.stop = stop;
-    alignment = refine(source_, target_, refinement);
+    alignment = refine_with_known(source_, target_, refinement, known_matches(best));
   });
   if (unfinished && alignment.status == RegistrationStatus::kCancelled) {
     result.cut_short = true;
@@ -164,6 +175,23 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
         fmt::format("stopped at the time limit after {} iterations", alignment.iterations);
   }
   return alignment;
+}
+
+// The landmarks that descriptors show to be the same, if these decide alone. Of maps that are deformed against each
+// other, only those agree that happen to fit; then many more agree nearly.
+std::vector<Match> PreparedPair::Work::known_matches(const Finalist& best) const {
+  constexpr double kMostBeside = 0.2;  // of those that agree, beside chance
+  const auto& agreement = best.support.agreement;
+  if (!agreement || agreement->spread < kDecisiveAgreement) return {};
+  std::vector<Match> known = placement_->agreeing(best.similarity(), 1.0);
+  const auto count = static_cast<double>(known.size());
+  // Chance grows with the area.
+  const auto beside = static_cast<double>(placement_->agreeing(best.similarity(), 2.0).size());
+  if (beside > (1.0 + kMostBeside) * count + 4.0 * agreement->expected) return {};
+  if (inverted_) {
+    for (Match& match : known) std::swap(match.source, match.target);
+  }
+  return known;
 }
 
 // Candidates of the search; the same for every judged pose.
@@ -226,6 +254,28 @@ void PreparedPair::Work::judge_best(const Finalist& best, Alignment& result) con
                     callers_.min_probability, result.around);
   result.verdict = judgement.verdict;
   result.reason = std::move(judgement.reason);
+  if (result.verdict != Verdict::kAligned) return;
+  if (const auto why = fits_mirrored(best)) {
+    result.verdict = Verdict::kRejected;
+    result.reason = fmt::format("{}; {}", *why, result.reason);
+  }
+}
+
+// How the mirror image of the source fits better than the source; std::nullopt if it does not. Positions alone do not
+// tell a nearly symmetric thing from its mirror image; descriptors do, because an image has no mirrored corners.
+std::optional<std::string> PreparedPair::Work::fits_mirrored(const Finalist& best) const {
+  constexpr double kClearlyMore = 1.5;
+  if (are_told_by_descriptors(best)) return std::nullopt;
+  const auto image = placement_->of_mirror_image(callers_.execution.stop);
+  if (!image) return std::nullopt;
+  const std::size_t here = best.support.within[Support::kFine];
+  const std::size_t there = image->support.within[Support::kFine];
+  if (static_cast<double>(there) < kClearlyMore * static_cast<double>(here)) return std::nullopt;
+  return fmt::format(
+      "the mirror image of the source fits better ({} close matches instead of {}), as where one "
+      "map "
+      "has left-handed axes",
+      there, here);
 }
 
 // Places a given pose among the poses found; it replaces those that a user would call the same.

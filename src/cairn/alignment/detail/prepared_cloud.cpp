@@ -202,6 +202,22 @@ PreparedCloud PreparedCloud::scaled(double scale, const Executor& executor) cons
   return result;
 }
 
+PreparedCloud PreparedCloud::mirrored() const {
+  const Eigen::DiagonalMatrix<double, 3> mirror(-1.0, 1.0, 1.0);
+  LandmarkCloud cloud = landmarks();
+  cloud.views.clear();
+  cloud.descriptors.reset();
+  for (Eigen::Vector3d& position : cloud.positions) position = mirror * position;
+  for (Eigen::Matrix3d& covariance : cloud.covariances) covariance = mirror * covariance * mirror;
+  PreparedCloud result = *this;
+  result.landmarks_ = std::make_shared<const LandmarkCloud>(std::move(cloud));
+  result.tree_ = std::make_shared<const BatchTree>(result.landmarks().positions);
+  const auto more = std::make_shared<More>(*more_);
+  more->views = SeenViews(result.landmarks());
+  result.more_ = more;
+  return result;
+}
+
 Similarity3 centred_pose(const PreparedCloud& source, const PreparedCloud& target,
                          const Similarity3& target_from_source) {
   return translation(-target.centre()) * target_from_source * translation(source.centre());

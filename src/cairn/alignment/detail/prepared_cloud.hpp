@@ -69,6 +69,8 @@ class PreparedCloud {
   PreparedCloud scaled(double scale, const Executor& executor) const;
   /// The same for a refinement alone, as plain().
   PreparedCloud scaled_plainly(double scale) const;
+  /// The mirror image, with positions, covariances and weights only.
+  PreparedCloud mirrored() const;
 
  private:
   struct More {

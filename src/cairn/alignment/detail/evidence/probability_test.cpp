@@ -73,6 +73,16 @@ TEST(Probability, GrowsWithHowManyMatchesLookAlikeAndHowManyDescriptorMatchesAgr
   }
 }
 
+TEST(Probability, OfAPoseThatDescriptorsShowIsHighHoweverManyOtherLandmarksMatch) {
+  PlacementCandidate best = looking(candidate(0.3, 10.0, 0.02), 80.0, 45);
+  const PlacementCandidate other = looking(candidate(0.15, 0.0, 0.05), 0.0, 0);
+  EXPECT_GT(best_of({best, other}), 0.99);
+  // Unless descriptors also agree with another pose.
+  EXPECT_LT(best_of({best, looking(candidate(0.15, 0.0, 0.05), 0.0, 44)}), best_of({best, other}));
+  best.support.agreement = DescriptorAgreement{200, 3, 3, 0.5};
+  EXPECT_LT(best_of({best, other}), 0.99);
+}
+
 double log_odds_of(double probability) {
   return std::log(probability / (1.0 - probability));
 }

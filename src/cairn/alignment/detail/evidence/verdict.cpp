@@ -21,6 +21,10 @@ constexpr double kFewestInAgreement =
 // Of the best pose's evidence, of each kind: another pose with so much cannot be told from it. docs/evidence.md explains
 // the choice.
 constexpr double kAsWell = 0.5;
+// Of the best pose's agreeing descriptor matches outside their largest cluster, and least number: with so many, another
+// pose is no chance, even if fewer landmarks match.
+constexpr double kAlsoAgreeing = 1.0 / 3.0;
+constexpr std::size_t kFewestAlsoAgreeing = 5;
 // Smaller differences of the share of contradicted lines of sight tell nothing.
 constexpr double kSameContradicted = 0.1;
 
@@ -85,6 +89,15 @@ bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& bes
   return there.spread_evidence >= kAsWell * here.spread_evidence &&
          looks(there) >= kAsWell * looks(here) &&
          other.contradicted.value_or(0.0) <= best.contradicted.value_or(0.0) + kSameContradicted;
+}
+
+// Whether descriptors in several spots also agree with another pose, as where a thing stands twice.
+bool looks_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
+  const auto spread = [](const PlacementCandidate& one) {
+    return one.support.agreement ? one.support.agreement->spread : 0;
+  };
+  return spread(other) >= kFewestAlsoAgreeing &&
+         static_cast<double>(spread(other)) >= kAlsoAgreeing * static_cast<double>(spread(best));
 }
 
 // The evidence for and against the best candidate.
@@ -152,6 +165,15 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
       return ambiguous(
           fmt::format("the landmarks match as well at {} other {}, as where a structure repeats",
                       as_well, as_well == 1 ? "pose" : "poses"));
+    }
+    const auto like = std::find_if(
+        candidates.begin() + 1, candidates.end(),
+        [&](const PlacementCandidate& candidate) { return looks_as_well(candidate, best); });
+    if (like != candidates.end()) {
+      return ambiguous(
+          fmt::format("{} descriptor matches agree with another pose, {} with the best, as where a "
+                      "thing stands twice",
+                      like->support.agreement->agreeing, best.support.agreement->agreeing));
     }
     if (const std::string other = other_surroundings(around); !other.empty()) {
       return ambiguous("the maps may show two places that share one object: " + other);

@@ -24,10 +24,11 @@ void take_pose(Alignment& alignment);
 ///
 /// A conditional logit model (McFadden 1974). The odds of a candidate against none increase with its
 /// evidence per match (of distances, descriptor similarity, descriptor matches), with its evidence of
-/// distances against the other candidates and, without descriptors, with the ratio of its matches within a
-/// quarter of the radius to those of the best other candidate. They decrease with the share of contradicted
-/// lines of sight. If maps lack an input, that term is left out and the others have larger weights. Fitted
-/// to simulated sessions, of which half the pairs show different places (docs/method.md).
+/// distances against the other candidates, with that of descriptor matches alone, however many other landmarks match,
+/// and with the ratio of its matches to those of the best other candidate: descriptor matches that agree, or without
+/// descriptors matches within a quarter of the radius. They decrease with the share of contradicted
+/// lines of sight. If maps lack an input, that term is left out and the others have other weights. Fitted
+/// to simulated sessions, of which half the pairs show different places (docs/evidence.md).
 ///
 /// @param prior_odds that two maps show one place, versus two; positive
 std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,

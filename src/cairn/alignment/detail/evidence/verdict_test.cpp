@@ -88,10 +88,31 @@ TEST(Verdict, BelievesLooksThatTellPosesApartAtWhichLandmarksMatchAsWell) {
   PlacementCandidate other = judged_candidate(0.001);
   other.support.agreement = DescriptorAgreement{200, 2, 2, 1.25};
   EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAligned);
-  other.support.agreement = best.support.agreement;
+  best.support.agreement = other.support.agreement;
   EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAmbiguous);
   best.support.spread_likeness = 1000.0;
   EXPECT_EQ(verdict_of({best, other}).verdict, Verdict::kAligned);
+}
+
+TEST(Verdict, AmbiguousIfDescriptorsInSeveralSpotsAgreeWithAnotherPose) {
+  const auto with = [](std::size_t best_spread, std::size_t other_agreeing,
+                       std::size_t other_spread) {
+    std::vector candidates = {judged_candidate(0.996), judged_candidate(0.001, 0.1)};
+    candidates[0].support.agreement =
+        DescriptorAgreement{.matches = 87, .agreeing = 29, .spread = best_spread, .expected = 0.3};
+    candidates[1].support.agreement = DescriptorAgreement{
+        .matches = 87, .agreeing = other_agreeing, .spread = other_spread, .expected = 0.3};
+    return verdict_of(candidates);
+  };
+  const Judgement judgement = with(16, 20, 9);
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason,
+              StartsWith("20 descriptor matches agree with another pose, 29 with the best"));
+  EXPECT_EQ(with(15, 10, 5).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with(16, 10, 5).verdict, Verdict::kAligned);
+  // One thing that moved, and chance.
+  EXPECT_EQ(with(16, 20, 1).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(4, 4, 4).verdict, Verdict::kAligned);
 }
 
 TEST(Verdict, SaysHowManyMatchesLookAlikeWhereThatIsKnown) {

@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/detail/refinement/known_matches.hpp"
 #include "cairn/alignment/detail/refinement/robust_alignment.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/detail/require.hpp"
@@ -88,9 +89,14 @@ void turn_round(const Similarity3& pose, RegistrationResult& result) {
 class Refinement {
  public:
   /// @param inverted moves the caller's target
+  /// @param known    see refine_with_known(), of this source and target
   Refinement(const PreparedCloud& source, const PreparedCloud& target, bool inverted,
-             const RefineOptions& options)
-      : source_(source), target_(target), inverted_(inverted), options_(options) {}
+             const RefineOptions& options, std::vector<Match> known)
+      : source_(source),
+        target_(target),
+        inverted_(inverted),
+        options_(options),
+        known_(std::move(known)) {}
 
   void run(RegistrationResult& result) const;
 
@@ -142,6 +148,7 @@ class Refinement {
   PreparedCloud target_;
   bool inverted_;
   const RefineOptions& options_;
+  std::vector<Match> known_;
 };
 
 std::vector<Match> Refinement::as_given(std::vector<Match> matches) const {
@@ -282,6 +289,11 @@ void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& 
   if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
     PoseUncertainty uncertainty =
         alignment.uncertainty(centred, error_scale_of(kernel), result.matches, free_scale);
+    if (!uncertainty.covariance && !known_.empty()) {
+      PoseUncertainty told =
+          alignment.uncertainty_of_known(centred, error_scale_of(kernel), known_, free_scale);
+      if (told.covariance) uncertainty = std::move(told);
+    }
     result.unobservable = std::move(uncertainty.unobservable);
     if (uncertainty.covariance_with_scale) {
       const Matrix7d covariance = covariance_at_point(*uncertainty.covariance_with_scale,
@@ -325,7 +337,7 @@ void RefineOptions::validate() const {
 namespace {
 
 RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& target,
-                           const RefineOptions& options) {
+                           const RefineOptions& options, std::vector<Match> known = {}) {
   const auto start = std::chrono::steady_clock::now();
   RegistrationResult result;
   result.target_from_source = options.initial;
@@ -339,7 +351,11 @@ RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& tar
     const PreparedCloud moving = source.scaled_plainly(scale);
     // Moves the smaller map, because landmarks of the larger one outside the overlap would bias the pose.
     const bool inverted = moving.extent() > target.extent();
-    Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options)
+    if (inverted) {
+      for (Match& match : known) std::swap(match.source, match.target);
+    }
+    Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options,
+               std::move(known))
         .run(result);
     result.scale *= scale;  // run() estimated the scale of the scaled source
     for (IterationRecord& record : result.history) record.scale *= scale;
@@ -364,6 +380,13 @@ RegistrationResult refine(const PreparedMap& source, const PreparedMap& target,
                           const RefineOptions& options) {
   options.validate();
   return refined(source.cloud(), target.cloud(), options);
+}
+
+RegistrationResult detail::refine_with_known(const PreparedMap& source, const PreparedMap& target,
+                                             const RefineOptions& options,
+                                             std::vector<Match> known) {
+  options.validate();
+  return refined(source.cloud(), target.cloud(), options, std::move(known));
 }
 
 }  // namespace cairn

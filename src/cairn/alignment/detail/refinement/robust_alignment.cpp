@@ -396,13 +396,20 @@ class RobustAlignment::Trial {
 
 PoseUncertainty RobustAlignment::uncertainty(const Similarity3& pose, double scale,
                                              std::vector<Match> matches, bool free_scale) const {
-  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches))
-                    : uncertainty_with<6>(pose, scale, std::move(matches));
+  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches), false)
+                    : uncertainty_with<6>(pose, scale, std::move(matches), false);
+}
+
+PoseUncertainty RobustAlignment::uncertainty_of_known(const Similarity3& pose, double scale,
+                                                      std::vector<Match> matches,
+                                                      bool free_scale) const {
+  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches), true)
+                    : uncertainty_with<6>(pose, scale, std::move(matches), true);
 }
 
 template <int kFreedoms>
 PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, double scale,
-                                                  std::vector<Match> matches) const {
+                                                  std::vector<Match> matches, bool known) const {
   const std::vector<Eigen::Vector3d> moved = moved_points(source_.landmarks().positions, pose);
   const Eigen::Matrix3d linear = pose.linear();
   std::erase_if(matches, [&](const Match& match) {
@@ -417,17 +424,20 @@ PoseUncertainty RobustAlignment::uncertainty_with(const Similarity3& pose, doubl
   PoseEvidence<kFreedoms> evidence;
   evidence.pivot = arm.pivot;
   evidence.length = arm.length;
-  Trial<kFreedoms> trial(*this, pose, scale, arm);
-  evidence.information = trial.stiffness();
-
-  PoseUncertainty open;
-  const SymmetricEigen<kFreedoms> eigen = symmetric_eigen<kFreedoms>(evidence.information);
-  for (int i = 0; i < kFreedoms; ++i) {
-    const Vector<kFreedoms> direction = eigen.vectors.col(i);
-    if (trial.holds(direction)) continue;
-    open.unobservable.push_back(open_direction<kFreedoms>(direction, evidence.length));
+  if (known) {
+    evidence.information = equations<kFreedoms>(moved, matches, pose, scale, arm).information;
+  } else {
+    Trial<kFreedoms> trial(*this, pose, scale, arm);
+    evidence.information = trial.stiffness();
+    PoseUncertainty open;
+    const SymmetricEigen<kFreedoms> eigen = symmetric_eigen<kFreedoms>(evidence.information);
+    for (int i = 0; i < kFreedoms; ++i) {
+      const Vector<kFreedoms> direction = eigen.vectors.col(i);
+      if (trial.holds(direction)) continue;
+      open.unobservable.push_back(open_direction<kFreedoms>(direction, evidence.length));
+    }
+    if (!open.unobservable.empty()) return open;
   }
-  if (!open.unobservable.empty()) return open;
 
   // Errors of neighbouring landmarks are correlated, by a common keyframe, a common match, or drift. A small
   // number of large parts includes that.

@@ -63,6 +63,10 @@ class RobustAlignment {
   PoseUncertainty uncertainty(const Similarity3& pose, double scale, std::vector<Match> matches,
                               bool free_scale = false) const;
 
+  /// The same from matches that are right whatever lies nearest, as of descriptors: they stay as the pose moves.
+  PoseUncertainty uncertainty_of_known(const Similarity3& pose, double scale,
+                                       std::vector<Match> matches, bool free_scale = false) const;
+
  private:
   // For the degrees of freedom of the motion: 6 for a rigid one, 7 with a scale.
   template <int kFreedoms>
@@ -108,9 +112,10 @@ class RobustAlignment {
   template <int kFreedoms>
   Run run_with(const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop,
                const std::function<void(Iteration)>& observe) const;
+  // @param known as in uncertainty_of_known()
   template <int kFreedoms>
   PoseUncertainty uncertainty_with(const Similarity3& pose, double scale,
-                                   std::vector<Match> matches) const;
+                                   std::vector<Match> matches, bool known) const;
   double radius(std::size_t points) const;
 
   PreparedCloud source_;

@@ -164,6 +164,37 @@ std::pair<std::optional<Finalist>, double> Placement::better_near(
   return better;
 }
 
+std::optional<Finalist> Placement::of_mirror_image(const std::stop_token& stop) const {
+  AlignOptions options = options_;
+  options.gravity.reset();
+  const Placement mirror(source_.mirrored(), target_, scales_, equal_, options);
+  constexpr std::size_t kMost = 6;
+  std::vector<Finalist> poses;
+  for (const QuadPose& quad : mirror.quads(stop)) {
+    if (poses.size() == kMost) break;
+    poses.emplace_back();
+    set_similarity(poses.back(), quad.target_from_source);
+  }
+  mirror.refine_all(poses, mirror.all_, PreparedCloud::kSample, kFinalIterations, stop);
+  const auto close = [](const Finalist& pose) { return pose.support.within[Support::kFine]; };
+  const auto best = std::max_element(poses.begin(), poses.end(), [&](const auto& a, const auto& b) {
+    return close(a) < close(b);
+  });
+  return best == poses.end() ? std::nullopt : std::optional(*best);
+}
+
+std::vector<Match> Placement::agreeing(const Similarity3& pose, double radii) const {
+  const double radius = radii * kMatched * fine(pose.scale());
+  const std::vector<Eigen::Vector3d> moved = moved_points(matches_.source_places(), pose);
+  std::vector<Match> result;
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    const double squared = (moved[i] - matches_.target_places()[i]).squaredNorm();
+    if (squared > radius * radius) continue;
+    result.push_back({matches_.all()[i].source, matches_.all()[i].target, squared});
+  }
+  return result;
+}
+
 SightCounts Placement::around(const Similarity3& pose) const {
   // Share of the radius of matches within which two landmarks are probably the same.
   constexpr double kClose = 0.25;

@@ -130,6 +130,12 @@ class Placement {
   /// How far two poses are apart: root mean square over the source's landmarks.
   double apart(const Similarity3& a, const Similarity3& b) const { return distance_(a, b); }
 
+  /// The best pose of the source's mirror image, by positions alone; std::nullopt if none is found.
+  std::optional<Finalist> of_mirror_image(const std::stop_token& stop) const;
+
+  /// The descriptor matches that a pose brings within so many radii of matches.
+  std::vector<Match> agreeing(const Similarity3& pose, double radii) const;
+
   /// Free-space check of the surroundings of the matches.
   SightCounts around(const Similarity3& pose) const;
 
