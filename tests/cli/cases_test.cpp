@@ -122,6 +122,25 @@ INSTANTIATE_TEST_SUITE_P(
                       refuses("unknown_content/cameras_ddd.xml", "XML document"),
                       refuses("unknown_content/realitycapture.csv", "RealityCapture")));
 
+// What stands twice, mirror images and common grids are no evidence of one place.
+UserCase aligns(const std::string& folder, const std::string& source, const std::string& target,
+                int exit_code, const std::string& says) {
+  return {{"align", folder + source, folder + target}, exit_code, says};
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Doubles, CasesTest,
+    ::testing::Values(aligns("can_two_labels/", "oback.cairn", "efront.cairn", 4,
+                             "descriptor matches agree with another pose"),
+                      aligns("can_two_labels/", "efront.cairn", "oback.cairn", 4, "ambiguous"),
+                      aligns("can_two_labels/", "oback.cairn", "eback.cairn", 0, "aligned"),
+                      aligns("can_two_labels/", "ofront.cairn", "efront.cairn", 0, "aligned"),
+                      aligns("mirror_milk_0/", "a.xyz", "b.xyz", 4,
+                             "the mirror image of the source fits better"),
+                      aligns("lattice_rounded_cap_person/", "a.pcd", "b.pcd", 4, "rejected"),
+                      aligns("one_voxel_grid/", "room.xyz", "other.xyz", 4, "rejected"),
+                      reads("one_voxel_grid/room.xyz", "lie on a grid of 0.15 x 0.15 x 0.15")));
+
 INSTANTIATE_TEST_SUITE_P(
     Splats, CasesTest,
     ::testing::Values(UserCase{{"convert", "splat_and_normals/b_splat.ply", "y.ply", "--transform",

@@ -265,17 +265,22 @@ void PreparedPair::Work::judge_best(const Finalist& best, Alignment& result) con
 // tell a nearly symmetric thing from its mirror image; descriptors do, because an image has no mirrored corners.
 std::optional<std::string> PreparedPair::Work::fits_mirrored(const Finalist& best) const {
   constexpr double kClearlyMore = 1.5;
+  constexpr double kBeyondChance = 20.0;  // matches
   if (are_told_by_descriptors(best)) return std::nullopt;
   const auto image = placement_->of_mirror_image(callers_.execution.stop);
   if (!image) return std::nullopt;
-  const std::size_t here = best.support.within[Support::kFine];
-  const std::size_t there = image->support.within[Support::kFine];
-  if (static_cast<double>(there) < kClearlyMore * static_cast<double>(here)) return std::nullopt;
-  return fmt::format(
-      "the mirror image of the source fits better ({} close matches instead of {}), as where one "
-      "map "
-      "has left-handed axes",
-      there, here);
+  for (std::size_t i = Support::kFine; i < Support::kRadii; ++i) {
+    const std::size_t here = best.support.within[i];
+    const std::size_t there = image->support.within[i];
+    if (static_cast<double>(there) < kClearlyMore * static_cast<double>(here) + kBeyondChance) {
+      continue;
+    }
+    return fmt::format(
+        "the mirror image of the source fits better ({} close matches instead of {}), as where one "
+        "map has left-handed axes",
+        there, here);
+  }
+  return std::nullopt;
 }
 
 // Places a given pose among the poses found; it replaces those that a user would call the same.
