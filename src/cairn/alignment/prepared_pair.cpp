@@ -165,7 +165,9 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
   RegistrationResult alignment;
   const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
     refinement.execution.stop = stop;
-    alignment = refine_with_known(source_, target_, refinement, known_matches(best));
+    // Beside an optimum, fixed matches say nothing about it.
+    alignment = refine_with_known(source_, target_, refinement,
+                                  hold ? std::vector<Match>() : known_matches(best));
   });
   if (unfinished && alignment.status == RegistrationStatus::kCancelled) {
     result.cut_short = true;
