@@ -56,7 +56,7 @@ TEST(MapDefects, NamesTheGridOfPositions) {
     return map_defects(LandmarkMap(std::move(changed)));
   };
   EXPECT_THAT(with_grid(3), Contains(HasSubstr("lie on a grid of 0.05 x 0.05 x 0.05")));
-  EXPECT_THAT(with_grid(2), Contains(HasSubstr("lie on a grid of 0.05 x 0.05 x 0 )));
+  EXPECT_THAT(with_grid(2), Contains(HasSubstr("lie on a grid of 0.05 x 0.05 x 0,")));
   EXPECT_THAT(with_grid(1), Not(Contains(HasSubstr("grid"))));
 }
 

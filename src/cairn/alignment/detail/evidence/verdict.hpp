@@ -41,7 +41,7 @@ struct Judgement {
 };
 
 /// Judges the likeliest candidate. A pose without a covariance, with an open direction, with another pose at which
-/// the landmarks match as well, or contradicted by the surroundings of its matches is at most ambiguous: an object
+/// the landmarks match or look as well, or contradicted by the surroundings of its matches is at most ambiguous: an object
 /// that stands in two places matches as well as a place does.
 ///
 /// @param candidates likeliest first
