@@ -2,6 +2,7 @@
 #include "align_pairs.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <exception>
 #include <list>
 #include <mutex>
@@ -184,6 +185,7 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
             line += "failed: " + found.error;
           }
           console.print(line + "\n");
+          std::fflush(stdout);  // for who follows a file
           if (progress) {
             progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
           }
