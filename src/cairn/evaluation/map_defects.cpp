@@ -9,8 +9,8 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/statistics.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
+#include "cairn/geometry/detail/grid_steps.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
@@ -52,19 +52,6 @@ std::size_t most_common_covariance(const LandmarkMap& map) {
   return most;
 }
 
-// "0.15 x 0.15 x 0", 0 where there is none; empty if fewer than two coordinates have a step.
-std::string grid_of(std::span<const Eigen::Vector3d> positions) {
-  Eigen::Vector3d steps;
-  std::vector<double> values;
-  for (int axis = 0; axis < 3; ++axis) {
-    values.clear();
-    for (const Eigen::Vector3d& position : positions) values.push_back(position[axis]);
-    steps[axis] = common_step(values);
-  }
-  if ((steps.array() > 0.0).count() < 2) return {};
-  return fmt::format("{:.4g} x {:.4g} x {:.4g}", steps.x(), steps.y(), steps.z());
-}
-
 std::size_t unobserving_frames(const LandmarkMap& map) {
   std::vector<bool> observes(map.frame_count(), false);
   for (const FrameIndex frame : map.observations().frames) observes[frame.value] = true;
@@ -94,12 +81,12 @@ std::vector<std::string> map_defects(const LandmarkMap& map) {
     result.push_back(fmt::format(
         "landmarks, observed twice or more, that lie exactly where another does: {}", repeated));
   }
-  if (const std::string grid = grid_of(map.landmarks().positions); !grid.empty()) {
-    result.push_back(
-        fmt::format("the positions lie on a grid of {}, as of voxels or rounded numbers: they are "
-                    "known to within "
-                    "a step only",
-                    grid));
+  const Eigen::Vector3d grid = detail::grid_steps(map.landmarks().positions);
+  if (!grid.isZero(0.0)) {
+    result.push_back(fmt::format(
+        "the positions lie on a grid of {:.4g} x {:.4g} x {:.4g}, as of voxels or rounded numbers: "
+        "they are known to within a step only",
+        grid.x(), grid.y(), grid.z()));
   }
   if (count > 0 && !map.has_covariances()) {
     result.emplace_back("the map has no covariances: confidence covariance cannot be had");

@@ -13,6 +13,7 @@
 #include "cairn/core/random.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/central_part.hpp"
+#include "cairn/geometry/detail/grid_steps.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
@@ -117,15 +118,8 @@ constexpr double kMostStep = 2.0;
 // Positions that are rounded, or the centres of voxels, are known to within a step only: spreads them evenly over it.
 // Else two grids would match to the last digit whatever the maps show.
 void dither(std::vector<Eigen::Vector3d>& positions, Random random, const Executor& executor) {
-  Eigen::Vector3d steps;
-  std::vector<double> values;
-  const std::size_t stride = 1 + positions.size() / PreparedCloud::kSample;
-  for (int axis = 0; axis < 3; ++axis) {
-    values.clear();
-    for (std::size_t i = 0; i < positions.size(); i += stride) values.push_back(positions[i][axis]);
-    steps[axis] = common_step(values);
-  }
-  if (steps.isZero()) return;
+  Eigen::Vector3d steps = grid_steps(positions);
+  if (steps.isZero(0.0)) return;
   std::vector<double> spacings = landmark_spacings(positions, BatchTree(positions), executor);
   const double spacing = upper_median(spacings);
   for (double& step : steps) {
