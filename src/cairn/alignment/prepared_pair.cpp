@@ -32,8 +32,7 @@ constexpr double kClear = 20.0;  // least evidence
 
 // Whether descriptors show that landmarks are the same ones.
 bool are_told_by_descriptors(const Finalist& pose) {
-  const auto& agreement = pose.support.agreement;
-  return agreement && agreement->evidence() > kClear;
+  return agreement_evidence(pose.support) > kClear;
 }
 
 // How closely the maps agree at a candidate, in fine scales, if known. A much finer kernel would fit the
@@ -183,13 +182,12 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
 // other, only those agree that happen to fit; then many more agree nearly.
 std::vector<Match> PreparedPair::Work::known_matches(const Finalist& best) const {
   constexpr double kMostBeside = 0.2;  // of those that agree, beside chance
-  const auto& agreement = best.support.agreement;
-  if (!agreement || agreement->spread < kDecisiveAgreement) return {};
+  if (agreement_spread(best.support) < kDecisiveAgreement) return {};
   std::vector<Match> known = placement_->agreeing(best.similarity(), 1.0);
   const auto count = static_cast<double>(known.size());
   // Chance grows with the area.
   const auto beside = static_cast<double>(placement_->agreeing(best.similarity(), 2.0).size());
-  if (beside > (1.0 + kMostBeside) * count + 4.0 * agreement->expected) return {};
+  if (beside > (1.0 + kMostBeside) * count + 4.0 * best.support.agreement->expected) return {};
   if (inverted_) {
     for (Match& match : known) std::swap(match.source, match.target);
   }

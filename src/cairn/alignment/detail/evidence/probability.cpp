@@ -53,10 +53,6 @@ double leading_matches_of_others(std::span<const PlacementCandidate> candidates,
   return most;
 }
 
-double agreement_evidence(const Support& support) {
-  return support.agreement ? support.agreement->evidence() : 0.0;
-}
-
 // Assumes that distances, descriptor similarity and descriptor matches are independent.
 double evidence(const Support& support) {
   return support.spread_evidence + support.proximity.spread + support.spread_likeness +

@@ -77,7 +77,7 @@ std::string other_surroundings(const SightCounts& around) {
 // close the matches of each pose are with those of all other poses, and along a fence many poses match equally well.
 bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
   const auto looks = [](const Support& support) {
-    return support.spread_likeness + (support.agreement ? support.agreement->evidence() : 0.0);
+    return support.spread_likeness + agreement_evidence(support);
   };
   const Support& there = other.support;
   const Support& here = best.support;
@@ -93,11 +93,10 @@ bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& bes
 
 // Whether descriptors in several spots also agree with another pose, as where a thing stands twice.
 bool looks_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
-  const auto spread = [](const PlacementCandidate& one) {
-    return one.support.agreement ? one.support.agreement->spread : 0;
-  };
-  return spread(other) >= kFewestAlsoAgreeing &&
-         static_cast<double>(spread(other)) >= kAlsoAgreeing * static_cast<double>(spread(best));
+  const std::size_t there = agreement_spread(other.support);
+  const std::size_t here = agreement_spread(best.support);
+  return there >= kFewestAlsoAgreeing &&
+         static_cast<double>(there) >= kAlsoAgreeing * static_cast<double>(here);
 }
 
 // The evidence for and against the best candidate.
@@ -126,10 +125,17 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
 
 }  // namespace
 
+double agreement_evidence(const Support& support) {
+  return support.agreement ? support.agreement->evidence() : 0.0;
+}
+
+std::size_t agreement_spread(const Support& support) {
+  return support.agreement ? support.agreement->spread : 0;
+}
+
 bool is_decided(const Alignment& placed) {
-  if (placed.candidates.empty()) return false;
-  const auto& agreement = placed.candidates.front().support.agreement;
-  return agreement && agreement->spread >= kDecisiveAgreement;
+  return !placed.candidates.empty() &&
+         agreement_spread(placed.candidates.front().support) >= kDecisiveAgreement;
 }
 
 void take_pose(Alignment& alignment) {

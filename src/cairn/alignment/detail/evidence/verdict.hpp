@@ -14,6 +14,10 @@ namespace cairn::detail {
 /// decide alone.
 inline constexpr std::size_t kDecisiveAgreement = 15;
 
+/// DescriptorAgreement::evidence() and spread at a pose; 0 if the maps have no descriptors of one kind.
+double agreement_evidence(const Support& support);
+std::size_t agreement_spread(const Support& support);
+
 /// Whether descriptors alone decide for the likeliest candidate.
 bool is_decided(const Alignment& placed);
 

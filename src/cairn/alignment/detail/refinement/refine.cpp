@@ -291,7 +291,7 @@ void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& 
         alignment.uncertainty(centred, error_scale_of(kernel), result.matches, free_scale);
     if (!uncertainty.covariance && !known_.empty()) {
       PoseUncertainty told =
-          alignment.uncertainty_of_known(centred, error_scale_of(kernel), known_, free_scale);
+          alignment.uncertainty(centred, error_scale_of(kernel), known_, free_scale, true);
       if (told.covariance) uncertainty = std::move(told);
     }
     result.unobservable = std::move(uncertainty.unobservable);

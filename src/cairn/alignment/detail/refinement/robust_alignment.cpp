@@ -395,16 +395,10 @@ class RobustAlignment::Trial {
 };
 
 PoseUncertainty RobustAlignment::uncertainty(const Similarity3& pose, double scale,
-                                             std::vector<Match> matches, bool free_scale) const {
-  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches), false)
-                    : uncertainty_with<6>(pose, scale, std::move(matches), false);
-}
-
-PoseUncertainty RobustAlignment::uncertainty_of_known(const Similarity3& pose, double scale,
-                                                      std::vector<Match> matches,
-                                                      bool free_scale) const {
-  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches), true)
-                    : uncertainty_with<6>(pose, scale, std::move(matches), true);
+                                             std::vector<Match> matches, bool free_scale,
+                                             bool known) const {
+  return free_scale ? uncertainty_with<7>(pose, scale, std::move(matches), known)
+                    : uncertainty_with<6>(pose, scale, std::move(matches), known);
 }
 
 template <int kFreedoms>

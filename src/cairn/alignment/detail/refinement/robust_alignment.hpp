@@ -60,12 +60,9 @@ class RobustAlignment {
   /// open if the objective hardly changes a little way along it.
   /// @param matches of the pose, from matches()
   /// @param free_scale as in Schedule
+  /// @param known      the matches are right whatever lies nearest, as of descriptors: they stay as the pose moves
   PoseUncertainty uncertainty(const Similarity3& pose, double scale, std::vector<Match> matches,
-                              bool free_scale = false) const;
-
-  /// The same from matches that are right whatever lies nearest, as of descriptors: they stay as the pose moves.
-  PoseUncertainty uncertainty_of_known(const Similarity3& pose, double scale,
-                                       std::vector<Match> matches, bool free_scale = false) const;
+                              bool free_scale = false, bool known = false) const;
 
  private:
   // For the degrees of freedom of the motion: 6 for a rigid one, 7 with a scale.
@@ -112,7 +109,6 @@ class RobustAlignment {
   template <int kFreedoms>
   Run run_with(const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop,
                const std::function<void(Iteration)>& observe) const;
-  // @param known as in uncertainty_of_known()
   template <int kFreedoms>
   PoseUncertainty uncertainty_with(const Similarity3& pose, double scale,
                                    std::vector<Match> matches, bool known) const;

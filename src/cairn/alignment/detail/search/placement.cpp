@@ -111,8 +111,8 @@ Finalist Placement::assessed(const Similarity3& pose, std::size_t partners) cons
 double Placement::merit(const PlacementCandidate& pose) {
   constexpr double kSupport = 50.0;
   const Support& support = pose.support;
-  const double agreement = support.agreement ? support.agreement->evidence() : 0.0;
-  return support.spread_evidence + support.spread_likeness + agreement + kSupport * support.share;
+  return support.spread_evidence + support.spread_likeness + agreement_evidence(support) +
+         kSupport * support.share;
 }
 
 std::vector<Finalist> Placement::with_probabilities(std::vector<Finalist> poses) const {
