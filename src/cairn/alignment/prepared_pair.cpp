@@ -269,8 +269,10 @@ std::optional<std::string> PreparedPair::Work::fits_mirrored(const Finalist& bes
   if (are_told_by_descriptors(best)) return std::nullopt;
   const auto image = placement_->of_mirror_image(callers_.execution.stop);
   if (!image) return std::nullopt;
+  // A given pose may lie beside its optimum, where few matches are close; the image's pose does not.
+  const Finalist settled = placement_->settled(best.similarity(), callers_.execution.stop);
   for (std::size_t i = Support::kFine; i < Support::kRadii; ++i) {
-    const std::size_t here = best.support.within[i];
+    const std::size_t here = std::max(best.support.within[i], settled.support.within[i]);
     const std::size_t there = image->support.within[i];
     if (static_cast<double>(there) < kClearlyMore * static_cast<double>(here) + kBeyondChance) {
       continue;
