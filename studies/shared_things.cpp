@@ -184,8 +184,9 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{}\n", pair.number,
              pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
              pair.target.size(), to_string(*result.verdict), *result.probability,
-             degrees(error.rotation_rad), error.translation, right ? 1 : 0, result.around.in_front,
-             result.around.agree, result.around.behind, found ? columns_of(*found, pair) : ",,,");
+             degrees(error.rotation_rad), error.translation, right ? 1 : 0,
+             result.around.landmarks.in_front, result.around.landmarks.agree,
+             result.around.landmarks.behind, found ? columns_of(*found, pair) : ",,,");
   std::fflush(stdout);
 }
 

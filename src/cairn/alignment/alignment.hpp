@@ -99,6 +99,17 @@ struct SightCounts {
   SightCounts& operator+=(const SightCounts& other);
 };
 
+/// What surrounds the matches of a pose: the landmarks outside a ball that covers nearly all of them. An object that stands
+/// in two places matches as well as a place does; its surroundings reveal the difference.
+struct Surroundings {
+  /// Number of landmarks around the ball, in both maps, by what most of the other map's lines of sight say about them.
+  /// Lines of sight into the ball are not compared.
+  SightCounts landmarks = {};
+  double extent = 0.0;  ///< radius of the ball, in matching radii; 0 without matches
+  double share =
+      0.0;  ///< of the landmarks of a map that are outside the ball; the smaller of both maps'
+};
+
 /// A candidate pose, distinct from the others.
 struct PlacementCandidate {
   Rigid3 target_from_source;
@@ -201,8 +212,8 @@ struct Alignment {
   std::vector<PlacementCandidate> candidates;
   /// Index of the candidate with the estimate; std::nullopt for a judged pose that is near a better candidate.
   std::optional<std::size_t> own;
-  /// Free-space check of the landmarks around the matches, at the likeliest candidate.
-  SightCounts around;
+  /// At the likeliest candidate.
+  Surroundings around;
   /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
   RegistrationResult registration;
   /// Centre of the source's landmarks, in its frame; std::nullopt if read from a document that does not state it.

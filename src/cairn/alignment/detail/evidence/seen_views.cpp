@@ -55,23 +55,53 @@ SeenViews::SeenViews(const LandmarkCloud& cloud) {
   }
 }
 
+SeenViews::Sight SeenViews::sight_of(const View& view, const Eigen::Vector3d& ray) {
+  const auto distance = static_cast<float>(ray.norm());
+  if (!(distance > 0.0F)) return nullptr;
+  const std::uint16_t slot = view.slots[cell_of(ray)];
+  if (slot == 0) return nullptr;
+  const auto [least, greatest] = view.ranges[slot - 1U];
+  if (distance < least * (1.0F - kContradicts)) return &SightCounts::in_front;
+  if (distance > greatest * (1.0F + kContradicts)) return &SightCounts::behind;
+  if (distance >= least * (1.0F - kAgrees) && distance <= greatest * (1.0F + kAgrees)) {
+    return &SightCounts::agree;
+  }
+  return nullptr;
+}
+
 SightCounts SeenViews::count(std::span<const Eigen::Vector3d> landmarks) const {
   SightCounts counts;
   for (const View& view : views_) {
     for (const Eigen::Vector3d& landmark : landmarks) {
-      const Eigen::Vector3d ray = landmark - view.centre;
-      const auto distance = static_cast<float>(ray.norm());
-      if (!(distance > 0.0F)) continue;
-      const std::uint16_t slot = view.slots[cell_of(ray)];
-      if (slot == 0) continue;
-      const auto [least, greatest] = view.ranges[slot - 1U];
-      if (distance < least * (1.0F - kContradicts)) {
-        ++counts.in_front;
-      } else if (distance > greatest * (1.0F + kContradicts)) {
-        ++counts.behind;
-      } else if (distance >= least * (1.0F - kAgrees) && distance <= greatest * (1.0F + kAgrees)) {
-        ++counts.agree;
-      }
+      if (const Sight sight = sight_of(view, landmark - view.centre)) ++(counts.*sight);
+    }
+  }
+  return counts;
+}
+
+SightCounts SeenViews::count_around(const Ball& ball, std::span<const Eigen::Vector3d> landmarks,
+                                    const LandmarkCloud& cloud) const {
+  std::vector<SightCounts> each(landmarks.size());
+  for (std::size_t v = 0; v < views_.size(); ++v) {
+    const View& view = views_[v];
+    std::vector<bool> into_ball(kCells * kCells, false);
+    for (const std::uint32_t seen : cloud.views[v].landmarks) {
+      const Eigen::Vector3d ray = cloud.positions[seen] - view.centre;
+      if (ball.contains(cloud.positions[seen]) && !ray.isZero(0.0)) into_ball[cell_of(ray)] = true;
+    }
+    for (std::size_t i = 0; i < landmarks.size(); ++i) {
+      const Eigen::Vector3d ray = landmarks[i] - view.centre;
+      const Sight sight = sight_of(view, ray);
+      if (sight && !into_ball[cell_of(ray)]) ++(each[i].*sight);
+    }
+  }
+  SightCounts counts;
+  for (const SightCounts& one : each) {
+    if (one.total() == 0) continue;
+    if (one.agree >= std::max(one.in_front, one.behind)) {
+      ++counts.agree;
+    } else {
+      ++(one.in_front >= one.behind ? counts.in_front : counts.behind);
     }
   }
   return counts;

@@ -1,13 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "cairn/alignment/prepared_map.hpp"
 
 namespace cairn::detail {
+
+struct Ball {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  double radius = 0.0;
+
+  bool contains(const Eigen::Vector3d& point) const {
+    return (point - centre).squaredNorm() <= radius * radius;
+  }
+};
 
 /// Depth that the views of a cloud saw, by direction, in cells of about one degree.
 ///
@@ -20,6 +32,12 @@ class SeenViews {
   /// @param landmarks of the other map, moved into the cloud's frame by a pose
   SightCounts count(std::span<const Eigen::Vector3d> landmarks) const;
 
+  /// Number of landmarks for which most of the lines of sight agree, and so on. A line of sight into the ball says nothing:
+  /// whatever is in the ball hides what is behind it.
+  /// @param cloud of the views
+  SightCounts count_around(const Ball& ball, std::span<const Eigen::Vector3d> landmarks,
+                           const LandmarkCloud& cloud) const;
+
  private:
   struct Range {
     float least = 0.0F;
@@ -30,6 +48,10 @@ class SeenViews {
     std::vector<std::uint16_t> slots;  // of each cell, from 1, in `ranges`; 0 if unseen
     std::vector<Range> ranges;
   };
+
+  // What a view says about a landmark in this direction; nullptr: nothing.
+  using Sight = std::size_t SightCounts::*;
+  static Sight sight_of(const View& view, const Eigen::Vector3d& ray);
 
   std::vector<View> views_;
 };

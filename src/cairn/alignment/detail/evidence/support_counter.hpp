@@ -62,15 +62,12 @@ class SupportCounter {
   LookComparison looks_;
 };
 
-/// Free-space check of the landmarks outside the region where landmarks match, at a centred pose.
+/// The surroundings of the matches at a centred pose. The ball is about the mutual matches within a quarter of the
+/// radius, without those that have less than half as many matches around them as the median.
 ///
-/// An object that stands in two places matches as well as a place does; its surroundings reveal the
-/// difference. The region is a ball around the mutual matches within the radius, without those that
-/// have less than half as many matches around them as the median.
-///
-/// @param radius largest distance of matches that are the same landmark rather than a common surface
-/// @return all zeros if there are no matches, or no cloud has views
-SightCounts surrounding_sights(const PreparedCloud& source, const PreparedCloud& target,
-                               const Similarity3& pose, double radius);
+/// @param radius within which landmarks count as matched
+/// @return all zeros if there are no matches
+Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& target,
+                          const Similarity3& pose, double radius);
 
 }  // namespace cairn::detail

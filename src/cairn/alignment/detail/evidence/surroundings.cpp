@@ -20,15 +20,6 @@ constexpr double kInside = 0.97;            // quantile of the dense matches' di
 constexpr double kMargin = 1.15;            // times that
 constexpr int kMedianSteps = 30;
 
-struct Ball {
-  Eigen::Vector3d centre;
-  double radius;
-
-  bool contains(const Eigen::Vector3d& point) const {
-    return (point - centre).squaredNorm() <= radius * radius;
-  }
-};
-
 // The point with the least sum of distances (Weiszfeld 1937).
 Eigen::Vector3d geometric_median(std::span<const Eigen::Vector3d> points) {
   Eigen::Vector3d median = centroid(points);
@@ -87,19 +78,33 @@ std::vector<Eigen::Vector3d> outside(std::span<const Eigen::Vector3d> points, co
 
 }  // namespace
 
-SightCounts surrounding_sights(const PreparedCloud& source, const PreparedCloud& target,
-                               const Similarity3& pose, double radius) {
+Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& target,
+                          const Similarity3& pose, double radius) {
+  // Share of the radius within which two landmarks are the same rather than on one surface.
+  constexpr double kClose = 0.25;
+  const double close = kClose * radius;
   const std::span<const Eigen::Vector3d> sample = source.sample();
   std::vector<std::uint32_t> matched;
   for (const MutualMatch& match : mutual_matches(source, target, pose, sample.size())) {
-    if (match.squared_distance <= radius * radius) matched.push_back(match.source);
+    if (match.squared_distance <= close * close) matched.push_back(match.source);
   }
   if (matched.empty()) return {};
   const Ball here = ball_about(dense(sample, matched));
   const Ball there = {pose * here.centre, pose.scale() * here.radius};
-  SightCounts counts = target.views().count(moved_points(outside(sample, here), pose));
-  counts += source.views().count(moved_points(outside(target.sample(), there), pose.inverse()));
-  return counts;
+  const std::vector<Eigen::Vector3d> of_source = outside(sample, here);
+  const std::vector<Eigen::Vector3d> of_target = outside(target.sample(), there);
+  const auto share = [](const auto& part, const auto& all) {
+    return static_cast<double>(part.size()) / static_cast<double>(all.size());
+  };
+  Surroundings result{
+      .landmarks = {},
+      .extent = there.radius / radius,
+      .share = std::min(share(of_source, sample), share(of_target, target.sample()))};
+  result.landmarks =
+      target.views().count_around(there, moved_points(of_source, pose), target.landmarks());
+  result.landmarks += source.views().count_around(here, moved_points(of_target, pose.inverse()),
+                                                  source.landmarks());
+  return result;
 }
 
 }  // namespace cairn::detail

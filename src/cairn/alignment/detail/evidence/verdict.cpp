@@ -12,11 +12,16 @@ namespace {
 
 // Share of the best pose's probability that makes another a rival.
 constexpr double kRival = 0.05;
-// For lines of sight to the surroundings of the matches; docs/evidence.md explains the choice.
-constexpr std::size_t kFewestAround = 100;  // least number for a decision
-constexpr double kMostContradicted = 0.25;  // of those that agree or are contradicted
-constexpr double kFewestInAgreement =
-    0.02;  // of all, including those that end behind a seen surface
+// For the surroundings of the matches; docs/evidence.md explains the choice.
+constexpr std::size_t kFewestAround = 12;  // least number of landmarks for a decision
+constexpr std::size_t kFewestIfAllAgree = 4;
+constexpr double kLeastAgreeing = 0.4;  // of them
+// Matching radii. Matches in a smaller ball may be of one object if both maps have surroundings of which nothing is known.
+// In a larger one, surroundings may also be hidden by each other, but then hardly contradict.
+constexpr double kLargestObject = 17.5;
+constexpr double kMuchAround = 0.2;          // of each map's landmarks
+constexpr double kLeastNotHidden = 0.07;     // share of landmarks that agree
+constexpr double kHardlyContradicted = 0.1;  // of those that agree or are contradicted
 
 // Of the best pose's evidence, of each kind: another pose with so much cannot be told from it. docs/evidence.md explains
 // the choice.
@@ -53,24 +58,30 @@ std::string open_text(const RegistrationResult& result) {
   return text;
 }
 
-// How the surroundings of the matches contradict the pose; empty if they do not.
-std::string other_surroundings(const SightCounts& around) {
+// Why the matches may be of one object in two places; empty if they are not.
+std::string other_surroundings(const Surroundings& around) {
   const auto share = [](std::size_t part, std::size_t all) {
     return static_cast<double>(part) / static_cast<double>(all);
   };
-  const std::size_t compared = around.agree + around.in_front;
-  if (compared >= kFewestAround && share(around.in_front, compared) > kMostContradicted) {
+  const auto& [agree, in_front, behind] = around.landmarks;
+  const std::size_t compared = around.landmarks.total();
+  if (around.extent == 0.0) return {};  // not known
+  if (compared < kFewestAround) {
+    if (around.extent >= kLargestObject || around.share < kMuchAround) return {};
+    if (agree >= kFewestIfAllAgree && agree == compared) return {};
     return fmt::format(
-        "{} of {} lines of sight around the matches are contradicted, more than the limit of {:g} "
-        "%",
-        percent(share(around.in_front, compared)), compared, 100.0 * kMostContradicted);
+        "all matches are in a ball of {:.3g} matching radii, below the required {:g}, and cameras "
+        "of one map looked at {} landmarks of the other around it, fewer than {}",
+        around.extent, kLargestObject, compared, kFewestAround);
   }
-  if (around.total() >= kFewestAround && share(around.agree, around.total()) < kFewestInAgreement) {
-    return fmt::format(
-        "{} of {} lines of sight around the matches agree, below the required {:g} %",
-        percent(share(around.agree, around.total())), around.total(), 100.0 * kFewestInAgreement);
-  }
-  return {};
+  if (share(agree, compared) >= kLeastAgreeing) return {};
+  const bool hidden = share(agree, compared) >= kLeastNotHidden &&
+                      share(in_front, agree + in_front) <= kHardlyContradicted;
+  if (hidden && around.extent >= kLargestObject) return {};
+  return fmt::format(
+      "around the matches, {} of {} landmarks are at the depth that the other map's cameras saw, "
+      "below the required {:g} %",
+      percent(share(agree, compared)), compared, 100.0 * kLeastAgreeing);
 }
 
 // Whether the landmarks match at another pose as well as at the best. The probability does not tell: it compares how
@@ -145,7 +156,7 @@ void take_pose(Alignment& alignment) {
 }
 
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
-                std::size_t landmarks, double least, const SightCounts& around) {
+                std::size_t landmarks, double least, const Surroundings& around) {
   if (candidates.empty()) {
     return {Verdict::kRejected, "the search found no pose that matches landmarks"};
   }

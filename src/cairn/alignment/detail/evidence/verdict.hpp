@@ -52,8 +52,8 @@ struct Judgement {
 /// @param result     pose of the first candidate, with covariance and open directions
 /// @param landmarks  number in the smaller map, to which the supports refer
 /// @param least      least probability of an aligned pose
-/// @param around     surrounding_sights() of the first candidate
+/// @param around     surroundings() of the first candidate
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,
-                std::size_t landmarks, double least = 0.99, const SightCounts& around = {});
+                std::size_t landmarks, double least = 0.99, const Surroundings& around = {});
 
 }  // namespace cairn::detail

@@ -250,33 +250,53 @@ TEST(Verdict, NeverSaysThatAPoseIsCertain) {
   EXPECT_THAT(verdict_of({judged_candidate(0.0)}).reason, HasSubstr("<0.01 %"));
 }
 
-TEST(Verdict, AmbiguousIfSurroundingsContradictWhatMatches) {
+Judgement judgement_with(const Surroundings& around) {
   const std::vector<PlacementCandidate> one = {judged_candidate(0.9999)};
-  const auto with = [&](const SightCounts& around) {
-    return judge(one, known_pose(), 3000, 0.99, around);
-  };
-  const Judgement judgement = with({.agree = 600, .in_front = 400, .behind = 9000});
+  return judge(one, known_pose(), 3000, 0.99, around);
+}
+
+TEST(Verdict, AmbiguousIfSurroundingsDoNotAgree) {
+  const Judgement judgement =
+      judgement_with({{.agree = 300, .in_front = 100, .behind = 600}, 30.0});
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
-  EXPECT_THAT(judgement.reason, HasSubstr("40.0 % of 1000 lines of sight around the matches are "
-                                          "contradicted, more than the limit of 25 %"));
-  const Judgement behind = with({.agree = 10, .in_front = 0, .behind = 990});
-  EXPECT_EQ(behind.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason,
+              HasSubstr("around the matches, 30.0 % of 1000 landmarks are at the depth that the "
+                        "other map's cameras saw, below the required 40 %"));
+  for (const double extent : {3.0, 30.0}) {
+    const auto with = [&](const SightCounts& landmarks) {
+      return judgement_with({landmarks, extent}).verdict;
+    };
+    EXPECT_EQ(with({.agree = 40, .in_front = 60}), Verdict::kAligned);
+    EXPECT_EQ(with({.agree = 39, .in_front = 61}), Verdict::kAmbiguous);
+    EXPECT_EQ(with({.agree = 39, .in_front = 5, .behind = 56}), Verdict::kAmbiguous);
+  }
+}
+
+TEST(Verdict, SurroundingsOfALargePlaceMayHideEachOther) {
+  const SightCounts hidden = {.agree = 90, .in_front = 10, .behind = 900};
+  EXPECT_EQ(judgement_with({hidden, 17.6}).verdict, Verdict::kAligned);
+  EXPECT_EQ(judgement_with({hidden, 17.4}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(judgement_with({{.agree = 89, .in_front = 11, .behind = 900}, 17.6}).verdict,
+            Verdict::kAmbiguous);
+  EXPECT_EQ(judgement_with({{.agree = 7, .behind = 93}, 17.6}).verdict, Verdict::kAligned);
+  EXPECT_EQ(judgement_with({{.agree = 6, .behind = 94}, 17.6}).verdict, Verdict::kAmbiguous);
+}
+
+TEST(Verdict, MatchesOfOneSpotNeedSurroundings) {
+  const SightCounts few = {.agree = 10, .behind = 1};
+  EXPECT_EQ(judgement_with({few, 17.6, 0.5}).verdict, Verdict::kAligned);
+  EXPECT_EQ(judgement_with({{.in_front = 11}, 17.6, 0.5}).verdict, Verdict::kAligned);
+  const Judgement spot = judgement_with({few, 17.4, 0.5});
+  EXPECT_EQ(spot.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(
-      behind.reason,
-      HasSubstr("1.0 % of 1000 lines of sight around the matches agree, below the required 2 %"));
-  EXPECT_EQ(with({.agree = 980, .in_front = 20, .behind = 2000}).verdict, Verdict::kAligned);
-  // Outdoors much is behind what the other map saw.
-  EXPECT_EQ(with({.agree = 50, .in_front = 0, .behind = 950}).verdict, Verdict::kAligned);
-  // At the limits.
-  EXPECT_EQ(with({.agree = 75, .in_front = 25}).verdict, Verdict::kAligned);
-  EXPECT_EQ(with({.agree = 74, .in_front = 26}).verdict, Verdict::kAmbiguous);
-  EXPECT_EQ(with({.agree = 73, .in_front = 26}).verdict, Verdict::kAligned) << "of too few";
-  EXPECT_EQ(with({.agree = 2, .behind = 98}).verdict, Verdict::kAligned);
-  EXPECT_EQ(with({.agree = 1, .behind = 99}).verdict, Verdict::kAmbiguous);
-  EXPECT_EQ(with({.agree = 1, .behind = 98}).verdict, Verdict::kAligned) << "of too few";
-  // A few say nothing.
-  EXPECT_EQ(with({.agree = 45, .in_front = 45}).verdict, Verdict::kAligned);
-  EXPECT_EQ(with({.agree = 0, .in_front = 0, .behind = 90}).verdict, Verdict::kAligned);
+      spot.reason,
+      HasSubstr("all matches are in a ball of 17.4 matching radii, below the "
+                "required 17.5, and cameras of one map looked at 11 landmarks of the other around "
+                "it, fewer than 12"));
+  EXPECT_EQ(judgement_with({{.agree = 4}, 17.4, 0.5}).verdict, Verdict::kAligned);
+  EXPECT_EQ(judgement_with({{.agree = 3}, 17.4, 0.5}).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(judgement_with({few, 17.4, 0.19}).verdict, Verdict::kAligned);
+  EXPECT_EQ(judgement_with({{.agree = 12}, 17.4, 0.5}).verdict, Verdict::kAligned);
 }
 
 }  // namespace

@@ -195,10 +195,8 @@ std::vector<Match> Placement::agreeing(const Similarity3& pose, double radii) co
   return result;
 }
 
-SightCounts Placement::around(const Similarity3& pose) const {
-  // Share of the radius of matches within which two landmarks are probably the same.
-  constexpr double kClose = 0.25;
-  return surrounding_sights(source_, target_, pose, kClose * kMatched * fine(pose.scale()));
+Surroundings Placement::around(const Similarity3& pose) const {
+  return surroundings(source_, target_, pose, kMatched * fine(pose.scale()));
 }
 
 Candidates Placement::candidates(const TimeLimit& time) const {

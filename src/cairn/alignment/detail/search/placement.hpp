@@ -136,8 +136,7 @@ class Placement {
   /// The descriptor matches that a pose brings within so many radii of matches.
   std::vector<Match> agreeing(const Similarity3& pose, double radii) const;
 
-  /// Free-space check of the surroundings of the matches.
-  SightCounts around(const Similarity3& pose) const;
+  Surroundings around(const Similarity3& pose) const;
 
   Similarity3 centred(const Similarity3& pose) const {
     return centred_pose(source_, target_, pose);
