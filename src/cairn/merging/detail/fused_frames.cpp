@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/fusion.hpp"
@@ -52,6 +54,7 @@ void Fusion::add_frames(std::size_t m) {
     }
     camera_of.push_back(CameraIndex{static_cast<std::uint32_t>(found - tables_.cameras.begin())});
   }
+  const std::vector<std::optional<FrameIndex>> known_images = known_images_of(m);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     std::optional<CameraIndex> camera;
     if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
@@ -63,12 +66,14 @@ void Fusion::add_frames(std::size_t m) {
       translation = world_from_map * pose.translation();
       quaternion = {q.w(), q.x(), q.y(), q.z()};
     }
-    if (const auto known = known_frame(m, i, camera)) {
+    const auto known = known_images[i] ? known_images[i] : known_frame(m, i, camera);
+    if (known) {
       const std::uint32_t f = known->value;
       own.push_back(*known);
       is_shared_[f] = true;
       if (!precedes(map, *maps_[map_of_frame_[f]].map)) continue;
       map_of_frame_[f] = m;
+      frames.cameras.set(f, camera);
       frames.translations[f] = translation;
       frames.quaternions[f] = quaternion;
       frames.pose_covariances.set(f, pose_covariance(maps_[m], FrameIndex{i}));
@@ -119,6 +124,45 @@ bool show_one_image(std::vector<Pixel> few, std::vector<Pixel> many) {
 }
 
 }  // namespace
+
+// By frame of a map: the frame of an earlier map that shows the same image.
+std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
+  std::vector<std::optional<FrameIndex>> known(maps_[m].map->frame_count());
+  images_.emplace_back(*maps_[m].map);
+  for (std::size_t k = 0; k < m; ++k) {
+    const CommonImages common = common_images(images_[k], images_[m]);
+    if (common.same.empty()) continue;
+    for (const auto& [there, here] : common.same) {
+      if (!known[here.value]) known[here.value] = result_.frames[k][there.value];
+    }
+    if (options_.log) log_common_images(k, m, common);
+  }
+  return known;
+}
+
+void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const {
+  const auto pose = [&](std::size_t map, FrameIndex frame) {
+    const Rigid3 in_map = maps_[map].map->world_from_camera(frame);
+    return std::pair(maps_[map].world_from_map * in_map.translation(),
+                     (maps_[map].world_from_map.rigid() * in_map).quaternion());
+  };
+  std::vector<double> apart;
+  std::vector<double> turned;
+  for (const auto& [there, here] : common.same) {
+    const auto [position, orientation] = pose(k, there);
+    const auto [other_position, other_orientation] = pose(m, here);
+    apart.push_back((position - other_position).norm());
+    turned.push_back(degrees(orientation.angularDistance(other_orientation)));
+  }
+  const std::size_t worst =
+      static_cast<std::size_t>(std::max_element(apart.begin(), apart.end()) - apart.begin());
+  options_.log(fmt::format(
+      "{} images are both in {} and in {}; they become one each. Their poses differ by {:.3g} and "
+      "{:.2g} deg (medians), most for {}: {:.3g} and {:.2g} deg",
+      common.same.size(), maps_[k].name, maps_[m].name, upper_median(apart), upper_median(turned),
+      printable(maps_[k].map->frames().image_names[common.same[worst].first.value]), apart[worst],
+      turned[worst]));
+}
 
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.
 std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
@@ -313,20 +357,24 @@ void add_control_points(const std::vector<ControlPoint>& more, std::vector<Contr
 // Which frames are a map's: consecutive ones, and those that an earlier map has too.
 std::string Fusion::frames_line(std::size_t m) const {
   // New frames come behind all others.
+  constexpr std::size_t kNamed = 2;  // frames that mini-maps share
   std::uint32_t known = 0;
   for (std::size_t k = 0; k < m; ++k) {
     for (const FrameIndex frame : result_.frames[k]) known = std::max(known, frame.value + 1);
   }
   std::string line;
   std::vector<FrameIndex> own;
+  std::size_t shared = 0;
   for (std::size_t i = 0; i < result_.frames[m].size(); ++i) {
     const FrameIndex frame = result_.frames[m][i];
     if (frame.value >= known) {
       own.push_back(frame);
     } else {
       line += fmt::format("; frame {} is its {} too", frame.value, i == 0 ? "first" : "last");
+      ++shared;
     }
   }
+  if (shared > kNamed) line = fmt::format("; {} of its frames are those of earlier maps", shared);
   if (own.empty()) return line;
   return fmt::format("; frames {} to {} are its {}{} in their order", own.front().value,
                      own.back().value, line.empty() ? "" : "other ", own.size()) +

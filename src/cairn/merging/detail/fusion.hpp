@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/map/common_images.hpp"
 #include "cairn/merging/detail/association.hpp"
 #include "cairn/merging/fusion/fuse_maps.hpp"
 
@@ -60,6 +61,8 @@ class Fusion {
   void add(std::size_t m);
   void add_frames(std::size_t m);
   void tell_images_apart();
+  std::vector<std::optional<FrameIndex>> known_images_of(std::size_t m);
+  void log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const;
   std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
                                         std::optional<CameraIndex> camera) const;
   void estimate_variances(std::size_t m, const AssociationResult& association);
@@ -109,6 +112,7 @@ class Fusion {
   bool has_further_ = false;                  // a map with several of a landmark
   std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
   std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
+  std::vector<MapImages> images_;                        // by map
   std::vector<bool> is_shared_;                          // by frame: whether two maps have it
   std::vector<std::size_t> map_of_frame_;                // whose pose it has
   std::vector<bool> has_prefix_;                         // by map: before the names of its images

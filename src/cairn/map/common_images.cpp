@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/map/common_images.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string_view>
+#include <tuple>
+#include <unordered_map>
+
+namespace cairn {
+namespace {
+
+using KnownImage = MapImages::Image;
+using Keypoint = MapImages::Keypoint;
+
+constexpr double kWithin = 0.5;  // pixels
+// Of the observations of the image that has fewer. Each map observes keypoints of its own choice; those of two images
+// coincide for a few in a hundred.
+constexpr double kLeastShared = 0.1;
+constexpr double kLeastSharedByContent = 0.25;
+constexpr std::size_t kFewestSharedByContent = 20;
+constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+
+std::string_view base_name(std::string_view name) {
+  return name.substr(name.find_last_of("/\\") + 1);
+}
+
+// Index of the image with each base name; kNone for names that several have.
+std::map<std::string_view, std::size_t> by_base_name(const std::vector<KnownImage>& images) {
+  std::map<std::string_view, std::size_t> result;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const auto [at, is_new] = result.emplace(base_name(images[i].name), i);
+    if (!is_new) at->second = kNone;
+  }
+  return result;
+}
+
+// Pairs of keypoints within a distance, the nearest for each, one to one.
+std::vector<std::pair<const Keypoint*, const Keypoint*>> coinciding(const KnownImage& a,
+                                                                    const KnownImage& b,
+                                                                    double within) {
+  std::vector<std::tuple<double, const Keypoint*, const Keypoint*>> near;
+  auto begin = b.keypoints.begin();
+  for (const Keypoint& one : a.keypoints) {
+    while (begin != b.keypoints.end() && begin->pixel.u < one.pixel.u - within) ++begin;
+    for (auto other = begin; other != b.keypoints.end() && other->pixel.u <= one.pixel.u + within;
+         ++other) {
+      const double apart = std::hypot(other->pixel.u - one.pixel.u, other->pixel.v - one.pixel.v);
+      if (apart <= within) near.emplace_back(apart, &one, &*other);
+    }
+  }
+  std::sort(near.begin(), near.end());
+  std::vector<std::pair<const Keypoint*, const Keypoint*>> result;
+  std::vector<char> taken_a(a.keypoints.size(), 0);
+  std::vector<char> taken_b(b.keypoints.size(), 0);
+  for (const auto& [apart, one, other] : near) {
+    char& here = taken_a[static_cast<std::size_t>(one - a.keypoints.data())];
+    char& there = taken_b[static_cast<std::size_t>(other - b.keypoints.data())];
+    if (here != 0 || there != 0) continue;
+    here = there = 1;
+    result.emplace_back(one, other);
+  }
+  return result;
+}
+
+bool may_have_one_size(const KnownImage& a, const KnownImage& b) {
+  return a.width == 0 || b.width == 0 || (a.width == b.width && a.height == b.height);
+}
+
+bool have_one_content(const KnownImage& a, const KnownImage& b) {
+  if (!may_have_one_size(a, b)) return false;
+  const std::size_t fewer = std::min(a.keypoints.size(), b.keypoints.size());
+  if (fewer == 0) return a.name == b.name;
+  return static_cast<double>(coinciding(a, b, kWithin).size()) >=
+         kLeastShared * static_cast<double>(fewer);
+}
+
+struct PixelHash {
+  std::size_t operator()(const std::pair<double, double>& pixel) const {
+    const std::hash<double> hash;
+    return hash(pixel.first) * 1'000'003U + hash(pixel.second);
+  }
+};
+
+// Pairs images that are left by their exact pixels.
+class ByContent {
+ public:
+  explicit ByContent(const std::vector<KnownImage>& images) : images_(images) {}
+
+  void add(std::size_t image) {
+    for (const Keypoint& keypoint : images_[image].keypoints) {
+      at_[key_of(keypoint)].push_back(image);
+    }
+  }
+
+  // The image that shares most pixels, if these are enough.
+  std::optional<std::size_t> same_as(const KnownImage& other) const {
+    std::map<std::size_t, std::size_t> shared;
+    for (const Keypoint& keypoint : other.keypoints) {
+      const auto found = at_.find(key_of(keypoint));
+      if (found == at_.end()) continue;
+      for (const std::size_t image : found->second) ++shared[image];
+    }
+    const auto most =
+        std::max_element(shared.begin(), shared.end(),
+                         [](const auto& a, const auto& b) { return a.second < b.second; });
+    if (most == shared.end() || most->second < kFewestSharedByContent) return std::nullopt;
+    const KnownImage& image = images_[most->first];
+    const std::size_t fewer = std::min(image.keypoints.size(), other.keypoints.size());
+    const bool enough =
+        static_cast<double>(most->second) >= kLeastSharedByContent * static_cast<double>(fewer);
+    if (!enough || !may_have_one_size(image, other)) return std::nullopt;
+    return most->first;
+  }
+
+ private:
+  // Formats write pixels with a thousandth at least.
+  static std::pair<double, double> key_of(const Keypoint& keypoint) {
+    return {std::round(1e3 * keypoint.pixel.u), std::round(1e3 * keypoint.pixel.v)};
+  }
+
+  const std::vector<KnownImage>& images_;
+  std::unordered_map<std::pair<double, double>, std::vector<std::size_t>, PixelHash> at_;
+};
+
+// Landmarks that keypoints of the common images show; of contradictory pairs, those that more keypoints show.
+std::vector<std::pair<LandmarkIndex, LandmarkIndex>> common_landmarks(
+    const std::vector<std::pair<const KnownImage*, const KnownImage*>>& same) {
+  std::map<std::pair<LandmarkIndex, LandmarkIndex>, std::size_t> votes;
+  for (const auto& [first, second] : same) {
+    for (const auto& [one, other] : coinciding(*first, *second, kWithin)) {
+      ++votes[{one->landmark, other->landmark}];
+    }
+  }
+  std::vector<std::pair<std::size_t, std::pair<LandmarkIndex, LandmarkIndex>>> order;
+  for (const auto& [pair, count] : votes) order.emplace_back(count, pair);
+  std::stable_sort(order.begin(), order.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::map<LandmarkIndex, LandmarkIndex> first_to_second;
+  std::map<LandmarkIndex, LandmarkIndex> second_to_first;
+  for (const auto& [count, pair] : order) {
+    if (first_to_second.contains(pair.first) || second_to_first.contains(pair.second)) continue;
+    first_to_second.emplace(pair.first, pair.second);
+    second_to_first.emplace(pair.second, pair.first);
+  }
+  return {first_to_second.begin(), first_to_second.end()};
+}
+
+}  // namespace
+
+MapImages::MapImages(const LandmarkMap& map) {
+  const FrameTable& frames = map.frames();
+  if (frames.image_names.empty()) return;
+  std::vector<std::size_t> image_of(map.frame_count(), kNone);
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    if (frames.image_names[i].empty()) continue;
+    if (!frames.timestamps_s.empty() && frames.timestamps_s[i]) continue;
+    image_of[i] = images_.size();
+    Image& image = images_.emplace_back(Image{FrameIndex{i}, frames.image_names[i], 0, 0, {}});
+    if (frames.cameras.empty() || !frames.cameras[i]) continue;
+    const Camera& camera = map.cameras()[frames.cameras[i]->value];
+    image.width = camera.width;
+    image.height = camera.height;
+  }
+  const ObservationTable& observations = map.observations();
+  if (observations.offsets.empty()) return;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
+      const std::size_t image = image_of[observations.frames[k].value];
+      if (image == kNone) continue;
+      images_[image].keypoints.push_back({observations.pixels[k], LandmarkIndex{i}});
+    }
+  }
+  for (MapImages::Image& image : images_) {
+    std::sort(image.keypoints.begin(), image.keypoints.end(),
+              [](const Keypoint& a, const Keypoint& b) {
+                return std::tuple(a.pixel.u, a.pixel.v, a.landmark) <
+                       std::tuple(b.pixel.u, b.pixel.v, b.landmark);
+              });
+  }
+}
+
+CommonImages common_images(const MapImages& first, const MapImages& second) {
+  CommonImages result;
+  if (first.all().empty() || second.all().empty()) return result;
+  std::map<std::string_view, std::size_t> by_name;
+  for (std::size_t i = 0; i < second.all().size(); ++i) by_name.emplace(second.all()[i].name, i);
+  const auto bases_of_first = by_base_name(first.all());
+  const auto bases_of_second = by_base_name(second.all());
+  std::vector<std::size_t> partner(first.all().size(), kNone);
+  std::vector<char> taken(second.all().size(), 0);
+  for (std::size_t i = 0; i < first.all().size(); ++i) {
+    const KnownImage& image = first.all()[i];
+    std::size_t other = kNone;
+    if (const auto named = by_name.find(image.name); named != by_name.end()) {
+      other = named->second;
+    } else if (bases_of_first.at(base_name(image.name)) == i) {
+      const auto based = bases_of_second.find(base_name(image.name));
+      if (based != bases_of_second.end()) other = based->second;
+    }
+    if (other == kNone || taken[other] != 0) continue;
+    const KnownImage& there = second.all()[other];
+    if (have_one_content(image, there)) {
+      partner[i] = other;
+      taken[other] = 1;
+    } else if (image.name == there.name) {
+      result.other.emplace_back(image.frame, there.frame);
+    }
+  }
+  ByContent by_content(second.all());
+  for (std::size_t i = 0; i < taken.size(); ++i) {
+    if (taken[i] == 0) by_content.add(i);
+  }
+  for (std::size_t i = 0; i < partner.size(); ++i) {
+    if (partner[i] != kNone) continue;
+    const auto other = by_content.same_as(first.all()[i]);
+    if (!other || taken[*other] != 0) continue;
+    partner[i] = *other;
+    taken[*other] = 1;
+  }
+  std::vector<std::pair<const KnownImage*, const KnownImage*>> same;
+  for (std::size_t i = 0; i < partner.size(); ++i) {
+    if (partner[i] == kNone) continue;
+    same.emplace_back(&first.all()[i], &second.all()[partner[i]]);
+    result.same.emplace_back(first.all()[i].frame, second.all()[partner[i]].frame);
+  }
+  result.landmarks = common_landmarks(same);
+  return result;
+}
+
+}  // namespace cairn

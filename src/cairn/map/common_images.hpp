@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cairn/core/ids.hpp"
+#include "cairn/map/landmark_map.hpp"
+
+namespace cairn {
+
+/// The images that a map knows by name, and the pixels where they show its landmarks. Does not refer to the map.
+///
+/// Frames with a timestamp are left out: sessions number their images alike, and the same time identifies a keyframe
+/// that two mini-maps of one session share.
+class MapImages {
+ public:
+  struct Keypoint {
+    Pixel pixel;
+    LandmarkIndex landmark;
+  };
+  struct Image {
+    FrameIndex frame;
+    std::string name;
+    std::uint32_t width = 0;  ///< pixels; 0 if unknown
+    std::uint32_t height = 0;
+    std::vector<Keypoint> keypoints;  ///< by ascending u, then v
+  };
+
+  MapImages() = default;
+  explicit MapImages(const LandmarkMap& map);
+
+  const std::vector<Image>& all() const { return images_; }
+
+ private:
+  std::vector<Image> images_;  // by ascending frame
+};
+
+/// What two maps know of the same images.
+struct CommonImages {
+  /// A frame of each map.
+  using Frames = std::pair<FrameIndex, FrameIndex>;
+
+  std::vector<Frames> same;   ///< frames that show one image, by the first map's frame
+  std::vector<Frames> other;  ///< frames whose images have one name but not one content
+  /// Landmarks of both maps that one keypoint shows, and so are the same, by the first map's; each landmark at most once.
+  std::vector<std::pair<LandmarkIndex, LandmarkIndex>> landmarks;
+};
+
+/// Finds images that two maps have in common, such as two models of overlapping sets of photographs.
+///
+/// Two images are the same if they have one name, or one base name that is unique in both maps, and one size, and a
+/// tenth of the observations of the one with fewer lie within half a pixel of the other's. Images with other names are
+/// the same if a quarter, and at least 20, of these observations are at exactly the same pixels.
+CommonImages common_images(const MapImages& first, const MapImages& second);
+
+}  // namespace cairn
