@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/align.hpp"
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <stop_token>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -190,6 +194,74 @@ TEST(Align, NamesTheScaleAtWhichDescriptorsAgree) {
 }
 
 // Standard deviations of the origin grow with its distance from the landmarks, which says nothing about the pose.
+// The frames [begin, end) of a map as a model of photographs, and their observations of some landmarks.
+LandmarkMap model_of(const LandmarkMap& map, const std::vector<std::uint32_t>& landmarks,
+                     std::uint32_t begin, std::uint32_t end) {
+  MapTables model;
+  model.info.length_unit = LengthUnit::kFree;
+  model.cameras.assign(map.cameras().begin(), map.cameras().end());
+  const FrameTable& frames = map.frames();
+  for (std::uint32_t i = begin; i < end; ++i) {
+    model.frames.ids.push_back(FrameId{i});
+    model.frames.translations.push_back(frames.translations[i]);
+    model.frames.quaternions.push_back(frames.quaternions[i]);
+    model.frames.cameras.push_back(frames.cameras[i]);
+    model.frames.image_names.push_back("IMG_" + std::to_string(i) + ".jpg");
+  }
+  const ObservationTable& seen = map.observations();
+  model.observations.offsets.push_back(0);
+  for (const std::uint32_t i : landmarks) {
+    model.landmarks.ids.push_back(LandmarkId{model.landmarks.ids.size()});
+    model.landmarks.positions.push_back(map.landmarks().positions[i]);
+    for (std::uint64_t k = seen.offsets[i]; k < seen.offsets[i + 1]; ++k) {
+      const std::uint32_t frame = seen.frames[k].value;
+      if (frame < begin || frame >= end) continue;
+      model.observations.frames.push_back(FrameIndex{frame - begin});
+      model.observations.pixels.push_back(seen.pixels[k]);
+    }
+    model.observations.offsets.push_back(model.observations.frames.size());
+  }
+  return LandmarkMap(std::move(model));
+}
+
+// Two models that have one image in common, and of its landmarks so many, but no others.
+std::pair<LandmarkMap, LandmarkMap> models_with_common_image(std::size_t shared) {
+  constexpr std::uint32_t kCommon = 10;
+  constexpr std::uint32_t kFrames = 21;
+  const LandmarkMap whole = synthetic_map({.seed = 12, .landmarks = 1200, .frames = kFrames});
+  const ObservationTable& seen = whole.observations();
+  std::array<std::vector<std::uint32_t>, 2> parts;
+  for (std::uint32_t i = 0; i < whole.landmark_count(); ++i) {
+    std::array<int, 2> views = {};
+    bool in_common = false;
+    for (std::uint64_t k = seen.offsets[i]; k < seen.offsets[i + 1]; ++k) {
+      in_common = in_common || seen.frames[k].value == kCommon;
+      views[0] += seen.frames[k].value <= kCommon ? 1 : 0;
+      views[1] += seen.frames[k].value >= kCommon ? 1 : 0;
+    }
+    const bool both = in_common && views[0] > 1 && views[1] > 1 && shared > 0;
+    shared -= both ? 1 : 0;
+    for (std::size_t part = 0; part < 2; ++part) {
+      if (views[part] > 1 && (both || i % 2 == part)) parts[part].push_back(i);
+    }
+  }
+  return {model_of(whole, parts[0], 0, kCommon + 1), model_of(whole, parts[1], kCommon, kFrames)};
+}
+
+TEST(Align, KnowsTheLandmarksOfAnImageThatBothMapsContain) {
+  const Similarity3 pose(2.0, Rigid3(rotation_exp({0.3, -0.2, 0.9}), {1.0, 2.0, 3.0}));
+  for (const std::size_t shared : {38, 11, 5}) {
+    const auto [first, second] = models_with_common_image(shared);
+    const Alignment alignment = align(transformed(first, pose.inverse()), second);
+    ASSERT_EQ(alignment.verdict, Verdict::kAligned) << shared << ": " << alignment.reason;
+    EXPECT_THAT(alignment.reason, HasSubstr("landmarks agree with it that keypoints of common "
+                                            "images show"));
+    EXPECT_LT(degrees((alignment.estimate->rigid().inverse() * pose.rigid()).angle()), 0.01);
+    EXPECT_NEAR(alignment.estimate->scale() / pose.scale(), 1.0, 1e-4);
+    EXPECT_TRUE(alignment.registration.covariance);
+  }
+}
+
 TEST(Align, StatesDeviationsAtTheCentreOfTheLandmarks) {
   const SyntheticPair pair = synthetic_pair({.seed = 50, .landmarks = 1500});
   const Rigid3 far(Eigen::Quaterniond::Identity(), {3e3, -2e3, 1e3});

@@ -34,14 +34,21 @@ struct Likeness {
   double evidence() const;
 };
 
-/// How many descriptor matches agree with a pose. The matches are found without the pose.
+/// How many matches agree with a pose: mutual descriptor matches, and landmarks that keypoints of common images show
+/// to be the same. The matches are found without the pose.
 struct DescriptorAgreement {
-  std::size_t matches = 0;   ///< mutual descriptor matches
+  std::size_t matches = 0;
   std::size_t agreeing = 0;  ///< matches whose landmarks the pose brings within the radius
   /// Agreeing matches outside their largest cluster: excludes a single object that stands in two places.
   std::size_t spread = 0;
   /// Number of agreeing matches expected by chance, with random partners, on this pair and pose.
   double expected = 0.0;
+  /// Of `matches` and of `agreeing`: those of landmarks that one keypoint shows, of an image that both maps contain.
+  std::size_t identities = 0;
+  std::size_t identical = 0;
+
+  /// Whether such keypoints show that the pose is right: at least four, and most of all of them.
+  bool is_proven() const { return identical >= 4 && 2 * identical > identities; }
 
   /// Log-likelihood ratio of `spread` against a Poisson count of mean `expected`, at least 0.
   double evidence() const;
@@ -77,8 +84,8 @@ struct Support {
   double spread_evidence = 0.0;
   /// Log-likelihood ratio of the match distances, versus those at the other candidates.
   ProximityEvidence proximity = {};
-  /// Agreement of mutual descriptor matches with the pose; std::nullopt if the maps have no descriptors
-  /// of one kind.
+  /// Agreement of matches with the pose; std::nullopt if the maps have neither descriptors of one kind nor common
+  /// images.
   std::optional<DescriptorAgreement> agreement = {};
   /// Descriptor similarity of the matches; std::nullopt if the maps have no descriptors of one kind.
   std::optional<Likeness> likeness = {};

@@ -323,6 +323,8 @@ constexpr auto kCandidateFields = [](auto& io, auto& candidate) {
     inner.field("agreeing", agreement.agreeing);
     inner.field("spread", agreement.spread);
     inner.field("expected", agreement.expected);
+    inner.field("identities", agreement.identities);
+    inner.field("identical", agreement.identical);
     inner.derived("evidence", [&] { return agreement.evidence(); });
   });
   io.object("proximity", support.proximity, [](auto& inner, auto& proximity) {

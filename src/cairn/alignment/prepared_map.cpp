@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/prepared_map.hpp"
 
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "cairn/alignment/detail/bends/map_parts.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
+#include "cairn/map/common_images.hpp"
 
 namespace cairn {
 
@@ -16,6 +19,15 @@ PreparedMap::PreparedMap(const LandmarkMap& map, const PrepareOptions& options)
     : PreparedMap(landmark_cloud(map, options.confidence, options.points), options) {
   length_unit_ = map.info().length_unit;
   gravity_ = map.info().gravity;
+  MapImages images(map);
+  if (!images.all().empty()) {
+    const auto given = landmarks_to_align(map, options.points);
+    std::vector<std::optional<LandmarkIndex>> in_cloud(map.landmark_count());
+    for (std::uint32_t i = 0; i < given.size(); ++i) {
+      in_cloud[given[cloud_->as_given(i)].value] = LandmarkIndex{i};
+    }
+    images_ = std::make_shared<const MapImages>(std::move(images).renumbered(in_cloud));
+  }
   parts_ = std::make_shared<detail::PreparedParts>(map, options);
 }
 

@@ -20,6 +20,8 @@
 
 namespace cairn {
 
+class MapImages;
+
 namespace detail {
 class PreparedCloud;
 class PreparedParts;
@@ -94,6 +96,8 @@ class PreparedMap {
 
   // For this module.
   const detail::PreparedCloud& cloud() const { return *cloud_; }
+  /// Null for landmarks without a map. Its landmarks are indices in cloud().
+  const std::shared_ptr<const MapImages>& images() const { return images_; }
   /// Null for landmarks without a map.
   const std::shared_ptr<detail::PreparedParts>& parts() const { return parts_; }
 
@@ -101,6 +105,7 @@ class PreparedMap {
   std::shared_ptr<const detail::PreparedCloud> cloud_;
   LengthUnit length_unit_ = LengthUnit::kMetres;
   std::optional<Eigen::Vector3d> gravity_;
+  std::shared_ptr<const MapImages> images_;
   std::shared_ptr<detail::PreparedParts> parts_;
 };
 

@@ -35,6 +35,16 @@ bool are_told_by_descriptors(const Finalist& pose) {
   return agreement_evidence(pose.support) > kClear;
 }
 
+// Landmarks that keypoints of common images show to be the same.
+std::vector<DescriptorMatch> identities_of(const PreparedMap& source, const PreparedMap& target) {
+  std::vector<DescriptorMatch> result;
+  if (!source.images() || !target.images()) return result;
+  for (const auto& [here, there] : common_images(*source.images(), *target.images()).landmarks) {
+    result.push_back({here.value, there.value, 0});
+  }
+  return result;
+}
+
 // How closely the maps agree at a candidate, in fine scales, if known. A much finer kernel would fit the
 // errors of single landmarks.
 double precision(const Finalist& pose) {
@@ -83,10 +93,12 @@ class PreparedPair::Work {
       if (equal && *equal != 1.0) scales.push_back(*equal);
     }
     const PreparedCloud moving = source.cloud().scaled(unit_, options.execution.executor);
+    std::vector<DescriptorMatch> identities = identities_of(source, target);
     if (inverted_) {
-      placement_.emplace(target.cloud(), moving, std::move(scales), equal, options_);
+      for (DescriptorMatch& match : identities) std::swap(match.source, match.target);
+      placement_.emplace(target.cloud(), moving, std::move(scales), equal, options_, identities);
     } else {
-      placement_.emplace(moving, target.cloud(), std::move(scales), equal, options_);
+      placement_.emplace(moving, target.cloud(), std::move(scales), equal, options_, identities);
     }
   }
 
@@ -119,8 +131,15 @@ class PreparedPair::Work {
     return placement_->fine(pose.scale) / (inverted_ ? pose.scale : 1.0);
   }
   RegistrationResult refined(const Finalist& best, bool hold, const TimeLimit& time,
-                             Alignment& result) const;
-  std::vector<Match> known_matches(const Finalist& best) const;
+                             Alignment& result, KnownMatches known = {}) const;
+  KnownMatches known_matches(const Finalist& best) const;
+  // In the caller's order.
+  std::vector<Match> turned(std::vector<Match> matches) const {
+    if (inverted_) {
+      for (Match& match : matches) std::swap(match.source, match.target);
+    }
+    return matches;
+  }
   const Candidates& searched(const TimeLimit& time);
   void conclude(Candidates found, const TimeLimit& time, Alignment& result) const;
   void conclude_held(const Placed& placed, const Finalist& held, std::optional<double> better,
@@ -143,7 +162,8 @@ class PreparedPair::Work {
 
 // The pose of a candidate at the scale where its refinement ended, with all landmarks.
 RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
-                                               const TimeLimit& time, Alignment& result) const {
+                                               const TimeLimit& time, Alignment& result,
+                                               KnownMatches known) const {
   const Similarity3 pose = for_caller(best.similarity());
   RefineOptions refinement;
   refinement.initial = pose.rigid();
@@ -164,9 +184,7 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
   RegistrationResult alignment;
   const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
     refinement.execution.stop = stop;
-    // Beside an optimum, fixed matches say nothing about it.
-    alignment = refine_with_known(source_, target_, refinement,
-                                  hold ? std::vector<Match>() : known_matches(best));
+    alignment = refine_with_known(source_, target_, refinement, known);
   });
   if (unfinished && alignment.status == RegistrationStatus::kCancelled) {
     result.cut_short = true;
@@ -180,18 +198,15 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
 
 // The landmarks that descriptors show to be the same, if these decide alone. Of maps that are deformed against each
 // other, only those agree that happen to fit; then many more agree nearly.
-std::vector<Match> PreparedPair::Work::known_matches(const Finalist& best) const {
+KnownMatches PreparedPair::Work::known_matches(const Finalist& best) const {
   constexpr double kMostBeside = 0.2;  // of those that agree, beside chance
-  if (agreement_spread(best.support) < kDecisiveAgreement) return {};
+  if (agreement_spread(best.support) < kDecisiveAgreement && !is_proven(best.support)) return {};
   std::vector<Match> known = placement_->agreeing(best.similarity(), 1.0);
   const auto count = static_cast<double>(known.size());
   // Chance grows with the area.
   const auto beside = static_cast<double>(placement_->agreeing(best.similarity(), 2.0).size());
   if (beside > (1.0 + kMostBeside) * count + 4.0 * best.support.agreement->expected) return {};
-  if (inverted_) {
-    for (Match& match : known) std::swap(match.source, match.target);
-  }
-  return known;
+  return {.pairs = turned(std::move(known))};
 }
 
 // Candidates of the search; the same for every judged pose.
@@ -223,7 +238,14 @@ void PreparedPair::Work::conclude(Candidates found, const TimeLimit& time,
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const Finalist best = found.poses.front();
     result.radius = kMatched * fine(best);
-    result.registration = refined(best, false, time, result);
+    if (auto fitted = placement_->fitted_to_identities(best)) {
+      result.registration = refined(fitted->first, true, time, result,
+                                    {.pairs = turned(std::move(fitted->second)), .decide = true});
+      found.poses.front() = std::move(fitted->first);
+      found.poses = placement_->with_probabilities(std::move(found.poses));
+      break;
+    }
+    result.registration = refined(best, false, time, result, known_matches(best));
     if (result.registration.status == RegistrationStatus::kCancelled) break;
     const bool failed = result.registration.status == RegistrationStatus::kFailed;
     Finalist after = placement_->assessed(centred(result.registration.similarity()));
@@ -266,7 +288,7 @@ void PreparedPair::Work::judge_best(const Finalist& best, Alignment& result) con
 std::optional<std::string> PreparedPair::Work::fits_mirrored(const Finalist& best) const {
   constexpr double kClearlyMore = 1.5;
   constexpr double kBeyondChance = 20.0;  // matches
-  if (are_told_by_descriptors(best)) return std::nullopt;
+  if (are_told_by_descriptors(best) || is_proven(best.support)) return std::nullopt;
   const auto image = placement_->of_mirror_image(callers_.execution.stop);
   if (!image) return std::nullopt;
   // A given pose may lie beside its optimum, where few matches are close; the image's pose does not.
@@ -342,7 +364,7 @@ void PreparedPair::Work::conclude_held(const Placed& placed, const Finalist& hel
   // Beside an optimum, directions can look open that are determined.
   std::optional<double> off;
   if (!result.registration.unobservable.empty()) {
-    const RegistrationResult optimum = refined(held, false, time, result);
+    const RegistrationResult optimum = refined(held, false, time, result, known_matches(held));
     if (optimum.covariance) {
       off = placement_->apart(held.similarity(), centred(optimum.similarity()));
       result.registration.unobservable.clear();

@@ -16,10 +16,14 @@ namespace {
 using KnownImage = MapImages::Image;
 using Keypoint = MapImages::Keypoint;
 
-constexpr double kWithin = 0.5;  // pixels
+constexpr double kWithin = 0.5;    // pixels
+constexpr double kExactly = 1e-3;  // pixels; formats write so many digits at least
+// Keypoints at exactly one pixel, which chance does not bring about, unless pixels are whole or half.
+constexpr std::size_t kFewestExact = 4;
 // Of the observations of the image that has fewer. Each map observes keypoints of its own choice; those of two images
 // coincide for a few in a hundred.
 constexpr double kLeastShared = 0.1;
+constexpr std::size_t kFewestShared = 3;
 constexpr double kLeastSharedByContent = 0.25;
 constexpr std::size_t kFewestSharedByContent = 20;
 constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
@@ -66,6 +70,24 @@ std::vector<std::pair<const Keypoint*, const Keypoint*>> coinciding(const KnownI
   return result;
 }
 
+bool is_on_grid(const Pixel& pixel) {
+  const auto is_whole = [](double x) { return std::abs(x - std::round(x)) < kExactly; };
+  return is_whole(2.0 * pixel.u) && is_whole(2.0 * pixel.v);
+}
+
+struct SharedKeypoints {
+  std::vector<std::pair<const Keypoint*, const Keypoint*>> pairs;
+  bool exact = false;
+};
+
+// The keypoints that both images have: those that are the same to the last digits, or else those that are near.
+SharedKeypoints shared_keypoints(const KnownImage& a, const KnownImage& b) {
+  SharedKeypoints exact{coinciding(a, b, kExactly), true};
+  std::erase_if(exact.pairs, [](const auto& pair) { return is_on_grid(pair.first->pixel); });
+  if (exact.pairs.size() >= kFewestExact) return exact;
+  return {coinciding(a, b, kWithin), false};
+}
+
 bool may_have_one_size(const KnownImage& a, const KnownImage& b) {
   return a.width == 0 || b.width == 0 || (a.width == b.width && a.height == b.height);
 }
@@ -73,9 +95,10 @@ bool may_have_one_size(const KnownImage& a, const KnownImage& b) {
 bool have_one_content(const KnownImage& a, const KnownImage& b) {
   if (!may_have_one_size(a, b)) return false;
   const std::size_t fewer = std::min(a.keypoints.size(), b.keypoints.size());
-  if (fewer == 0) return a.name == b.name;
-  return static_cast<double>(coinciding(a, b, kWithin).size()) >=
-         kLeastShared * static_cast<double>(fewer);
+  const SharedKeypoints shared = shared_keypoints(a, b);
+  const std::size_t count = shared.pairs.size();
+  return shared.exact || (count >= kFewestShared &&
+                          static_cast<double>(count) >= kLeastShared * static_cast<double>(fewer));
 }
 
 struct PixelHash {
@@ -117,9 +140,8 @@ class ByContent {
   }
 
  private:
-  // Formats write pixels with a thousandth at least.
   static std::pair<double, double> key_of(const Keypoint& keypoint) {
-    return {std::round(1e3 * keypoint.pixel.u), std::round(1e3 * keypoint.pixel.v)};
+    return {std::round(keypoint.pixel.u / kExactly), std::round(keypoint.pixel.v / kExactly)};
   }
 
   const std::vector<KnownImage>& images_;
@@ -131,7 +153,7 @@ std::vector<std::pair<LandmarkIndex, LandmarkIndex>> common_landmarks(
     const std::vector<std::pair<const KnownImage*, const KnownImage*>>& same) {
   std::map<std::pair<LandmarkIndex, LandmarkIndex>, std::size_t> votes;
   for (const auto& [first, second] : same) {
-    for (const auto& [one, other] : coinciding(*first, *second, kWithin)) {
+    for (const auto& [one, other] : shared_keypoints(*first, *second).pairs) {
       ++votes[{one->landmark, other->landmark}];
     }
   }
@@ -181,6 +203,15 @@ MapImages::MapImages(const LandmarkMap& map) {
                        std::tuple(b.pixel.u, b.pixel.v, b.landmark);
               });
   }
+}
+
+MapImages MapImages::renumbered(const std::vector<std::optional<LandmarkIndex>>& landmarks) && {
+  for (Image& image : images_) {
+    std::erase_if(image.keypoints,
+                  [&](const Keypoint& one) { return !landmarks[one.landmark.value]; });
+    for (Keypoint& one : image.keypoints) one.landmark = *landmarks[one.landmark.value];
+  }
+  return std::move(*this);
 }
 
 CommonImages common_images(const MapImages& first, const MapImages& second) {

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,6 +36,9 @@ class MapImages {
 
   const std::vector<Image>& all() const { return images_; }
 
+  /// The same with other indices of the landmarks, without those that have none.
+  MapImages renumbered(const std::vector<std::optional<LandmarkIndex>>& landmarks) &&;
+
  private:
   std::vector<Image> images_;  // by ascending frame
 };
@@ -52,8 +56,9 @@ struct CommonImages {
 
 /// Finds images that two maps have in common, such as two models of overlapping sets of photographs.
 ///
-/// Two images are the same if they have one name, or one base name that is unique in both maps, and one size, and a
-/// tenth of the observations of the one with fewer lie within half a pixel of the other's. Images with other names are
+/// Two images are the same if they have one name, or one base name that is unique in both maps, and one size, and at least
+/// 4 observations at exactly the same pixels; or a tenth of the observations of the one with fewer, and at least 3, within
+/// half a pixel of the other's. Images with other names are
 /// the same if a quarter, and at least 20, of these observations are at exactly the same pixels.
 CommonImages common_images(const MapImages& first, const MapImages& second);
 

@@ -90,6 +90,30 @@ TEST(CommonImages, HaveOneNameAndOneContent) {
   for (const auto& [first, second] : result.landmarks) EXPECT_EQ(first, second);
 }
 
+TEST(CommonImages, HaveAFewKeypointsThatAreExactlyTheSame) {
+  const auto a = map_of({{"1.jpg", 1, from_to(0, 100)}}, 200);
+  const auto with = [&](int shared, double noise_px) {
+    return common(a, map_of({{"1.jpg", 1, from_to(100 - shared, 200)}}, 200, noise_px));
+  };
+  EXPECT_THAT(with(4, 0.0).same, SizeIs(1));
+  EXPECT_THAT(with(4, 0.0).landmarks, SizeIs(4));
+  EXPECT_THAT(with(3, 0.0).same, IsEmpty());
+  EXPECT_THAT(with(4, 0.05).same, IsEmpty()) << "chance brings some near";
+}
+
+// Corner detectors give whole pixels, which coincide by chance.
+TEST(CommonImages, AreNotKnownByAFewWholePixels) {
+  const auto rounded = [](int content) {
+    MapTables tables = map_of({{"1.jpg", content, from_to(0, 800)}}, 800).tables();
+    for (Pixel& pixel : tables.observations.pixels) {
+      pixel = {std::round(pixel.u) + 0.5, std::round(pixel.v) + 0.5};
+    }
+    return LandmarkMap(std::move(tables));
+  };
+  EXPECT_THAT(common(rounded(1), rounded(2)).same, IsEmpty());
+  EXPECT_THAT(common(rounded(1), rounded(1)).same, SizeIs(1));
+}
+
 TEST(CommonImages, AreToldFromOthersOfOneName) {
   const auto a = map_of({{"1.jpg", 1, from_to(0, 200)}}, 200);
   const auto b = map_of({{"1.jpg", 9, from_to(0, 200)}}, 200);
@@ -106,6 +130,7 @@ TEST(CommonImages, AreFoundInOtherFolders) {
                         60);
   const auto b = map_of({{"2.jpg", 3, from_to(0, 15)}}, 60);
   EXPECT_THAT(common(a, b).same, ElementsAre(Pair(FrameIndex{2}, FrameIndex{0})));
+  EXPECT_THAT(common(a, map_of({{"2.jpg", 3, from_to(0, 2)}}, 60)).same, IsEmpty()) << "too few";
   // One base name of another content is no contradiction: cameras number their images alike.
   const auto c = map_of({{"2.jpg", 8, from_to(0, 60)}}, 60);
   EXPECT_THAT(common(a, c).same, IsEmpty());

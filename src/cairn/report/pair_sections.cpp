@@ -21,7 +21,7 @@ std::vector<std::pair<std::string, double>> evidence_of(const Support& support) 
   if (support.likeness)
     evidence.emplace_back("Descriptors of the matches", support.spread_likeness);
   if (support.agreement) {
-    evidence.emplace_back("Descriptor matches that agree", support.agreement->evidence());
+    evidence.emplace_back("Matches that agree", support.agreement->evidence());
   }
   return evidence;
 }

@@ -90,7 +90,9 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 ///
 /// Neighbouring mini-maps of a session share a keyframe. Two maps' frames become one, with the pose of the larger map,
 /// if one is the last frame of its map and the other the first of its, timestamp, image name and camera are equal, and
-/// their pixels are those of one image. A landmark keeps its first observation in that frame.
+/// their pixels are those of one image. Images without timestamps that several maps contain (common_images()) become one
+/// frame each, with the pose and camera of the largest of these maps. A landmark keeps its first observation in such a
+/// frame.
 ///
 /// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the largest map's kind,
 /// and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps

@@ -493,6 +493,39 @@ TEST(FuseMaps, TellsImagesOfOneNameApartByTheirMaps) {
   EXPECT_THAT(remarks, ::testing::IsEmpty());
 }
 
+TEST(FuseMaps, MakesOneFrameOfAnImageThatSeveralMapsContain) {
+  MapTables tables =
+      with_image_names(synthetic_map({.seed = 4, .landmarks = 600, .frames = 12}), "{}.jpg")
+          .tables();
+  tables.frames.timestamps_s = {};
+  const LandmarkMap whole(std::move(tables));
+  const LandmarkMap first = cut_frames(whole, FrameId{0}, FrameId{7});
+  const Similarity3 pose(0.5, Rigid3(rotation_exp({0.3, -0.2, 0.9}), {1.0, 2.0, 3.0}));
+  const LandmarkMap second =
+      transformed(cut_frames(whole, FrameId{5}, FrameId{12}), pose.inverse());
+  std::vector<std::string> remarks;
+  FusionOptions options;
+  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  const std::vector<PlacedMap> maps = {{&first, "first", {}}, {&second, "second", pose}};
+  const FusionResult result = fuse_maps(maps, options);
+  EXPECT_EQ(result.map.frame_count(), 12U);
+  const auto& names = result.map.frames().image_names;
+  EXPECT_EQ(std::set<std::string>(names.begin(), names.end()).size(), 12U);
+  EXPECT_EQ(result.frames[0][5], result.frames[1][0]);
+  EXPECT_THAT(remarks, ::testing::Contains(HasSubstr("2 images are both in first and in second")));
+  // An image shows a landmark once.
+  const ObservationTable& observations = result.map.observations();
+  for (std::size_t i = 0; i < result.map.landmark_count(); ++i) {
+    std::set<FrameIndex> seen;
+    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
+      EXPECT_TRUE(seen.insert(observations.frames[k]).second) << i;
+    }
+  }
+  const FusionResult turned = fuse_maps(std::vector{maps[1], maps[0]});
+  EXPECT_EQ(turned.map.frame_count(), 12U);
+  EXPECT_EQ(turned.map.landmark_count(), result.map.landmark_count());
+}
+
 TEST(FuseMaps, TurnsNormalsAndRefusesSplats) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 3});
   const auto with = [](LandmarkMap map, const std::vector<NamedColumn>& columns) {

@@ -26,6 +26,8 @@ constexpr Weights kWithNeither = {-9.655, 6.621, 2.127, 2.220, 0.0, 0.0};
 // Added to numbers of matches, so that few matches have little effect.
 constexpr double kMatchesMore = 20.0;
 constexpr double kLeadingMore = 3.0;
+// Images that both maps contain prove that they show one place, and identify landmarks without doubt.
+constexpr double kProven = 30.0;
 
 const Weights& weights_for(const PlacementCandidate& candidate) {
   if (candidate.support.agreement) return candidate.contradicted ? kWithAll : kWithDescriptors;
@@ -77,6 +79,7 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
                      weights.lead * lead +
                      weights.agreement * std::log1p(agreement_evidence(candidate.support)) +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
+    if (is_proven(candidate.support)) result.back() += kProven;
     highest = std::max(highest, result.back());
   }
   double sum = std::exp(-highest);

@@ -119,8 +119,16 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
       candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
                             : "no other pose was found");
   if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
-    text += fmt::format(", {} of {} descriptor matches agree with it ({:.1f} expected by chance)",
-                        agreement->agreeing, agreement->matches, agreement->expected);
+    if (agreement->identities > 0) {
+      text += fmt::format(", {} of {} landmarks agree with it that keypoints of common images show",
+                          agreement->identical, agreement->identities);
+    }
+    const std::size_t by_looks = agreement->matches - agreement->identities;
+    if (by_looks > 0) {
+      text +=
+          fmt::format(", {} of {} descriptor matches agree with it ({:.1f} expected by chance)",
+                      agreement->agreeing - agreement->identical, by_looks, agreement->expected);
+    }
   }
   if (const auto& likeness = best.support.likeness; likeness && likeness->compared > 0) {
     const auto share =
@@ -142,6 +150,10 @@ double agreement_evidence(const Support& support) {
 
 std::size_t agreement_spread(const Support& support) {
   return support.agreement ? support.agreement->spread : 0;
+}
+
+bool is_proven(const Support& support) {
+  return support.agreement && support.agreement->is_proven();
 }
 
 bool is_decided(const Alignment& placed) {
@@ -175,6 +187,7 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
     if (!result.covariance) {
       return ambiguous("the matches lie in too few places to compute a covariance");
     }
+    if (is_proven(best.support)) return {Verdict::kAligned, found};
     const auto as_well = std::count_if(
         candidates.begin() + 1, candidates.end(),
         [&](const PlacementCandidate& candidate) { return fits_as_well(candidate, best); });

@@ -18,6 +18,9 @@ inline constexpr std::size_t kDecisiveAgreement = 15;
 double agreement_evidence(const Support& support);
 std::size_t agreement_spread(const Support& support);
 
+/// DescriptorAgreement::is_proven(), if there is any.
+bool is_proven(const Support& support);
+
 /// Whether descriptors alone decide for the likeliest candidate.
 bool is_decided(const Alignment& placed);
 
@@ -32,7 +35,8 @@ void take_pose(Alignment& alignment);
 /// and with the ratio of its matches to those of the best other candidate: descriptor matches that agree, or without
 /// descriptors matches within a quarter of the radius. They decrease with the share of contradicted
 /// lines of sight. If maps lack an input, that term is left out and the others have other weights. Fitted
-/// to simulated sessions, of which half the pairs show different places (docs/evidence.md).
+/// to simulated sessions, of which half the pairs show different places (docs/evidence.md). A pose that is proven is right
+/// beyond doubt.
 ///
 /// @param prior_odds that two maps show one place, versus two; positive
 std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
@@ -46,7 +50,7 @@ struct Judgement {
 
 /// Judges the likeliest candidate. A pose without a covariance, with an open direction, with another pose at which
 /// the landmarks match or look as well, or contradicted by the surroundings of its matches is at most ambiguous: an object
-/// that stands in two places matches as well as a place does.
+/// that stands in two places matches as well as a place does. Of these, only the first two apply to a pose that is proven.
 ///
 /// @param candidates likeliest first
 /// @param result     pose of the first candidate, with covariance and open directions

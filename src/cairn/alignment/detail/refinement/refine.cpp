@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/alignment/detail/refinement/known_matches.hpp"
@@ -91,7 +92,7 @@ class Refinement {
   /// @param inverted moves the caller's target
   /// @param known    see refine_with_known(), of this source and target
   Refinement(const PreparedCloud& source, const PreparedCloud& target, bool inverted,
-             const RefineOptions& options, std::vector<Match> known)
+             const RefineOptions& options, KnownMatches known)
       : source_(source),
         target_(target),
         inverted_(inverted),
@@ -140,6 +141,7 @@ class Refinement {
     return options_.error_scale.value_or(std::min(kErrorScale * finest_of(kernel), kernel.fine));
   }
   IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
+  PoseUncertainty uncertainty_of_fit(const Similarity3& pose) const;
 
   // With the indices of the caller's landmarks.
   std::vector<Match> as_given(std::vector<Match> matches) const;
@@ -148,7 +150,7 @@ class Refinement {
   PreparedCloud target_;
   bool inverted_;
   const RefineOptions& options_;
-  std::vector<Match> known_;
+  KnownMatches known_;
 };
 
 std::vector<Match> Refinement::as_given(std::vector<Match> matches) const {
@@ -263,6 +265,45 @@ void Refinement::run(RegistrationResult& result) const {
   conclude(alignment, scales, std::move(path), result);
 }
 
+// Of the least-squares fit to the known matches, whose errors are independent and of one size.
+PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
+  // The variance is that of few residuals; so many fewer make the 95 % ellipsoid hold 95 % of the errors.
+  constexpr double kFewer = 4.0;
+  constexpr double kLeastInformation = 1e-6;  // of the largest, along any direction
+  constexpr double kBestAccuracy = 1e-4;      // of any map, relative to the extent of its matches
+  const bool free_scale = options_.scale.has_value();
+  const int freedoms = free_scale ? 7 : 6;
+  Matrix7d information = Matrix7d::Zero();
+  double squares = 0.0;
+  for (const Match& match : known_.pairs) {
+    const Eigen::Vector3d arm = pose.linear() * source_.landmarks().positions[match.source];
+    const auto jacobian = point_by_pose(arm);
+    information += jacobian.transpose() * jacobian;
+    squares +=
+        (arm + pose.translation() - target_.landmarks().positions[match.target]).squaredNorm();
+  }
+  const double spare = 3.0 * static_cast<double>(known_.pairs.size()) - freedoms - kFewer;
+  if (spare <= 0.0) return {};
+  // Rotations and scale as lengths, which are comparable to translations.
+  const double length = std::sqrt(information(6, 6) / information(0, 0));
+  Vector7d unit = Vector7d::Constant(1.0 / length);
+  unit.head<3>().setOnes();
+  if (!free_scale) information.row(6).setZero(), information.col(6).setZero();
+  const Matrix7d scaled = unit.asDiagonal() * information * unit.asDiagonal();
+  const Eigen::MatrixXd used = scaled.topLeftCorner(freedoms, freedoms);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(used);
+  if (!(solver.eigenvalues()[0] > kLeastInformation * solver.eigenvalues()[freedoms - 1]))
+    return {};
+  Matrix7d covariance = Matrix7d::Zero();
+  covariance.topLeftCorner(freedoms, freedoms) =
+      std::max(squares / spare, std::pow(kBestAccuracy * length, 2)) * used.inverse();
+  covariance = unit.asDiagonal() * covariance * unit.asDiagonal();
+  PoseUncertainty result;
+  result.covariance = covariance.topLeftCorner<6, 6>();
+  if (free_scale) result.covariance_with_scale = covariance;
+  return result;
+}
+
 void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
                           RegistrationResult& result) const {
   const bool free_scale = options_.scale.has_value();
@@ -289,9 +330,11 @@ void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& 
   if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
     PoseUncertainty uncertainty =
         alignment.uncertainty(centred, error_scale_of(kernel), result.matches, free_scale);
-    if (!uncertainty.covariance && !known_.empty()) {
+    if (known_.decide) {
+      uncertainty = uncertainty_of_fit(centred);
+    } else if (!uncertainty.covariance && !known_.pairs.empty()) {
       PoseUncertainty told =
-          alignment.uncertainty(centred, error_scale_of(kernel), known_, free_scale, true);
+          alignment.uncertainty(centred, error_scale_of(kernel), known_.pairs, free_scale, true);
       if (told.covariance) uncertainty = std::move(told);
     }
     result.unobservable = std::move(uncertainty.unobservable);
@@ -337,7 +380,7 @@ void RefineOptions::validate() const {
 namespace {
 
 RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& target,
-                           const RefineOptions& options, std::vector<Match> known = {}) {
+                           const RefineOptions& options, KnownMatches known = {}) {
   const auto start = std::chrono::steady_clock::now();
   RegistrationResult result;
   result.target_from_source = options.initial;
@@ -352,7 +395,7 @@ RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& tar
     // Moves the smaller map, because landmarks of the larger one outside the overlap would bias the pose.
     const bool inverted = moving.extent() > target.extent();
     if (inverted) {
-      for (Match& match : known) std::swap(match.source, match.target);
+      for (Match& match : known.pairs) std::swap(match.source, match.target);
     }
     Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options,
                std::move(known))
@@ -383,8 +426,7 @@ RegistrationResult refine(const PreparedMap& source, const PreparedMap& target,
 }
 
 RegistrationResult detail::refine_with_known(const PreparedMap& source, const PreparedMap& target,
-                                             const RefineOptions& options,
-                                             std::vector<Match> known) {
+                                             const RefineOptions& options, KnownMatches known) {
   options.validate();
   return refined(source.cloud(), target.cloud(), options, std::move(known));
 }

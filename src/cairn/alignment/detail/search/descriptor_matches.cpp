@@ -113,10 +113,26 @@ bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b) {
          a.descriptors->bytes_each == b.descriptors->bytes_each;
 }
 
-DescriptorMatches::DescriptorMatches(const LandmarkCloud& of_source,
-                                     const LandmarkCloud& of_target) {
-  if (!have_like_descriptors(of_source, of_target)) return;
-  possible_ = true;
+DescriptorMatches::DescriptorMatches(const LandmarkCloud& of_source, const LandmarkCloud& of_target,
+                                     std::span<const DescriptorMatch> identities)
+    : possible_(!identities.empty() || have_like_descriptors(of_source, of_target)),
+      identities_(identities.size()),
+      is_identity_(of_source.size(), 0),
+      matches_(identities.begin(), identities.end()) {
+  if (!possible_) return;
+  for (const DescriptorMatch& match : identities) is_identity_[match.source] = 1;
+  if (have_like_descriptors(of_source, of_target)) add_alike(of_source, of_target);
+  for (const DescriptorMatch& match : matches_) {
+    source_places_.push_back(of_source.positions[match.source]);
+    target_places_.push_back(of_target.positions[match.target]);
+  }
+  source_extent_ = cloud_extent(of_source);
+  target_extent_ = cloud_extent(of_target);
+}
+
+void DescriptorMatches::add_alike(const LandmarkCloud& of_source, const LandmarkCloud& of_target) {
+  std::vector<char> target_is_known(of_target.size(), 0);
+  for (const DescriptorMatch& match : matches_) target_is_known[match.target] = 1;
   const auto [source_count, target_count] = affordable(of_source.size(), of_target.size());
   const auto [source, target] = affordable_rows(of_source, source_count, of_target, target_count);
   const std::size_t bytes_each = of_source.descriptors->bytes_each;
@@ -134,30 +150,27 @@ DescriptorMatches::DescriptorMatches(const LandmarkCloud& of_source,
     const bool distinct =
         binary ? kMostDifferingBits * there.first <= 8 * bytes_each
                : static_cast<double>(there.first) <= kMostRatio * static_cast<double>(there.second);
-    if (!distinct) continue;
+    if (!distinct || is_identity(i) || target_is_known[there.landmark] != 0) continue;
     matches_.push_back({i, there.landmark, there.first});
   }
-  std::stable_sort(matches_.begin(), matches_.end(),
+  std::stable_sort(matches_.begin() + static_cast<std::ptrdiff_t>(identities_), matches_.end(),
                    [](const DescriptorMatch& a, const DescriptorMatch& b) {
                      return a.difference < b.difference;
                    });
-  for (const DescriptorMatch& match : matches_) {
-    source_places_.push_back(of_source.positions[match.source]);
-    target_places_.push_back(of_target.positions[match.target]);
-  }
-  source_extent_ = cloud_extent(of_source);
-  target_extent_ = cloud_extent(of_target);
 }
 
 DescriptorAgreement DescriptorMatches::agreement(const Similarity3& pose, double radius,
                                                  std::size_t partners) const {
   DescriptorAgreement result;
   result.matches = matches_.size();
+  result.identities = identities_;
   const std::vector<Eigen::Vector3d> moved = moved_points(source_places_, pose);
   const double squared = radius * radius;
   std::vector<Eigen::Vector3d> agreeing;
   for (std::size_t i = 0; i < moved.size(); ++i) {
-    if ((moved[i] - target_places_[i]).squaredNorm() <= squared) agreeing.push_back(moved[i]);
+    if ((moved[i] - target_places_[i]).squaredNorm() > squared) continue;
+    agreeing.push_back(moved[i]);
+    result.identical += i < identities_ ? 1 : 0;
   }
   result.agreeing = agreeing.size();
   result.spread =

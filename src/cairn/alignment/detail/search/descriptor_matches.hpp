@@ -28,12 +28,17 @@ struct DescriptorMatch {
 /// the Euclidean distance of their bytes, at most 0.85 times that of the second nearest landmark (Lowe 2004).
 class DescriptorMatches {
  public:
-  /// No matches if the clouds have no descriptors of one kind and length.
+  /// No other matches than `identities` if the clouds have no descriptors of one kind and length.
   /// @param source, target in random order; only the first landmarks of large clouds are compared
-  DescriptorMatches(const LandmarkCloud& source, const LandmarkCloud& target);
+  /// @param identities landmarks that are known to be the same, each in one pair: the first matches, whose landmarks have
+  ///                   no others
+  DescriptorMatches(const LandmarkCloud& source, const LandmarkCloud& target,
+                    std::span<const DescriptorMatch> identities = {});
 
-  /// Whether both clouds have descriptors of one kind, so that missing matches are evidence.
+  /// Whether both clouds have descriptors of one kind or identities, so that missing matches are evidence.
   bool possible() const { return possible_; }
+  /// Whether the landmark of the source is one of an identity.
+  bool is_identity(std::uint32_t source) const { return is_identity_[source] != 0; }
   /// Smallest difference first.
   std::span<const DescriptorMatch> all() const { return matches_; }
   /// Positions of all(), in the same order.
@@ -49,7 +54,11 @@ class DescriptorMatches {
                                 std::size_t partners = kPartners) const;
 
  private:
+  void add_alike(const LandmarkCloud& source, const LandmarkCloud& target);
+
   bool possible_ = false;
+  std::size_t identities_ = 0;     // the first of all matches
+  std::vector<char> is_identity_;  // by landmark of the source
   std::vector<DescriptorMatch> matches_;
   std::vector<Eigen::Vector3d> source_places_;
   std::vector<Eigen::Vector3d> target_places_;

@@ -24,24 +24,6 @@ constexpr int kDraws = 4000;  // triples that are tried; three times as many wit
 using Places = std::vector<Eigen::Vector3d>;
 using Indices = std::vector<std::uint32_t>;
 
-// Least squares; with a free scale by Umeyama (1991).
-Similarity3 pose_of(const Places& from, const Places& to, bool free_scale) {
-  const Rigid3 motion = closest_motion(from, to);
-  if (!free_scale) return motion;
-  const Eigen::Vector3d from_centre = centroid(from);
-  const Eigen::Vector3d to_centre = centroid(to);
-  double along = 0.0;
-  double squares = 0.0;
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    const Eigen::Vector3d turned = motion.quaternion() * (from[i] - from_centre);
-    along += turned.dot(to[i] - to_centre);
-    squares += turned.squaredNorm();
-  }
-  const double scale = squares > 0.0 && along > 0.0 ? along / squares : 1.0;
-  return {scale,
-          Rigid3(motion.quaternion(), to_centre - scale * (motion.quaternion() * from_centre))};
-}
-
 struct Proposal {
   Similarity3 pose;
   Indices agreeing;  // of all matches, ascending
@@ -145,7 +127,7 @@ class Consensus {
         from.push_back(source_[match]);
         to.push_back(target_[match]);
       }
-      Proposal proposal{pose_of(from, to, scale_.has_value()), {}};
+      Proposal proposal{fitted_pose(from, to, scale_.has_value()), {}};
       proposal.agreeing = agreeing_with(proposal.pose);
       if (proposal.agreeing.size() <= best.agreeing.size()) break;
       best = std::move(proposal);
@@ -183,6 +165,24 @@ class Consensus {
 };
 
 }  // namespace
+
+Similarity3 fitted_pose(const std::vector<Eigen::Vector3d>& from,
+                        const std::vector<Eigen::Vector3d>& to, bool free_scale) {
+  const Rigid3 motion = closest_motion(from, to);
+  if (!free_scale) return motion;
+  const Eigen::Vector3d from_centre = centroid(from);
+  const Eigen::Vector3d to_centre = centroid(to);
+  double along = 0.0;
+  double squares = 0.0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const Eigen::Vector3d turned = motion.quaternion() * (from[i] - from_centre);
+    along += turned.dot(to[i] - to_centre);
+    squares += turned.squaredNorm();
+  }
+  const double scale = squares > 0.0 && along > 0.0 ? along / squares : 1.0;
+  return {scale,
+          Rigid3(motion.quaternion(), to_centre - scale * (motion.quaternion() * from_centre))};
+}
 
 std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, Random random,
                                              double tolerance,

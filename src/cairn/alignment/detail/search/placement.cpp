@@ -87,14 +87,14 @@ void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
 
 Placement::Placement(const PreparedCloud& source, const PreparedCloud& target,
                      std::vector<double> scales, std::optional<double> equal,
-                     const AlignOptions& options)
+                     const AlignOptions& options, std::span<const DescriptorMatch> identities)
     : options_(options),
       scales_(std::move(scales)),
       equal_(equal),
       source_(source),
       target_(target),
       support_(source, target, PreparedCloud::kSample, Random(options.seed).fork(5)),
-      matches_(source.landmarks(), target.landmarks()),
+      matches_(source.landmarks(), target.landmarks(), identities),
       all_{source.scales(), target.scales()},
       sample_{source.sample_scales(), target.sample_scales()},
       distance_(PoseDistance::of(source_.landmarks().positions)) {}
@@ -195,6 +195,46 @@ std::vector<Match> Placement::agreeing(const Similarity3& pose, double radii) co
   return result;
 }
 
+std::optional<std::pair<Finalist, std::vector<Match>>> Placement::fitted_to_identities(
+    const Finalist& pose) const {
+  constexpr double kMuchCloser = 0.5;  // root mean square distance
+  constexpr int kFits = 3;
+  const auto identities_near = [&](const Similarity3& at) {
+    std::vector<Match> near = agreeing(at, 1.0);
+    std::erase_if(near, [&](const Match& match) { return !matches_.is_identity(match.source); });
+    return near;
+  };
+  const auto mean_square = [&](std::span<const Match> matches, const Similarity3& at) {
+    double sum = 0.0;
+    for (const Match& match : matches) {
+      sum += (at * source_.landmarks().positions[match.source] -
+              target_.landmarks().positions[match.target])
+                 .squaredNorm();
+    }
+    return sum / static_cast<double>(matches.size());
+  };
+  if (!is_proven(pose.support)) return std::nullopt;
+  Similarity3 fit = pose.similarity();
+  std::vector<Match> near;
+  for (int i = 0; i < kFits; ++i) {
+    near = identities_near(fit);
+    std::vector<Eigen::Vector3d> from;
+    std::vector<Eigen::Vector3d> to;
+    for (const Match& match : near) {
+      from.push_back(source_.landmarks().positions[match.source]);
+      to.push_back(target_.landmarks().positions[match.target]);
+    }
+    if (from.size() < 4) return std::nullopt;
+    fit = fitted_pose(from, to, options_.scale.has_value());
+  }
+  if (mean_square(near, fit) > kMuchCloser * kMuchCloser * mean_square(near, pose.similarity())) {
+    return std::nullopt;
+  }
+  Finalist fitted = assessed(fit);
+  if (!is_proven(fitted.support) || !allows(fitted)) return std::nullopt;
+  return std::pair(std::move(fitted), std::move(near));
+}
+
 Surroundings Placement::around(const Similarity3& pose) const {
   return surroundings(source_, target_, pose, kMatched * fine(pose.scale()));
 }
@@ -230,7 +270,8 @@ Candidates Placement::candidates(const TimeLimit& time) const {
     const bool decided =
         !result.poses.empty() &&
         result.poses.front().probability >= std::max(kDecided, options_.min_probability) &&
-        result.poses.front().support.agreement->spread >= kDecisiveAgreement;
+        (result.poses.front().support.agreement->spread >= kDecisiveAgreement ||
+         result.poses.front().support.agreement->is_proven());
     if (decided || options_.search == PoseSearch::kNever) return result;
   }
   std::vector<Finalist> poses;

@@ -94,9 +94,11 @@ struct Candidates {
 class Placement {
  public:
   /// @param scales of the source that are likely
+  /// @param identities see DescriptorMatches
   /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
   Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
-            std::optional<double> equal, const AlignOptions& options);
+            std::optional<double> equal, const AlignOptions& options,
+            std::span<const DescriptorMatch> identities = {});
 
   /// Fine kernel scale for a source of this scale.
   double fine(double scale) const { return all_.at(scale).fine; }
@@ -133,7 +135,12 @@ class Placement {
   /// The best pose of the source's mirror image, by positions alone; std::nullopt if none is found.
   std::optional<Finalist> of_mirror_image(const std::stop_token& stop) const;
 
-  /// The descriptor matches that a pose brings within so many radii of matches.
+  /// The fit to the identities near a pose, and these, if the pose brings them much less close; std::nullopt if it does
+  /// not, or if they do not prove the fit.
+  std::optional<std::pair<Finalist, std::vector<Match>>> fitted_to_identities(
+      const Finalist& pose) const;
+
+  /// The matches that a pose brings within so many radii of matches.
   std::vector<Match> agreeing(const Similarity3& pose, double radii) const;
 
   Surroundings around(const Similarity3& pose) const;

@@ -106,6 +106,10 @@ struct DescriptorPose {
   std::size_t agreeing = 0;  ///< matches within the tolerance
 };
 
+/// The least-squares pose of pairs of points; with a free scale by Umeyama (1991).
+Similarity3 fitted_pose(const std::vector<Eigen::Vector3d>& from,
+                        const std::vector<Eigen::Vector3d>& to, bool free_scale);
+
 /// Centred poses from mutual descriptor matches, by consensus of random triples (RANSAC, Fischler and
 /// Bolles 1981): three landmarks with equal distances in both clouds, or with a free scale equal
 /// proportions, give a pose, which is re-estimated from all agreeing matches.
