@@ -170,7 +170,7 @@ INSTANTIATE_TEST_SUITE_P(
             "aligned"},
         UserCase{{"merge", "merge_common_images/0", "merge_common_images/1", "-o", "m/"},
                  0,
-                 "names that images of different maps share: 20"},
+                 "'65.jpg' is at two places"},
         UserCase{{"report", "report_of_folder/model", "-o", "r.html"}, 0, "wrote r.html"}));
 
 }  // namespace

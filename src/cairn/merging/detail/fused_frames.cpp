@@ -88,8 +88,9 @@ void Fusion::add_frames(std::size_t m) {
     frames.cameras.push_back(camera);
     frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
                                                               : theirs.timestamps_s[i]);
-    frames.image_names.push_back(theirs.image_names.empty() ? std::string()
-                                                            : theirs.image_names[i]);
+    std::string name = theirs.image_names.empty() ? std::string() : theirs.image_names[i];
+    if (contradictory_.contains({m, FrameIndex{i}})) name = image_folder(m) + name;
+    frames.image_names.push_back(std::move(name));
     frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
     frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
   }
@@ -132,36 +133,74 @@ std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
   for (std::size_t k = 0; k < m; ++k) {
     const CommonImages common = common_images(images_[k], images_[m]);
     if (common.same.empty()) continue;
-    for (const auto& [there, here] : common.same) {
-      if (!known[here.value]) known[here.value] = result_.frames[k][there.value];
+    const std::vector<Disagreement> all = disagreements(k, m, common);
+    if (options_.log) log_common_images(k, m, all);
+    if (original_[m] == m && original_[k] == k) {
+      identities_.push_back({k, m, common.landmarks});
     }
-    if (options_.log) log_common_images(k, m, common);
+    for (const Disagreement& one : all) {
+      if (one.is_contradiction) {
+        contradictory_.insert({m, one.here});
+      } else if (!known[one.here.value]) {
+        known[one.here.value] = result_.frames[k][one.there.value];
+      }
+    }
   }
   return known;
 }
 
-void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const {
-  const auto pose = [&](std::size_t map, FrameIndex frame) {
-    const Rigid3 in_map = maps_[map].map->world_from_camera(frame);
-    return std::pair(maps_[map].world_from_map * in_map.translation(),
-                     (maps_[map].world_from_map.rigid() * in_map).quaternion());
-  };
+// How far the poses of common images differ. A model that takes one of two similar places for the other is folded: there,
+// images are far from where another model has them, while those of the rest agree.
+std::vector<Fusion::Disagreement> Fusion::disagreements(std::size_t k, std::size_t m,
+                                                        const CommonImages& common) const {
+  constexpr std::size_t kFewest = 4;  // images, or their median says nothing
+  constexpr double kTimesMedian = 10.0;
+  constexpr double kTurned = 10.0;  // degrees
+  std::vector<Disagreement> result;
+  std::vector<double> apart;
+  for (const auto& [there, here] : common.same) {
+    const Rigid3 earlier = maps_[k].map->world_from_camera(there);
+    const Rigid3 later = maps_[m].map->world_from_camera(here);
+    const Similarity3& of_earlier = maps_[k].world_from_map;
+    const Similarity3& of_later = maps_[m].world_from_map;
+    apart.push_back((of_earlier * earlier.translation() - of_later * later.translation()).norm());
+    result.push_back(
+        {.there = there,
+         .here = here,
+         .apart = apart.back(),
+         .turned_deg = degrees((of_earlier.rigid() * earlier)
+                                   .quaternion()
+                                   .angularDistance((of_later.rigid() * later).quaternion()))});
+  }
+  const double median = upper_median(apart);
+  for (Disagreement& one : result) {
+    one.is_contradiction =
+        result.size() >= kFewest && one.apart > kTimesMedian * median && one.turned_deg > kTurned;
+  }
+  return result;
+}
+
+void Fusion::log_common_images(std::size_t k, std::size_t m,
+                               std::span<const Disagreement> all) const {
   std::vector<double> apart;
   std::vector<double> turned;
-  for (const auto& [there, here] : common.same) {
-    const auto [position, orientation] = pose(k, there);
-    const auto [other_position, other_orientation] = pose(m, here);
-    apart.push_back((position - other_position).norm());
-    turned.push_back(degrees(orientation.angularDistance(other_orientation)));
+  for (const Disagreement& one : all) {
+    apart.push_back(one.apart);
+    turned.push_back(one.turned_deg);
   }
-  const std::size_t worst =
-      static_cast<std::size_t>(std::max_element(apart.begin(), apart.end()) - apart.begin());
   options_.log(fmt::format(
-      "{} images are both in {} and in {}; they become one each. Their poses differ by {:.3g} and "
-      "{:.2g} deg (medians), most for {}: {:.3g} and {:.2g} deg",
-      common.same.size(), maps_[k].name, maps_[m].name, upper_median(apart), upper_median(turned),
-      printable(maps_[k].map->frames().image_names[common.same[worst].first.value]), apart[worst],
-      turned[worst]));
+      "{} images are both in {} and in {}; their poses differ by {:.3g} and {:.2g} deg "
+      "(medians)",
+      all.size(), maps_[k].name, maps_[m].name, upper_median(apart), upper_median(turned)));
+  const std::vector<std::string>& names = maps_[m].map->frames().image_names;
+  for (const Disagreement& one : all) {
+    if (!one.is_contradiction) continue;
+    options_.log(fmt::format(
+        "{} is at two places, {:.3g} and {:.2g} deg apart: one of the two maps is probably folded, "
+        "as where things look alike; the image of {} is kept as {}",
+        printable(names[one.here.value]), one.apart, one.turned_deg, maps_[m].name,
+        printable(image_folder(m) + names[one.here.value])));
+  }
 }
 
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.

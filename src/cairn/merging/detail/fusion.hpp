@@ -7,8 +7,10 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cairn/map/common_images.hpp"
@@ -62,9 +64,20 @@ class Fusion {
   void add_frames(std::size_t m);
   void tell_images_apart();
   std::vector<std::optional<FrameIndex>> known_images_of(std::size_t m);
-  void log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const;
+  // Where two maps have one image.
+  struct Disagreement {
+    FrameIndex there;  // of the earlier map
+    FrameIndex here;
+    double apart = 0.0;
+    double turned_deg = 0.0;
+    bool is_contradiction = false;
+  };
+  std::vector<Disagreement> disagreements(std::size_t k, std::size_t m,
+                                          const CommonImages& common) const;
+  void log_common_images(std::size_t k, std::size_t m, std::span<const Disagreement> all) const;
   std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
                                         std::optional<CameraIndex> camera) const;
+  AssociationResult with_identities(std::size_t m, AssociationResult association) const;
   void estimate_variances(std::size_t m, const AssociationResult& association);
   Estimate estimate(std::uint32_t landmark) const;
   void count_fused();
@@ -112,10 +125,18 @@ class Fusion {
   bool has_further_ = false;                  // a map with several of a landmark
   std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
   std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
-  std::vector<MapImages> images_;                        // by map
-  std::vector<bool> is_shared_;                          // by frame: whether two maps have it
-  std::vector<std::size_t> map_of_frame_;                // whose pose it has
-  std::vector<bool> has_prefix_;                         // by map: before the names of its images
+  // Landmarks of two maps that keypoints of common images show to be the same.
+  struct Identities {
+    std::size_t earlier;
+    std::size_t later;
+    std::vector<std::pair<LandmarkIndex, LandmarkIndex>> landmarks;
+  };
+  std::vector<Identities> identities_;
+  std::vector<MapImages> images_;                               // by map
+  std::set<std::pair<std::size_t, FrameIndex>> contradictory_;  // maps and frames
+  std::vector<bool> is_shared_;            // by frame: whether two maps have it
+  std::vector<std::size_t> map_of_frame_;  // whose pose it has
+  std::vector<bool> has_prefix_;           // by map: before the names of its images
   std::vector<std::uint32_t> from_map_;
   std::vector<std::uint32_t> from_landmark_;  // index
   std::vector<std::uint32_t> parts_;

@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/fusion.hpp"
@@ -208,6 +209,7 @@ void Fusion::add(std::size_t m) {
         associate({positions_, covariances_, looks(tables_.landmarks.descriptors)},
                   {world.positions, covariances, looks(map.landmarks().descriptors)},
                   options_.fusion_probability, options_.seed, options_.execution.executor);
+    association = with_identities(m, std::move(association));
   }
   result_.maps[m].landmarks = map.landmark_count();
   result_.maps[m].deviation = association.deviation;
@@ -238,6 +240,51 @@ void Fusion::add(std::size_t m) {
     covariances_[pair.first] = now.compared;
   }
   if (has_further_) set_further();
+}
+
+// Pairs of a map's landmarks and fused ones that keypoints of common images show replace what the association says of
+// these. A few are wrong, where a track jumps to another point.
+AssociationResult Fusion::with_identities(std::size_t m, AssociationResult association) const {
+  constexpr double kTimesMedian = 4.0;  // largest distance
+  constexpr double kRounding = 1e-9;
+  constexpr std::size_t kFewest = 12;            // for an estimate of the deviation
+  constexpr double kMedianOfChiSquared = 2.366;  // with three degrees of freedom
+  std::map<std::uint32_t, Association> by_second;
+  std::set<std::uint32_t> firsts;
+  std::vector<double> distances;
+  const auto distance = [&](std::uint32_t first, std::uint32_t second) {
+    return (positions_[first] - world_[m].positions[second]).norm();
+  };
+  for (const Identities& one : identities_) {
+    if (one.earlier != m && one.later != m) continue;
+    const std::size_t other = one.earlier == m ? one.later : one.earlier;
+    if (landmark_of_[other].empty()) continue;  // added later
+    for (const auto& [of_earlier, of_later] : one.landmarks) {
+      const std::uint32_t second = (one.earlier == m ? of_earlier : of_later).value;
+      const std::uint32_t first =
+          landmark_of_[other][(one.earlier == m ? of_later : of_earlier).value];
+      if (by_second.contains(second) || !firsts.insert(first).second) continue;
+      by_second.emplace(second, Association{first, second, 1.0});
+      distances.push_back(distance(first, second));
+    }
+  }
+  if (by_second.empty()) return association;
+  const double median = upper_median(distances);
+  std::erase_if(by_second, [&](const auto& pair) {
+    return distance(pair.second.first, pair.second.second) > kTimesMedian * median + kRounding;
+  });
+  if (by_second.size() >= kFewest) {
+    association.deviation =
+        std::max(association.deviation, median / std::sqrt(kMedianOfChiSquared));
+  }
+  firsts.clear();
+  for (const auto& [second, pair] : by_second) firsts.insert(pair.first);
+  for (const Association& pair : association.pairs) {
+    if (!firsts.contains(pair.first)) by_second.emplace(pair.second, pair);
+  }
+  association.pairs.clear();
+  for (const auto& [second, pair] : by_second) association.pairs.push_back(pair);
+  return association;
 }
 
 // The association finds by how much the landmarks of a map and those of the earlier ones are farther apart than their
