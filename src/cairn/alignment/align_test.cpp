@@ -256,6 +256,8 @@ TEST(Align, KnowsTheLandmarksOfAnImageThatBothMapsContain) {
     ASSERT_EQ(alignment.verdict, Verdict::kAligned) << shared << ": " << alignment.reason;
     EXPECT_THAT(alignment.reason, HasSubstr("landmarks agree with it that keypoints of common "
                                             "images show"));
+    EXPECT_THAT(alignment.reason, HasSubstr("; 1 image is in both maps"));
+    EXPECT_EQ(alignment.common_images, 1U);
     EXPECT_LT(degrees((alignment.estimate->rigid().inverse() * pose.rigid()).angle()), 0.01);
     EXPECT_NEAR(alignment.estimate->scale() / pose.scale(), 1.0, 1e-4);
     EXPECT_TRUE(alignment.registration.covariance);

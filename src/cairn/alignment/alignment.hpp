@@ -234,6 +234,7 @@ struct Alignment {
   /// For maps that are not aligned at one scale, but whose descriptors agree on a pose with this scale of the source: one
   /// of their units is probably wrong.
   std::optional<double> other_scale;
+  std::size_t common_images = 0;  ///< images that both maps contain: see common_images()
   /// The time limit ended the search or the last refinement early. A pose may be missing from the candidates, and the
   /// probability does not account for it.
   bool cut_short = false;

@@ -323,8 +323,8 @@ constexpr auto kCandidateFields = [](auto& io, auto& candidate) {
     inner.field("agreeing", agreement.agreeing);
     inner.field("spread", agreement.spread);
     inner.field("expected", agreement.expected);
-    inner.field("identities", agreement.identities);
-    inner.field("identical", agreement.identical);
+    inner.maybe("identities", agreement.identities);
+    inner.maybe("identical", agreement.identical);
     inner.derived("evidence", [&] { return agreement.evidence(); });
   });
   io.object("proximity", support.proximity, [](auto& inner, auto& proximity) {
@@ -421,6 +421,7 @@ constexpr auto kRecordFields = [](auto& io, auto& record) {
   io.maybe("centre", alignment.centre);
   io.derived("deviations", [&] { return deviations_json(alignment); });
   io.maybe("other_scale", alignment.other_scale);
+  io.maybe("common_images", alignment.common_images);
   io.maybe("method", record.method);
   io.maybe("confidence", record.confidence);
   io.maybe("k", record.k);

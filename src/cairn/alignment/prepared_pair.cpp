@@ -14,6 +14,7 @@
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/map/common_images.hpp"
 
 namespace cairn {
 namespace {
@@ -33,16 +34,6 @@ constexpr double kClear = 20.0;  // least evidence
 // Whether descriptors show that landmarks are the same ones.
 bool are_told_by_descriptors(const Finalist& pose) {
   return agreement_evidence(pose.support) > kClear;
-}
-
-// Landmarks that keypoints of common images show to be the same.
-std::vector<DescriptorMatch> identities_of(const PreparedMap& source, const PreparedMap& target) {
-  std::vector<DescriptorMatch> result;
-  if (!source.images() || !target.images()) return result;
-  for (const auto& [here, there] : common_images(*source.images(), *target.images()).landmarks) {
-    result.push_back({here.value, there.value, 0});
-  }
-  return result;
 }
 
 // How closely the maps agree at a candidate, in fine scales, if known. A much finer kernel would fit the
@@ -93,7 +84,15 @@ class PreparedPair::Work {
       if (equal && *equal != 1.0) scales.push_back(*equal);
     }
     const PreparedCloud moving = source.cloud().scaled(unit_, options.execution.executor);
-    std::vector<DescriptorMatch> identities = identities_of(source, target);
+    CommonImages common;
+    if (source.images() && target.images()) {
+      common = cairn::common_images(*source.images(), *target.images());
+    }
+    common_images_ = common.same.size();
+    std::vector<DescriptorMatch> identities;
+    for (const auto& [here, there] : common.landmarks) {
+      identities.push_back({here.value, there.value, 0});
+    }
     if (inverted_) {
       for (DescriptorMatch& match : identities) std::swap(match.source, match.target);
       placement_.emplace(target.cloud(), moving, std::move(scales), equal, options_, identities);
@@ -156,6 +155,7 @@ class PreparedPair::Work {
   AlignOptions options_;  // in the placement's unit
   double unit_;           // factor of the source
   bool inverted_;
+  std::size_t common_images_ = 0;
   std::optional<Placement> placement_;  // std::nullopt if there are too few landmarks
   std::optional<Candidates> searched_;
 };
@@ -402,6 +402,12 @@ Alignment PreparedPair::Work::timed(const Stages& stages) {
     result.registration.reason = result.reason;
   } else {
     stages(TimeLimit(start, callers_), result);
+    result.common_images = common_images_;
+    if (common_images_ > 0) {
+      result.reason += fmt::format(
+          "; {} in both maps",
+          common_images_ == 1 ? "1 image is" : fmt::format("{} images are", common_images_));
+    }
     if (result.cut_short) result.reason += "; the time limit cut the work short";
     for (const auto& [map, name] : {std::pair(&source_, "source"), std::pair(&target_, "target")}) {
       if (!map->cloud().ignores_covariances()) continue;
