@@ -254,8 +254,8 @@ TEST(Align, KnowsTheLandmarksOfAnImageThatBothMapsContain) {
     const auto [first, second] = models_with_common_image(shared);
     const Alignment alignment = align(transformed(first, pose.inverse()), second);
     ASSERT_EQ(alignment.verdict, Verdict::kAligned) << shared << ": " << alignment.reason;
-    EXPECT_THAT(alignment.reason, HasSubstr("landmarks agree with it that keypoints of common "
-                                            "images show"));
+    EXPECT_THAT(alignment.reason, HasSubstr("landmarks that keypoints of common images show agree "
+                                            "with it"));
     EXPECT_THAT(alignment.reason, HasSubstr("; 1 image is in both maps"));
     EXPECT_EQ(alignment.common_images, 1U);
     EXPECT_LT(degrees((alignment.estimate->rigid().inverse() * pose.rigid()).angle()), 0.01);

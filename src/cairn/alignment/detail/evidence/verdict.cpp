@@ -120,7 +120,7 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
                             : "no other pose was found");
   if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
     if (agreement->identities > 0) {
-      text += fmt::format(", {} of {} landmarks agree with it that keypoints of common images show",
+      text += fmt::format(", {} of {} landmarks that keypoints of common images show agree with it",
                           agreement->identical, agreement->identities);
     }
     const std::size_t by_looks = agreement->matches - agreement->identities;
