@@ -200,7 +200,7 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
 // other, only those agree that happen to fit; then many more agree nearly.
 KnownMatches PreparedPair::Work::known_matches(const Finalist& best) const {
   constexpr double kMostBeside = 0.2;  // of those that agree, beside chance
-  if (agreement_spread(best.support) < kDecisiveAgreement && !is_proven(best.support)) return {};
+  if (!is_decisive(best.support)) return {};
   std::vector<Match> known = placement_->agreeing(best.similarity(), 1.0);
   const auto count = static_cast<double>(known.size());
   // Chance grows with the area.

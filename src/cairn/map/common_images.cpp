@@ -92,10 +92,10 @@ bool may_have_one_size(const KnownImage& a, const KnownImage& b) {
   return a.width == 0 || b.width == 0 || (a.width == b.width && a.height == b.height);
 }
 
-bool have_one_content(const KnownImage& a, const KnownImage& b) {
+// @param shared shared_keypoints() of both
+bool have_one_content(const KnownImage& a, const KnownImage& b, const SharedKeypoints& shared) {
   if (!may_have_one_size(a, b)) return false;
   const std::size_t fewer = std::min(a.keypoints.size(), b.keypoints.size());
-  const SharedKeypoints shared = shared_keypoints(a, b);
   const std::size_t count = shared.pairs.size();
   return shared.exact || (count >= kFewestShared &&
                           static_cast<double>(count) >= kLeastShared * static_cast<double>(fewer));
@@ -150,12 +150,10 @@ class ByContent {
 
 // Landmarks that keypoints of the common images show; of contradictory pairs, those that more keypoints show.
 std::vector<std::pair<LandmarkIndex, LandmarkIndex>> common_landmarks(
-    const std::vector<std::pair<const KnownImage*, const KnownImage*>>& same) {
+    const std::vector<SharedKeypoints>& of_images) {
   std::map<std::pair<LandmarkIndex, LandmarkIndex>, std::size_t> votes;
-  for (const auto& [first, second] : same) {
-    for (const auto& [one, other] : shared_keypoints(*first, *second).pairs) {
-      ++votes[{one->landmark, other->landmark}];
-    }
+  for (const SharedKeypoints& shared : of_images) {
+    for (const auto& [one, other] : shared.pairs) ++votes[{one->landmark, other->landmark}];
   }
   std::vector<std::pair<std::size_t, std::pair<LandmarkIndex, LandmarkIndex>>> order;
   for (const auto& [pair, count] : votes) order.emplace_back(count, pair);
@@ -223,6 +221,7 @@ CommonImages common_images(const MapImages& first, const MapImages& second) {
   const auto bases_of_second = by_base_name(second.all());
   std::vector<std::size_t> partner(first.all().size(), kNone);
   std::vector<char> taken(second.all().size(), 0);
+  std::vector<SharedKeypoints> shared;  // of the images that are the same
   for (std::size_t i = 0; i < first.all().size(); ++i) {
     const KnownImage& image = first.all()[i];
     std::size_t other = kNone;
@@ -234,9 +233,11 @@ CommonImages common_images(const MapImages& first, const MapImages& second) {
     }
     if (other == kNone || taken[other] != 0) continue;
     const KnownImage& there = second.all()[other];
-    if (have_one_content(image, there)) {
+    SharedKeypoints keypoints = shared_keypoints(image, there);
+    if (have_one_content(image, there, keypoints)) {
       partner[i] = other;
       taken[other] = 1;
+      shared.push_back(std::move(keypoints));
     } else if (image.name == there.name) {
       result.other.emplace_back(image.frame, there.frame);
     }
@@ -251,14 +252,13 @@ CommonImages common_images(const MapImages& first, const MapImages& second) {
     if (!other || taken[*other] != 0) continue;
     partner[i] = *other;
     taken[*other] = 1;
+    shared.push_back(shared_keypoints(first.all()[i], second.all()[*other]));
   }
-  std::vector<std::pair<const KnownImage*, const KnownImage*>> same;
   for (std::size_t i = 0; i < partner.size(); ++i) {
     if (partner[i] == kNone) continue;
-    same.emplace_back(&first.all()[i], &second.all()[partner[i]]);
     result.same.emplace_back(first.all()[i].frame, second.all()[partner[i]].frame);
   }
-  result.landmarks = common_landmarks(same);
+  result.landmarks = common_landmarks(shared);
   return result;
 }
 

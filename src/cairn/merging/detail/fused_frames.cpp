@@ -54,7 +54,7 @@ void Fusion::add_frames(std::size_t m) {
     }
     camera_of.push_back(CameraIndex{static_cast<std::uint32_t>(found - tables_.cameras.begin())});
   }
-  const std::vector<std::optional<FrameIndex>> known_images = known_images_of(m);
+  const std::vector<KnownImage> known_images = known_images_of(m);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     std::optional<CameraIndex> camera;
     if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
@@ -66,7 +66,7 @@ void Fusion::add_frames(std::size_t m) {
       translation = world_from_map * pose.translation();
       quaternion = {q.w(), q.x(), q.y(), q.z()};
     }
-    const auto known = known_images[i] ? known_images[i] : known_frame(m, i, camera);
+    const auto known = known_images[i].frame ? known_images[i].frame : known_frame(m, i, camera);
     if (known) {
       const std::uint32_t f = known->value;
       own.push_back(*known);
@@ -89,7 +89,7 @@ void Fusion::add_frames(std::size_t m) {
     frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
                                                               : theirs.timestamps_s[i]);
     std::string name = theirs.image_names.empty() ? std::string() : theirs.image_names[i];
-    if (contradictory_.contains({m, FrameIndex{i}})) name = image_folder(m) + name;
+    if (known_images[i].is_contradictory) name = image_folder(m) + name;
     frames.image_names.push_back(std::move(name));
     frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
     frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
@@ -126,9 +126,9 @@ bool show_one_image(std::vector<Pixel> few, std::vector<Pixel> many) {
 
 }  // namespace
 
-// By frame of a map: the frame of an earlier map that shows the same image.
-std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
-  std::vector<std::optional<FrameIndex>> known(maps_[m].map->frame_count());
+// What earlier maps know of each frame's image.
+std::vector<Fusion::KnownImage> Fusion::known_images_of(std::size_t m) {
+  std::vector<KnownImage> known(maps_[m].map->frame_count());
   images_.emplace_back(*maps_[m].map);
   for (std::size_t k = 0; k < m; ++k) {
     const CommonImages common = common_images(images_[k], images_[m]);
@@ -139,10 +139,11 @@ std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
       identities_.push_back({k, m, common.landmarks});
     }
     for (const Disagreement& one : all) {
+      KnownImage& image = known[one.here.value];
       if (one.is_contradiction) {
-        contradictory_.insert({m, one.here});
-      } else if (!known[one.here.value]) {
-        known[one.here.value] = result_.frames[k][one.there.value];
+        image.is_contradictory = true;
+      } else if (!image.frame) {
+        image.frame = result_.frames[k][one.there.value];
       }
     }
   }
@@ -395,8 +396,8 @@ void add_control_points(const std::vector<ControlPoint>& more, std::vector<Contr
 
 // Which frames are a map's: consecutive ones, and those that an earlier map has too.
 std::string Fusion::frames_line(std::size_t m) const {
-  // New frames come behind all others.
   constexpr std::size_t kNamed = 2;  // frames that mini-maps share
+  // New frames come behind all others.
   std::uint32_t known = 0;
   for (std::size_t k = 0; k < m; ++k) {
     for (const FrameIndex frame : result_.frames[k]) known = std::max(known, frame.value + 1);

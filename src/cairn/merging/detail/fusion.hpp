@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -63,7 +62,11 @@ class Fusion {
   void add(std::size_t m);
   void add_frames(std::size_t m);
   void tell_images_apart();
-  std::vector<std::optional<FrameIndex>> known_images_of(std::size_t m);
+  struct KnownImage {
+    std::optional<FrameIndex> frame;  // of an earlier map that shows it
+    bool is_contradictory = false;    // an earlier map has it elsewhere
+  };
+  std::vector<KnownImage> known_images_of(std::size_t m);
   // Where two maps have one image.
   struct Disagreement {
     FrameIndex there;  // of the earlier map
@@ -132,8 +135,7 @@ class Fusion {
     std::vector<std::pair<LandmarkIndex, LandmarkIndex>> landmarks;
   };
   std::vector<Identities> identities_;
-  std::vector<MapImages> images_;                               // by map
-  std::set<std::pair<std::size_t, FrameIndex>> contradictory_;  // maps and frames
+  std::vector<MapImages> images_;          // by map
   std::vector<bool> is_shared_;            // by frame: whether two maps have it
   std::vector<std::size_t> map_of_frame_;  // whose pose it has
   std::vector<bool> has_prefix_;           // by map: before the names of its images

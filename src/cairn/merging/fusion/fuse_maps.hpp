@@ -92,8 +92,8 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// if one is the last frame of its map and the other the first of its, timestamp, image name and camera are equal, and
 /// their pixels are those of one image. Images without timestamps that several maps contain (common_images()) become one
 /// frame each, with the pose and camera of the largest of these maps, and landmarks that their keypoints show to be the
-/// same are fused. An image whose two poses differ by ten times the median is kept apart, and the log names it. A landmark keeps its first observation in such a
-/// frame.
+/// same are fused. An image whose two poses differ by more than ten times the median is kept apart, and the log names it.
+/// A landmark keeps its first observation in a frame of several maps.
 ///
 /// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the largest map's kind,
 /// and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps

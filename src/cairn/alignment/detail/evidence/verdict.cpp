@@ -156,6 +156,10 @@ bool is_proven(const Support& support) {
   return support.agreement && support.agreement->is_proven();
 }
 
+bool is_decisive(const Support& support) {
+  return agreement_spread(support) >= kDecisiveAgreement || is_proven(support);
+}
+
 bool is_decided(const Alignment& placed) {
   return !placed.candidates.empty() &&
          agreement_spread(placed.candidates.front().support) >= kDecisiveAgreement;

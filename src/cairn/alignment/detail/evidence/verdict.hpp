@@ -21,6 +21,9 @@ std::size_t agreement_spread(const Support& support);
 /// DescriptorAgreement::is_proven(), if there is any.
 bool is_proven(const Support& support);
 
+/// Whether matches that are found without the pose decide for it, so that no search is needed.
+bool is_decisive(const Support& support);
+
 /// Whether descriptors alone decide for the likeliest candidate.
 bool is_decided(const Alignment& placed);
 

@@ -288,7 +288,6 @@ PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
   const double length = std::sqrt(information(6, 6) / information(0, 0));
   Vector7d unit = Vector7d::Constant(1.0 / length);
   unit.head<3>().setOnes();
-  if (!free_scale) information.row(6).setZero(), information.col(6).setZero();
   const Matrix7d scaled = unit.asDiagonal() * information * unit.asDiagonal();
   const Eigen::MatrixXd used = scaled.topLeftCorner(freedoms, freedoms);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(used);

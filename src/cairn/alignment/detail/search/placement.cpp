@@ -270,8 +270,7 @@ Candidates Placement::candidates(const TimeLimit& time) const {
     const bool decided =
         !result.poses.empty() &&
         result.poses.front().probability >= std::max(kDecided, options_.min_probability) &&
-        (result.poses.front().support.agreement->spread >= kDecisiveAgreement ||
-         result.poses.front().support.agreement->is_proven());
+        is_decisive(result.poses.front().support);
     if (decided || options_.search == PoseSearch::kNever) return result;
   }
   std::vector<Finalist> poses;

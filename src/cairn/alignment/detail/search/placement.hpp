@@ -94,8 +94,8 @@ struct Candidates {
 class Placement {
  public:
   /// @param scales of the source that are likely
-  /// @param identities see DescriptorMatches
   /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
+  /// @param identities see DescriptorMatches
   Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
             std::optional<double> equal, const AlignOptions& options,
             std::span<const DescriptorMatch> identities = {});
