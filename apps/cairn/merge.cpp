@@ -47,7 +47,8 @@ struct MergeMapsArguments {
   Json options_json() const;
   Json describe(const std::vector<LoadedMap>& loaded, const std::vector<std::string>& names,
                 const MergeResult& result) const;
-  void print(const MergeResult& result, const std::vector<std::string>& names) const;
+  void print(const MergeResult& result, const std::vector<LoadedMap>& loaded,
+             const std::vector<std::string>& names) const;
 };
 
 void MergeMapsArguments::add_to(const Command& command) {
@@ -121,8 +122,10 @@ Json link_json(const Link& link, bool used) {
   return json;
 }
 
-Json map_json(const MergedMap& map, const std::string& name) {
-  Json json = {{"name", name},
+Json map_json(std::size_t number, const MergeResult& result, const std::vector<LoadedMap>& loaded,
+              const std::vector<std::string>& names) {
+  const MergedMap& map = result.maps[number];
+  Json json = {{"name", names[number]},
                {"placed", map.placed},
                {"reason", text_or_null(map.reason)},
                {"world_from_map", nullptr},
@@ -131,6 +134,7 @@ Json map_json(const MergedMap& map, const std::string& name) {
                {"landmarks", nullptr},
                {"fused", nullptr},
                {"bend", nullptr},
+               {"fold", nullptr},
                {"unexplained_deviation", nullptr}};
   if (!map.placed) return json;
   json["world_from_map"] = to_json(map.world_from_map->matrix());
@@ -140,6 +144,7 @@ Json map_json(const MergedMap& map, const std::string& name) {
   json["fused"] = map.fusion->fused;
   json["unexplained_deviation"] = map.fusion->deviation;
   json["bend"] = bend_json(map.bend);
+  if (map.fold) json["fold"] = fold_json(*map.fold, loaded[number].map, names[map.fold->other]);
   return json;
 }
 
@@ -184,7 +189,7 @@ Json MergeMapsArguments::describe(const std::vector<LoadedMap>& loaded,
   json["placed"] = result.placed();
   json["maps"] = Json::array();
   for (std::size_t i = 0; i < names.size(); ++i) {
-    json["maps"].push_back(map_json(result.maps[i], names[i]));
+    json["maps"].push_back(map_json(i, result, loaded, names));
   }
   json["links"] = Json::array();
   for (std::size_t i = 0; i < result.links.size(); ++i) {
@@ -237,9 +242,13 @@ std::string omission_text(const MergeResult& result, const std::vector<std::stri
   return text;
 }
 
-void MergeMapsArguments::print(const MergeResult& result,
+void MergeMapsArguments::print(const MergeResult& result, const std::vector<LoadedMap>& loaded,
                                const std::vector<std::string>& names) const {
   std::string text = placement_text(result, names) + omission_text(result, names);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto& fold = result.maps[i].fold;
+    if (fold) text += fold_text(*fold, loaded[i].map, names[i], names[fold->other]);
+  }
   if (result.map) {
     text += fmt::format("{} landmarks became {}", with_commas(landmarks_before(result)),
                         with_commas(result.map->landmark_count()));
@@ -278,7 +287,7 @@ int MergeMapsArguments::run() {
 
   if (result.map) save_map(*result.map, output, common);
   write_document(describe(loaded, names, result), common);
-  print(result, names);
+  print(result, loaded, names);
   if (!common.report_path.empty()) {
     report::Report report = begin_report(file_name(output), common);
     add_merge(report, inputs, result);

@@ -97,6 +97,10 @@ void bind_parts(py::module_& module) {
       .get("bend_deg",
            "How far the map was bent, if it was straightened before the fusion; else None.",
            &MergedPart::part, &MergedMap::bend, &MapBend::rotation_rad, &degrees)
+      .get("folded_frames",
+           "Indices of the frames that were left out because another map shows them elsewhere; "
+           "None if there are none.",
+           &MergedPart::part, &MergedMap::fold, &MapFold::frames)
       .def("__repr__", [](const MergedPart& self) {
         return decoded(fmt::format("<MergedMap {}: {}>", self.name,
                                    self.part.placed ? "placed" : self.part.reason));

@@ -1,13 +1,31 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/adjustment.hpp"
 
-#include <fmt/format.h>
+#include <algorithm>
+#include <span>
+#include <vector>
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
 #include "support/map_lists.hpp"
 
 namespace cairn::cli {
+
+namespace {
+
+std::vector<std::string> image_names(const LandmarkMap& map, std::span<const FrameIndex> frames) {
+  std::vector<std::string> names;
+  for (const FrameIndex frame : frames) {
+    names.push_back(printable(map.frames().image_names[frame.value]));
+  }
+  return names;
+}
+
+}  // namespace
 
 void add_adjustment_to(const Command& command, FusionOptions& options) {
   add_options(command, FusionOptions::table, &options);
@@ -25,6 +43,26 @@ Json bend_json(const std::optional<MapBend>& bend) {
 std::string bend_text(const std::optional<MapBend>& bend, const std::string& name) {
   if (!bend) return {};
   return fmt::format("; {} was bent by {:.1f} deg, mended", name, degrees(bend->rotation_rad));
+}
+
+Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other) {
+  return {{"images", image_names(map, fold.frames)},
+          {"shown_by", other},
+          {"apart", fold.apart},
+          {"turned_deg", fold.turned_deg}};
+}
+
+std::string fold_text(const MapFold& fold, const LandmarkMap& map, const std::string& name,
+                      const std::string& other) {
+  const std::vector<std::string> names = image_names(map, fold.frames);
+  constexpr std::size_t kShown = 8;
+  const auto shown = std::span(names).first(std::min(names.size(), kShown));
+  return fmt::format(
+      "{} is folded: {} of its {} images are elsewhere in {}, {:.3g} away and turned by {:.0f} "
+      "deg; "
+      "left out: {}{}\n",
+      name, names.size(), map.frame_count(), other, fold.apart, fold.turned_deg,
+      fmt::join(shown, ", "), names.size() > kShown ? ", ..." : "");
 }
 
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment) {

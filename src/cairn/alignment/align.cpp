@@ -402,6 +402,32 @@ void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
       fmt::format("; the descriptors agree on a pose that scales the source by {:.3g}", scale);
 }
 
+// Says that many descriptors agree on another pose than the aligned one.
+void note_second_pose(Alignment& alignment) {
+  constexpr std::size_t kFewest = 20;
+  constexpr double kLeastShare = 0.15;  // of those that agree with the pose
+  constexpr double kTimesChance = 4.0;
+  if (alignment.verdict != Verdict::kAligned || alignment.own != 0U) return;
+  const PlacementCandidate& best = alignment.candidates.front();
+  for (const PlacementCandidate& other : std::span(alignment.candidates).subspan(1)) {
+    const auto& here = best.support.agreement;
+    const auto& there = other.support.agreement;
+    if (!here || !there || there->agreeing < kFewest) continue;
+    const auto agreeing = static_cast<double>(there->agreeing);
+    if (agreeing < kLeastShare * static_cast<double>(here->agreeing) ||
+        agreeing < kTimesChance * there->expected) {
+      continue;
+    }
+    const double turned = degrees(best.target_from_source.quaternion().angularDistance(
+        other.target_from_source.quaternion()));
+    alignment.reason += fmt::format(
+        "; {} of {} descriptor matches agree on another pose, turned by {:.0f} deg: something stands in two "
+        "places, or a map is folded",
+        there->agreeing, there->matches, turned);
+    return;
+  }
+}
+
 // Maps can also be aligned up to a deformation, and by their parts. These can refuse a given pose, but not replace it.
 // @param pose to judge; std::nullopt: to find
 Alignment aligned(const PreparedMap& source, const PreparedMap& target, const AlignOptions& given,
@@ -416,6 +442,7 @@ Alignment aligned(const PreparedMap& source, const PreparedMap& target, const Al
   const bool may_align = judge_deformed(source, target, options, alignment);
   judge_by_parts(source, target, options, may_align, alignment);
   if (!pose) seek_other_scale(source, target, options, alignment);
+  note_second_pose(alignment);
   return alignment;
 }
 

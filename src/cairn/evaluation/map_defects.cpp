@@ -9,8 +9,10 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/error.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/geometry/detail/grid_steps.hpp"
+#include "cairn/map/covisibility.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {
@@ -87,6 +89,19 @@ std::vector<std::string> map_defects(const LandmarkMap& map) {
         "the positions lie on a grid of {:.4g} x {:.4g} x {:.4g}, as of voxels or rounded numbers: "
         "they are known to within a step only",
         grid.x(), grid.y(), grid.z()));
+  }
+  for (const SeparateFrames& group : separate_frames(map)) {
+    const auto name_of = [&](FrameIndex frame) {
+      return printable(map.frames().image_names[frame.value]);
+    };
+    result.push_back(
+        fmt::format("{} images, {} to {}, are where others are but share {:.0f} % of the landmarks "
+                    "in view with "
+                    "them, where {:.0f} % is usual: two alike places are taken for one, and the "
+                    "model is folded; or a "
+                    "loop is not closed",
+                    group.frames.size(), name_of(group.frames.front()),
+                    name_of(group.frames.back()), 100.0 * group.shared, 100.0 * group.usual));
   }
   if (count > 0 && !map.has_covariances()) {
     result.emplace_back("the map has no covariances: confidence covariance cannot be had");

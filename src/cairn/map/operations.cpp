@@ -59,7 +59,7 @@ LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std:
   return result;
 }
 
-// Observations of the kept landmarks; `new_frames` maps frames to their new indices.
+// Observations of the kept landmarks; `new_frames` maps frames to their new indices, or kDropped.
 ObservationTable observation_rows(const ObservationTable& observations,
                                   std::span<const std::uint32_t> kept_landmarks,
                                   std::span<const std::uint32_t> new_frames) {
@@ -73,7 +73,9 @@ ObservationTable observation_rows(const ObservationTable& observations,
   for (const std::uint32_t landmark : kept_landmarks) {
     for (std::uint64_t i = observations.offsets[landmark]; i < observations.offsets[landmark + 1];
          ++i) {
-      result.frames.push_back(FrameIndex{new_frames[observations.frames[i].value]});
+      const std::uint32_t frame = new_frames[observations.frames[i].value];
+      if (frame == kDropped) continue;
+      result.frames.push_back(FrameIndex{frame});
       result.pixels.push_back(observations.pixels[i]);
       append(result.keypoints, observations.keypoints, i);
       append(result.depths, observations.depths, i);
@@ -255,6 +257,23 @@ LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end) {
   return with_rows(map, frames, landmarks);
 }
 
+LandmarkMap without_frames(const LandmarkMap& map, std::span<const FrameIndex> frames) {
+  std::vector<bool> dropped(map.frame_count(), false);
+  for (const FrameIndex frame : frames) dropped[frame.value] = true;
+  std::vector<std::uint32_t> kept_frames;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    if (!dropped[i]) kept_frames.push_back(i);
+  }
+  std::vector<std::uint32_t> landmarks;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto observing = map.observing_frames(LandmarkIndex{i});
+    const auto left = std::count_if(observing.begin(), observing.end(),
+                                    [&](FrameIndex frame) { return !dropped[frame.value]; });
+    if (left >= 2 || left == static_cast<std::ptrdiff_t>(observing.size())) landmarks.push_back(i);
+  }
+  return with_rows(map, kept_frames, landmarks);
+}
+
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old) {
   MapTables tables = copied_tables(map);
   const Rigid3& rigid = new_from_old.rigid();
@@ -404,6 +423,19 @@ std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
     }
   }
   return sum;
+}
+
+std::vector<std::uint8_t> descriptor_bytes(std::span<const float> values) {
+  double squares = 0.0;
+  for (const float value : values) squares += double{value} * double{value};
+  const double rms = std::sqrt(squares / static_cast<double>(values.size()));
+  constexpr double kSteps = 31.875;  // a byte's range for 4 times the root mean square, both ways
+  std::vector<std::uint8_t> bytes;
+  for (const float value : values) {
+    const double step = std::round(127.5 + kSteps * double{value} / rms);
+    bytes.push_back(static_cast<std::uint8_t>(std::clamp(step, 0.0, 255.0)));
+  }
+  return bytes;
 }
 
 std::vector<std::size_t> distinct_descriptors(

@@ -15,6 +15,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
@@ -549,6 +550,52 @@ TEST(AppendDescriptors, AddsRowsWithAndWithoutFurtherOnes) {
   EXPECT_THAT(column.bytes, ElementsAre(1, 0, 2, 5));
   EXPECT_THAT(column.further_offsets, ElementsAre(0, 0, 0, 2, 2));
   EXPECT_THAT(column.further, ElementsAre(3, 4));
+}
+
+TEST(DescriptorBytes, KeepTheAnglesBetweenVectors) {
+  Random random(5);
+  const auto difference = [](const std::vector<float>& a, const std::vector<float>& b) {
+    return std::sqrt(static_cast<double>(
+        descriptor_difference(descriptor_bytes(a), descriptor_bytes(b), DescriptorNorm::kSquared)));
+  };
+  for (int trial = 0; trial < 50; ++trial) {
+    Eigen::VectorXf a(128);
+    Eigen::VectorXf b(128);
+    for (int i = 0; i < 128; ++i) {
+      a[i] = static_cast<float>(random.normal());
+      b[i] = a[i] + static_cast<float>(0.5 * random.normal());
+    }
+    const std::vector<float> first(a.begin(), a.end());
+    std::vector<float> second(b.begin(), b.end());
+    const double exact = (a.normalized() - b.normalized()).norm();
+    const double steps = 31.875 * std::sqrt(128.0);
+    EXPECT_NEAR(difference(first, second) / steps, exact, 0.01 * exact);
+    for (float& value : second) value *= 7.0F;
+    EXPECT_NEAR(difference(first, second) / steps, exact, 0.01 * exact) << "of any length";
+  }
+}
+
+TEST(WithoutFrames, DropsWhatFewerThanTwoOthersSee) {
+  const LandmarkMap map = synthetic_map({.seed = 3, .landmarks = 200, .frames = 6});
+  const std::vector<FrameIndex> dropped = {FrameIndex{1}, FrameIndex{4}};
+  const LandmarkMap left = without_frames(map, dropped);
+  EXPECT_EQ(left.frame_count(), 4U);
+  EXPECT_EQ(left.frames().ids[1], map.frames().ids[2]);
+  std::size_t expected = 0;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    std::size_t others = 0;
+    const auto frames = map.observing_frames(LandmarkIndex{i});
+    for (const FrameIndex frame : frames) others += frame.value != 1 && frame.value != 4 ? 1 : 0;
+    const bool kept = others >= 2 || others == frames.size();
+    expected += kept ? 1 : 0;
+    const auto found = left.find(map.landmarks().ids[i]);
+    ASSERT_EQ(found.has_value(), kept) << i;
+    if (kept) {
+      EXPECT_EQ(left.observation_count(*found), others);
+    }
+  }
+  EXPECT_EQ(left.landmark_count(), expected);
+  EXPECT_LT(expected, map.landmark_count());
 }
 
 }  // namespace

@@ -165,6 +165,8 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
     MergedMap& map = result.maps[index_of[i]];
     map.fusion = merged.maps[i];
     map.bend = merged.bends[i];
+    map.fold = std::move(merged.folds[i]);
+    if (map.fold) map.fold->other = index_of[map.fold->other];
     frames[index_of[i]] = std::move(merged.frames[i]);
   }
   result.map = std::move(merged.map);

@@ -41,6 +41,8 @@ struct MergedMap {
   std::optional<std::size_t> likeliest_link;
   std::optional<Similarity3> world_from_map;
   Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
+  /// What is left out of the map, if another one shows it to be folded; `other` is an index of the inputs.
+  std::optional<MapFold> fold;
   /// How far the map was bent, if it was straightened before the fusion.
   std::optional<MapBend> bend;
   std::optional<MapFusion> fusion;
@@ -77,7 +79,7 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
 /// The second half of merge(): merge_placed() of the maps that are placed, if any, by the links between them that are
 /// used.
 /// @param result of place_maps(), or made from what an atlas keeps; gets the map
-/// @return per map and frame: its index in the map; nothing for a map that is not placed
+/// @return per map and frame that is not left out as folded: its index in the map; nothing for a map that is not placed
 /// @throws Error as merge_placed()
 std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
                                                  const FusionOptions& options, MergeResult& result);

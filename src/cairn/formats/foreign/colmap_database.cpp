@@ -23,9 +23,40 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::int64_t kSift = 0;  // of COLMAP's types of features, -1 if undefined
 constexpr std::size_t kSiftBytes = 128;
 constexpr std::size_t kMostOfLandmark = 8;  // descriptors to compare
 constexpr std::size_t kNotFound = std::numeric_limits<std::size_t>::max();
+
+// Descriptors of one type. COLMAP stores bytes: those of SIFT, or of 32-bit floats.
+struct Features {
+  std::int64_t type = kSift;
+  std::size_t columns = 0;  // bytes of one in the database
+
+  bool is_sift() const { return type == kSift; }
+  std::size_t bytes_each() const { return is_sift() ? columns : columns / sizeof(float); }
+  std::string kind() const {
+    static constexpr std::array<std::string_view, 3> kKinds = {"SIFT", "ALIKED_N16ROT",
+                                                               "ALIKED_N32"};
+    const auto index = static_cast<std::size_t>(type);
+    return index < kKinds.size() ? std::string(kKinds[index]) : fmt::format("COLMAP_{}", type);
+  }
+  friend bool operator==(const Features&, const Features&) = default;
+};
+
+// nullopt if they are neither SIFT nor floats. Databases of before COLMAP 4 have no type.
+std::optional<Features> features_of(std::int64_t type, std::uint64_t columns) {
+  constexpr std::uint64_t kFewestFloats = 16;
+  if (type <= kSift || (type == 1 && columns == kSiftBytes)) {
+    if (columns != kSiftBytes) return std::nullopt;
+    return Features{kSift, kSiftBytes};
+  }
+  const bool are_floats = columns % sizeof(float) == 0 &&
+                          columns >= kFewestFloats * sizeof(float) &&
+                          columns / sizeof(float) <= kMostDescriptorBytes;
+  if (!are_floats) return std::nullopt;
+  return Features{type, static_cast<std::size_t>(columns)};
+}
 
 // An observation whose descriptor is wanted.
 struct Wanted {
@@ -114,10 +145,11 @@ class DescriptorReader {
   void take(std::uint32_t frame, const sqlite::Statement& keypoint_row,
             const sqlite::Statement& descriptor_row) {
     const Matrix keypoints = matrix(database_, keypoint_row, "keypoints", sizeof(float));
-    constexpr std::int64_t kSift = 1;
-    if (descriptor_row.optional_integer(3).value_or(kSift) > kSift ||
-        descriptor_row.unsigned_integer(1) != kSiftBytes) {
-      ++no_sift_;
+    const auto features = features_of(descriptor_row.optional_integer(3).value_or(kSift),
+                                      descriptor_row.unsigned_integer(1));
+    if (!features_ && features) features_ = features;
+    if (!features || features != features_) {
+      ++of_other_kind_;
       return;
     }
     const Matrix descriptors = matrix(database_, descriptor_row, "descriptors", 1);
@@ -130,13 +162,31 @@ class DescriptorReader {
       return;
     }
     for (const Wanted& w : wanted) {
+      const auto bytes =
+          bytes_of(descriptors.bytes.subspan(w.keypoint * features->columns, features->columns));
+      if (bytes.empty()) continue;
       std::size_t& place = taken_[w.rank];
       if (place == kNotFound) {
         place = bytes_.size();
-        bytes_.resize(place + kSiftBytes);
+        bytes_.resize(place + bytes.size());
       }
-      std::memcpy(&bytes_[place], descriptors.bytes.data() + w.keypoint * kSiftBytes, kSiftBytes);
+      std::copy(bytes.begin(), bytes.end(), bytes_.begin() + static_cast<std::ptrdiff_t>(place));
     }
+  }
+
+  // None for floats that are no numbers, or all zero.
+  std::vector<std::uint8_t> bytes_of(std::span<const std::byte> stored) const {
+    std::vector<std::uint8_t> bytes(stored.size());
+    std::memcpy(bytes.data(), stored.data(), stored.size());
+    if (features_->is_sift()) return bytes;
+    std::vector<float> values(stored.size() / sizeof(float));
+    std::memcpy(values.data(), stored.data(), stored.size());
+    const bool are_finite = std::all_of(values.begin(), values.end(), [](float value) {
+      return std::isfinite(value) && std::abs(value) < 1e6F;
+    });
+    const bool any = std::any_of(values.begin(), values.end(), [](float v) { return v != 0.0F; });
+    if (!are_finite || !any) return {};
+    return descriptor_bytes(values);
   }
 
   // Whether half of the observations are near their keypoints. Undistorted images have the same keypoints at
@@ -167,19 +217,20 @@ class DescriptorReader {
     };
     say(model_.frame_count() - std::min(found_, model_.frame_count()),
         "images of the model are not in the database: no descriptors", RemarkKind::kInformation);
-    say(no_sift_, "images have descriptors other than SIFT; left out");
+    say(of_other_kind_, fmt::format("images have descriptors other than {}; left out",
+                                    features_ ? features_->kind() : "SIFT or of floats"));
     say(other_features_, "images have other keypoints than the model; left out");
   }
 
   std::optional<DescriptorColumn> choose() const {
     if (bytes_.empty()) return std::nullopt;
-    DescriptorColumn column{"SIFT", kSiftBytes, {}, {}};
+    DescriptorColumn column{features_->kind(), features_->bytes_each(), {}, {}};
     std::vector<std::span<const std::uint8_t>> of_landmark;
     for (std::size_t i = 0; i < model_.landmark_count(); ++i) {
       of_landmark.clear();
       for (std::size_t rank = first_[i]; rank < first_[i + 1]; ++rank) {
         if (taken_[rank] == kNotFound) continue;
-        of_landmark.push_back(std::span(bytes_).subspan(taken_[rank], kSiftBytes));
+        of_landmark.push_back(std::span(bytes_).subspan(taken_[rank], column.bytes_each));
       }
       append_distinct(column, of_landmark, DescriptorNorm::kSquared);
     }
@@ -191,11 +242,12 @@ class DescriptorReader {
   const MapReadOptions& options_;
   std::unordered_map<std::string, std::uint32_t> frame_of_;
   std::vector<std::vector<Wanted>> wanted_;  // of each frame
-  std::vector<std::size_t> first_;   // rank of each landmark's first wanted one, and the end
-  std::vector<std::size_t> taken_;   // of each rank, the start of its descriptor in bytes_
-  std::vector<std::uint8_t> bytes_;  // kSiftBytes a descriptor that was found
+  std::vector<std::size_t> first_;    // rank of each landmark's first wanted one, and the end
+  std::vector<std::size_t> taken_;    // of each rank, the start of its descriptor in bytes_
+  std::optional<Features> features_;  // of the first image that has any
+  std::vector<std::uint8_t> bytes_;   // of the descriptors that were found
   std::size_t found_ = 0;
-  std::size_t no_sift_ = 0;
+  std::size_t of_other_kind_ = 0;
   std::size_t other_features_ = 0;
 };
 

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
 #include <cstring>
+#include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -9,6 +12,7 @@
 #include "cairn/core/detail/files_read.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 #include "support/imported_maps.hpp"
@@ -86,6 +90,33 @@ TEST_F(ColmapDatabaseTest, ADatabaseOfAnyNameIsFoundByItsTables) {
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(folder_.path()); }),
               AllOf(HasSubstr("holds 2 maps in folders"), HasSubstr("colmap_sparse/0 or "),
                     HasSubstr("colmap_text")));
+}
+
+// COLMAP 4 stores 32-bit floats as bytes.
+TEST_F(ColmapDatabaseTest, DescriptorsOfFloatsAreOfTheKindThatTheDatabaseStates) {
+  change("ALTER TABLE descriptors ADD COLUMN type INTEGER");
+  std::vector<float> values(3 * 64);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i] = std::sin(static_cast<float>(i * i)) * (i < 64 ? 1.0F : 30.0F);  // of any length
+  }
+  values[64] = std::numeric_limits<float>::quiet_NaN();  // keypoint 1, which no point has
+  std::vector<std::byte> bytes(values.size() * sizeof(float));
+  std::memcpy(bytes.data(), values.data(), bytes.size());
+  sqlite::Database(file(), {.access = sqlite::Access::kWrite})
+      .run("UPDATE descriptors SET type = 2, cols = 256, data = ?1",
+           std::span<const std::byte>(bytes));
+  const LandmarkMap map = read(folder_ / "sparse/0");
+  ASSERT_TRUE(map.landmarks().descriptors);
+  EXPECT_EQ(map.landmarks().descriptors->kind, "ALIKED_N32");
+  ASSERT_EQ(map.landmarks().descriptors->bytes_each, 64U);
+  const std::span<const float> of_keypoint_2 = std::span(values).subspan(128);
+  const auto first = map.landmarks().descriptors->descriptor(0, 0);
+  EXPECT_THAT(first, ::testing::ElementsAreArray(descriptor_bytes(of_keypoint_2)));
+  change("UPDATE descriptors SET type = 7");
+  EXPECT_EQ(read(folder_ / "sparse/0").landmarks().descriptors->kind, "COLMAP_7");
+  change("UPDATE descriptors SET type = 0");
+  EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("descriptors other than SIFT")));
 }
 
 TEST_F(ColmapDatabaseTest, AModelWithoutCamerasGetsDescriptorsToo) {

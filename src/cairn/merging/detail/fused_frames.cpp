@@ -13,6 +13,7 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/detail/folds.hpp"
 #include "cairn/merging/detail/fusion.hpp"
 
 // Keyframes, observations and what a fused map says of itself.
@@ -54,7 +55,7 @@ void Fusion::add_frames(std::size_t m) {
     }
     camera_of.push_back(CameraIndex{static_cast<std::uint32_t>(found - tables_.cameras.begin())});
   }
-  const std::vector<KnownImage> known_images = known_images_of(m);
+  const std::vector<std::optional<FrameIndex>> known_images = known_images_of(m);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     std::optional<CameraIndex> camera;
     if (!theirs.cameras.empty() && theirs.cameras[i]) camera = camera_of[theirs.cameras[i]->value];
@@ -66,7 +67,7 @@ void Fusion::add_frames(std::size_t m) {
       translation = world_from_map * pose.translation();
       quaternion = {q.w(), q.x(), q.y(), q.z()};
     }
-    const auto known = known_images[i].frame ? known_images[i].frame : known_frame(m, i, camera);
+    const auto known = known_images[i] ? known_images[i] : known_frame(m, i, camera);
     if (known) {
       const std::uint32_t f = known->value;
       own.push_back(*known);
@@ -88,9 +89,8 @@ void Fusion::add_frames(std::size_t m) {
     frames.cameras.push_back(camera);
     frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
                                                               : theirs.timestamps_s[i]);
-    std::string name = theirs.image_names.empty() ? std::string() : theirs.image_names[i];
-    if (known_images[i].is_contradictory) name = image_folder(m) + name;
-    frames.image_names.push_back(std::move(name));
+    frames.image_names.push_back(theirs.image_names.empty() ? std::string()
+                                                            : theirs.image_names[i]);
     frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
     frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
   }
@@ -126,82 +126,31 @@ bool show_one_image(std::vector<Pixel> few, std::vector<Pixel> many) {
 
 }  // namespace
 
-// What earlier maps know of each frame's image.
-std::vector<Fusion::KnownImage> Fusion::known_images_of(std::size_t m) {
-  std::vector<KnownImage> known(maps_[m].map->frame_count());
+// The frames of earlier maps that show each frame's image.
+std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
+  std::vector<std::optional<FrameIndex>> known(maps_[m].map->frame_count());
   images_.emplace_back(*maps_[m].map);
   for (std::size_t k = 0; k < m; ++k) {
     const CommonImages common = common_images(images_[k], images_[m]);
     if (common.same.empty()) continue;
-    const std::vector<Disagreement> all = disagreements(k, m, common);
-    if (options_.log) log_common_images(k, m, all);
+    if (options_.log) log_common_images(k, m, common);
     if (original_[m] == m && original_[k] == k) {
       identities_.push_back({k, m, common.landmarks});
     }
-    for (const Disagreement& one : all) {
-      KnownImage& image = known[one.here.value];
-      if (one.is_contradiction) {
-        image.is_contradictory = true;
-      } else if (!image.frame) {
-        image.frame = result_.frames[k][one.there.value];
-      }
+    for (const auto& [there, here] : common.same) {
+      if (!known[here.value]) known[here.value] = result_.frames[k][there.value];
     }
   }
   return known;
 }
 
-// How far the poses of common images differ. A model that takes one of two similar places for the other is folded: there,
-// images are far from where another model has them, while those of the rest agree.
-std::vector<Fusion::Disagreement> Fusion::disagreements(std::size_t k, std::size_t m,
-                                                        const CommonImages& common) const {
-  constexpr std::size_t kFewest = 4;  // images, or their median says nothing
-  constexpr double kTimesMedian = 10.0;
-  constexpr double kTurned = 10.0;  // degrees
-  std::vector<Disagreement> result;
-  std::vector<double> apart;
-  for (const auto& [there, here] : common.same) {
-    const Rigid3 earlier = maps_[k].map->world_from_camera(there);
-    const Rigid3 later = maps_[m].map->world_from_camera(here);
-    const Similarity3& of_earlier = maps_[k].world_from_map;
-    const Similarity3& of_later = maps_[m].world_from_map;
-    apart.push_back((of_earlier * earlier.translation() - of_later * later.translation()).norm());
-    result.push_back(
-        {.there = there,
-         .here = here,
-         .apart = apart.back(),
-         .turned_deg = degrees((of_earlier.rigid() * earlier)
-                                   .quaternion()
-                                   .angularDistance((of_later.rigid() * later).quaternion()))});
-  }
-  const double median = upper_median(apart);
-  for (Disagreement& one : result) {
-    one.is_contradiction =
-        result.size() >= kFewest && one.apart > kTimesMedian * median && one.turned_deg > kTurned;
-  }
-  return result;
-}
-
-void Fusion::log_common_images(std::size_t k, std::size_t m,
-                               std::span<const Disagreement> all) const {
-  std::vector<double> apart;
-  std::vector<double> turned;
-  for (const Disagreement& one : all) {
-    apart.push_back(one.apart);
-    turned.push_back(one.turned_deg);
-  }
-  options_.log(fmt::format(
-      "{} images are both in {} and in {}; their poses differ by {:.3g} and {:.2g} deg "
-      "(medians)",
-      all.size(), maps_[k].name, maps_[m].name, upper_median(apart), upper_median(turned)));
-  const std::vector<std::string>& names = maps_[m].map->frames().image_names;
-  for (const Disagreement& one : all) {
-    if (!one.is_contradiction) continue;
-    options_.log(fmt::format(
-        "{} is at two places, {:.3g} and {:.2g} deg apart: one of the two maps is probably folded, "
-        "as where things look alike; the image of {} is kept as {}",
-        printable(names[one.here.value]), one.apart, one.turned_deg, maps_[m].name,
-        printable(image_folder(m) + names[one.here.value])));
-  }
+void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const {
+  PoseDifferences poses = pose_differences(maps_[k], maps_[m], common);
+  options_.log(
+      fmt::format("{} images are both in {} and in {}; their poses differ by {:.3g} and {:.2g} deg "
+                  "(medians)",
+                  common.same.size(), maps_[k].name, maps_[m].name, upper_median(poses.apart),
+                  upper_median(poses.turned_deg)));
 }
 
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.

@@ -62,22 +62,8 @@ class Fusion {
   void add(std::size_t m);
   void add_frames(std::size_t m);
   void tell_images_apart();
-  struct KnownImage {
-    std::optional<FrameIndex> frame;  // of an earlier map that shows it
-    bool is_contradictory = false;    // an earlier map has it elsewhere
-  };
-  std::vector<KnownImage> known_images_of(std::size_t m);
-  // Where two maps have one image.
-  struct Disagreement {
-    FrameIndex there;  // of the earlier map
-    FrameIndex here;
-    double apart = 0.0;
-    double turned_deg = 0.0;
-    bool is_contradiction = false;
-  };
-  std::vector<Disagreement> disagreements(std::size_t k, std::size_t m,
-                                          const CommonImages& common) const;
-  void log_common_images(std::size_t k, std::size_t m, std::span<const Disagreement> all) const;
+  std::vector<std::optional<FrameIndex>> known_images_of(std::size_t m);
+  void log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const;
   std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
                                         std::optional<CameraIndex> camera) const;
   AssociationResult with_identities(std::size_t m, AssociationResult association) const;

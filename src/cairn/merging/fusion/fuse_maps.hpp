@@ -64,6 +64,15 @@ struct MapFusion {
   double deviation = 0.0;
 };
 
+/// Part of a map that another map shows to be at the wrong place.
+struct MapFold {
+  std::vector<FrameIndex> frames;  ///< ascending; left out with what only they see
+  std::size_t other = 0;           ///< index of the map that shows it
+  /// By how much the poses of the images differ that both maps contain; medians.
+  double apart = 0.0;
+  double turned_deg = 0.0;
+};
+
 struct FusionResult {
   LandmarkMap map;
   std::vector<MapFusion> maps;                  ///< one per map
@@ -92,7 +101,7 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// if one is the last frame of its map and the other the first of its, timestamp, image name and camera are equal, and
 /// their pixels are those of one image. Images without timestamps that several maps contain (common_images()) become one
 /// frame each, with the pose and camera of the largest of these maps, and landmarks that their keypoints show to be the
-/// same are fused. An image whose two poses differ by more than ten times the median is kept apart, and the log names it.
+/// same are fused.
 /// A landmark keeps its first observation in a frame of several maps.
 ///
 /// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the largest map's kind,

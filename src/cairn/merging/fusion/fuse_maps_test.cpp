@@ -550,27 +550,6 @@ TEST(FuseMaps, FusesLandmarksThatKeypointsOfCommonImagesShow) {
   EXPECT_EQ(result.map.frame_count(), 12U);
 }
 
-TEST(FuseMaps, KeepsAnImageApartWhereOneMapIsFolded) {
-  MapTables tables =
-      with_image_names(synthetic_map({.seed = 4, .landmarks = 600, .frames = 12}), "{}.jpg")
-          .tables();
-  tables.frames.timestamps_s = {};
-  const LandmarkMap first(std::move(tables));
-  MapTables folded = LandmarkMap(first).tables();
-  folded.frames.translations[7] = first.frames().translations[7] + Eigen::Vector3d(2.0, 0.0, 0.0);
-  folded.frames.quaternions[7] = {0.0, 1.0, 0.0, 0.0};
-  for (std::size_t i = 0; i < 12; ++i) folded.frames.translations[i].y() += 0.001;
-  const LandmarkMap second(std::move(folded));
-  std::vector<std::string> remarks;
-  FusionOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  const FusionResult result =
-      fuse_maps(std::vector<PlacedMap>{{&first, "first", {}}, {&second, "second", {}}}, options);
-  EXPECT_EQ(result.map.frame_count(), 13U);
-  EXPECT_EQ(result.map.frames().image_names[12], "second/7.jpg");
-  EXPECT_THAT(remarks, ::testing::Contains(HasSubstr("7.jpg' is at two places, 2 and")));
-}
-
 TEST(FuseMaps, TurnsNormalsAndRefusesSplats) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 3});
   const auto with = [](LandmarkMap map, const std::vector<NamedColumn>& columns) {

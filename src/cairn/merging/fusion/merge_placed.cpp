@@ -11,6 +11,8 @@
 #include "cairn/adjustment/detail/measurements.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/merging/detail/folds.hpp"
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
 #include "cairn/merging/detail/straighten_maps.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
@@ -76,9 +78,16 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link
                           const FusionOptions& options) {
   options.validate();
   std::vector<PlacedMap> maps(given.begin(), given.end());
+  std::vector<std::optional<MapFold>> folds = detail::find_folds(maps);
+  std::vector<LandmarkMap> unfolded(maps.size());
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (!folds[i]) continue;
+    unfolded[i] = without_frames(*maps[i].map, folds[i]->frames);
+    maps[i].map = &unfolded[i];
+  }
   std::vector<std::optional<MapBend>> bends(maps.size());
   std::vector<std::optional<detail::StraightenedMap>> straight(maps.size());
-  if (options.straighten) straight = detail::straighten_maps(given, links, options);
+  if (options.straighten) straight = detail::straighten_maps(maps, links, options);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!straight[i]) continue;
     maps[i].map = &straight[i]->map;
@@ -97,6 +106,7 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link
     merged.maps = std::move(fused.maps);
     merged.frames = std::move(fused.frames);
   }
+  merged.folds = std::move(folds);
   merged.map = with_content_uuid(std::move(merged.map));
   merged.bends = std::move(bends);
   return merged;

@@ -25,18 +25,25 @@ struct MergeAdjustment {
 
 struct MergedPlaced {
   LandmarkMap map;
-  std::vector<MapFusion> maps;                  ///< one per map
-  std::vector<std::vector<FrameIndex>> frames;  ///< per map and frame: its index in `map`
+  std::vector<MapFusion> maps;                ///< one per map
+  std::vector<std::optional<MapFold>> folds;  ///< per map: what is left out of it
+  /// Per map and frame that is not left out: its index in `map`.
+  std::vector<std::vector<FrameIndex>> frames;
   /// Per map: how far it was bent, if it was straightened before the fusion.
   std::vector<std::optional<MapBend>> bends;
   /// std::nullopt if not requested, or if the maps lack the data; the log says why.
   std::optional<MergeAdjustment> adjustment;
 };
 
-/// Merges maps with known poses: straightens them, then fuses them (fuse_maps()). If adjustment is requested and every
+/// Merges maps with known poses: leaves out what is folded, straightens them, then fuses them (fuse_maps()). If adjustment is requested and every
 /// map with observations can be adjusted, repeats fuse_maps() and adjust(): each round matches landmarks anew from their
 /// own maps' positions under the adjusted poses. Earlier matches are not kept, so a wrong match can disappear, and
 /// landmarks that were too far apart can be matched.
+///
+/// A map is folded where it takes one of two similar places for the other. Images that it has in common with another map
+/// show it: some are farther from where the other map has them than ten times the median, and turned by 10° or more. With
+/// them, all frames are left out that share more landmarks with them than with the images that agree; of the two maps it
+/// is the one in which these frames have fewer of their landmarks in common with the rest.
 ///
 /// A map is straightened by the first pair that shows it to be bent by 2° or more, if at least 2 % more landmarks can
 /// then be fused with the other map of the pair. If a link's scale is free, its source is first deformed as the target

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "cairn/core/detail/hamming.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/operations.hpp"
@@ -20,15 +21,17 @@ constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 constexpr std::size_t kLandmarks = 600;    // of a map, the most observed ones
 constexpr double kMaxDifference = 0.1953;  // share of differing bits of one landmark's descriptors
 constexpr std::size_t kTables = 3;
+constexpr std::size_t kComparisons = 256;  // bits of descriptors that are not binary
+constexpr std::size_t kLeastBytes = 8;     // of these, or there are hardly different comparisons
 
 }  // namespace
 
 // Descriptors of the most observed landmarks, one after another.
-std::vector<std::uint64_t> MapIndex::words_of(const LandmarkMap& map) const {
-  std::vector<std::uint64_t> words;
+std::vector<std::uint8_t> MapIndex::bytes_of(const LandmarkMap& map) const {
+  std::vector<std::uint8_t> bytes;
   const auto& descriptors = map.landmarks().descriptors;
   if (!descriptors || descriptors->kind != kind_ || descriptors->bytes_each != bytes_each_) {
-    return words;
+    return bytes;
   }
   std::vector<std::uint32_t> rows;
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
@@ -44,10 +47,27 @@ std::vector<std::uint64_t> MapIndex::words_of(const LandmarkMap& map) const {
     rows.erase(end, rows.end());
     std::sort(rows.begin(), rows.end());
   }
-  words.assign(rows.size() * words_each_, 0);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::memcpy(words.data() + i * words_each_, descriptors->bytes.data() + rows[i] * bytes_each_,
-                bytes_each_);
+  for (const std::uint32_t row : rows) {
+    const auto one = descriptors->descriptor(row, 0);
+    bytes.insert(bytes.end(), one.begin(), one.end());
+  }
+  return bytes;
+}
+
+// Bits of descriptors that are given by their bytes.
+std::vector<std::uint64_t> MapIndex::words_of(std::span<const std::uint8_t> bytes) const {
+  const std::size_t count = bytes_each_ == 0 ? 0 : bytes.size() / bytes_each_;
+  std::vector<std::uint64_t> words(count * words_each_, 0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto row = bytes.subspan(i * bytes_each_, bytes_each_);
+    if (comparisons_.empty()) {
+      std::memcpy(words.data() + i * words_each_, row.data(), bytes_each_);
+      continue;
+    }
+    for (std::size_t bit = 0; bit < comparisons_.size(); ++bit) {
+      const bool is_set = comparisons_[bit].of(row) > comparisons_[bit].mean;
+      words[i * words_each_ + bit / 64] |= std::uint64_t{is_set} << (bit % 64);
+    }
   }
   return words;
 }
@@ -57,22 +77,26 @@ std::size_t MapIndex::add(const LandmarkMap& map) {
   const auto has_any = [](const DescriptorColumn& column) {
     return std::any_of(column.known.begin(), column.known.end(), [](auto is) { return is != 0; });
   };
+  const auto is_usable = [](const DescriptorColumn& column) {
+    return is_binary(column.kind) || column.bytes_each >= kLeastBytes;
+  };
   // A map whose descriptors are all unknown must not set the kind: no bits can be chosen from none.
-  if (kind_.empty() && descriptors && is_binary(descriptors->kind) && has_any(*descriptors)) {
+  if (kind_.empty() && descriptors && is_usable(*descriptors) && has_any(*descriptors)) {
     kind_ = descriptors->kind;
     bytes_each_ = descriptors->bytes_each;
-    words_each_ = (bytes_each_ + 7) / 8;
+    bits_each_ = is_binary(kind_) ? 8 * bytes_each_ : kComparisons;
+    words_each_ = (bits_each_ + 63) / 64;
   }
-  const std::vector<std::uint64_t> words =
-      words_each_ == 0 ? std::vector<std::uint64_t>() : words_of(map);
-  const std::size_t count = words_each_ == 0 ? 0 : words.size() / words_each_;
+  const std::vector<std::uint8_t> bytes = bytes_of(map);
+  const std::size_t count = bytes_each_ == 0 ? 0 : bytes.size() / bytes_each_;
   const std::size_t number = entries_of_.size();
-  if (this->descriptors() + count > std::numeric_limits<std::uint32_t>::max()) {
+  const std::size_t first = this->descriptors();
+  if (first + count > std::numeric_limits<std::uint32_t>::max()) {
     throw Error(ErrorKind::kMisuse, "MapIndex", "more than 2^32 descriptors", "fewer maps");
   }
-  first_of_.push_back(static_cast<std::uint32_t>(this->descriptors()));
+  first_of_.push_back(static_cast<std::uint32_t>(first));
   entries_of_.push_back(count);
-  words_.insert(words_.end(), words.begin(), words.end());
+  bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
   return number;
 }
 
@@ -119,8 +143,30 @@ class BitStatistics {
 
 }  // namespace
 
+void MapIndex::choose_comparisons() const {
+  comparisons_.clear();
+  if (is_binary(kind_)) return;
+  constexpr std::size_t kSample = 4096;
+  const std::size_t step = std::max<std::size_t>(1, descriptors() / kSample);
+  Random random(seed_);
+  while (comparisons_.size() < kComparisons) {
+    Comparison& one = comparisons_.emplace_back();
+    for (std::size_t i = 0; i < one.places.size();) {
+      one.places[i] = static_cast<std::uint16_t>(random.index(bytes_each_));
+      const auto end = one.places.begin() + static_cast<std::ptrdiff_t>(i);
+      i += std::find(one.places.begin(), end, one.places[i]) == end ? 1 : 0;
+    }
+    std::int64_t sum = 0;
+    std::int64_t count = 0;
+    for (std::size_t i = 0; i < descriptors(); i += step, ++count) {
+      sum += one.of(std::span(bytes_).subspan(i * bytes_each_, bytes_each_));
+    }
+    one.mean = static_cast<int>(sum / count);
+  }
+}
+
 void MapIndex::choose_bits() const {
-  const std::size_t bits = std::min(8 * bytes_each_, std::size_t{65536});
+  const std::size_t bits = std::min(bits_each_, std::size_t{65536});
   // With more bits, most keys would be empty, and a query searches all neighbouring keys.
   const auto log2 = static_cast<std::size_t>(std::bit_width(descriptors()));
   key_bits_ = std::min(std::clamp<std::size_t>(log2 - 1, 14, 22), bits);
@@ -162,7 +208,8 @@ std::uint32_t MapIndex::key(std::size_t table, std::span<const std::uint64_t> de
 void MapIndex::prepare() const {
   const std::lock_guard lock(preparing_);
   if (words_each_ == 0 || (prepared_ == descriptors() && !starts_.empty())) return;
-  words_.shrink_to_fit();
+  choose_comparisons();
+  words_ = words_of(bytes_);
   choose_bits();
   starts_.assign(kTables, {});
   entries_.assign(kTables, {});
@@ -193,8 +240,8 @@ std::vector<RecognitionCandidate> MapIndex::find(std::size_t map, std::size_t mo
 }
 
 std::vector<RecognitionCandidate> MapIndex::find(const LandmarkMap& map, std::size_t most) const {
-  if (words_each_ == 0) return {};
-  return find(words_of(map), most, kNone);
+  prepare();
+  return find(words_of(bytes_of(map)), most, kNone);
 }
 
 namespace {
@@ -218,10 +265,8 @@ std::vector<RecognitionCandidate> best_of(std::span<const double> scores, std::s
 
 std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> words,
                                                  std::size_t most, std::size_t except) const {
-  prepare();
   if (words.empty()) return {};
-  const auto limit =
-      static_cast<int>(std::floor(kMaxDifference * 8.0 * static_cast<double>(bytes_each_)));
+  const auto limit = static_cast<int>(std::floor(kMaxDifference * static_cast<double>(bits_each_)));
   // Prefetches the next entries while others are compared, because they are scattered in memory.
   constexpr std::size_t kAhead = 12;
   const std::size_t landmarks = words.size() / words_each_;
@@ -293,7 +338,7 @@ std::vector<RecognitionCandidate> MapIndex::find(std::span<const std::uint64_t> 
 }
 
 std::size_t MapIndex::memory() const {
-  std::size_t bytes = words_.capacity() * sizeof(std::uint64_t) +
+  std::size_t bytes = bytes_.capacity() + words_.capacity() * sizeof(std::uint64_t) +
                       first_of_.capacity() * sizeof(std::uint32_t) +
                       entries_of_.capacity() * sizeof(std::size_t);
   for (std::size_t table = 0; table < entries_.size(); ++table) {

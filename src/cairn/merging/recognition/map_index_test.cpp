@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/merging/recognition/map_index.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "cairn/core/random.hpp"
 
 #include "support/seen_places.hpp"
 
@@ -40,6 +45,46 @@ TEST(MapIndex, FindsNothingBeyondTheDifferenceAllowed) {
   index.add(seen(landmarks, 0, 300, 0.0, 1));
   EXPECT_EQ(index.find(seen(landmarks, 0, 300, 0.0, 2), 5).size(), 1U);
   EXPECT_TRUE(index.find(seen(landmarks, 0, 300, 0.3, 3), 5).empty());
+}
+
+// Histograms of gradients as SIFT's: few of 128 bytes are large. A second view of a landmark changes each by some.
+LandmarkMap seen_histograms(std::uint64_t place, std::size_t begin, std::size_t end, double noise,
+                            std::uint64_t seed) {
+  constexpr std::size_t kBytes = 128;
+  Random random(seed);
+  MapTables tables;
+  DescriptorColumn column{"SIFT", kBytes, {}, {}};
+  for (std::size_t i = begin; i < end; ++i) {
+    tables.landmarks.ids.push_back(LandmarkId{i});
+    tables.landmarks.positions.emplace_back(random.normal(), random.normal(), random.normal());
+    column.known.push_back(1);
+    Random of_landmark = Random(place).fork(i);
+    for (std::size_t k = 0; k < kBytes; ++k) {
+      const double usual = k % 8 < 4 ? 60.0 : 20.0;  // not all bytes are alike
+      const double value = -usual * std::log(of_landmark.uniform(1e-6, 1.0));
+      column.bytes.push_back(
+          static_cast<std::uint8_t>(std::clamp(value + noise * random.normal(), 0.0, 255.0)));
+    }
+  }
+  tables.landmarks.descriptors = std::move(column);
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(MapIndex, FindsTheSamePlaceByDescriptorsOfBytes) {
+  MapIndex index;
+  for (std::uint64_t i = 0; i < 50; ++i) {
+    index.add(seen_histograms(i, 0, 180, 15.0, 100 + i));
+    index.add(seen_histograms(i, 120, 300, 15.0, 200 + i));
+  }
+  for (std::size_t map = 0; map < index.size(); ++map) {
+    EXPECT_TRUE(index.holds(map));
+    const auto found = index.find(map, 3);
+    ASSERT_FALSE(found.empty()) << map;
+    EXPECT_EQ(found.front().map, map ^ 1) << map;
+  }
+  const auto of_another = index.find(seen_histograms(7, 100, 200, 15.0, 9), 2);
+  ASSERT_EQ(of_another.size(), 2U);
+  EXPECT_THAT((std::vector{of_another[0].map / 2, of_another[1].map / 2}), ::testing::Each(7U));
 }
 
 TEST(MapIndex, MapsWithoutLikeDescriptorsAreNeverFound) {
