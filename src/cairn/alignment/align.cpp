@@ -421,7 +421,8 @@ void note_second_pose(Alignment& alignment) {
     const double turned = degrees(best.target_from_source.quaternion().angularDistance(
         other.target_from_source.quaternion()));
     alignment.reason += fmt::format(
-        "; {} of {} descriptor matches agree on another pose, turned by {:.0f} deg: something stands in two "
+        "; {} of {} descriptor matches agree on another pose, turned by {:.0f} deg: something "
+        "stands in two "
         "places, or a map is folded",
         there->agreeing, there->matches, turned);
     return;

@@ -266,6 +266,13 @@ TEST_F(PlainPointsTest, APipeIsReadLikeAFile) {
   EXPECT_EQ(read_plain_points(pipe).landmarks().colors.size(), 2U);
 }
 
+// Compressed bytes may look like the names of a table.
+TEST_F(PlainPointsTest, BytesWithCommasAreNoTable) {
+  const std::string bytes("\x1f\x8b\x08\x08>x,k,r\nq,w,z\0\x02", 18);
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(folder_.write("a.map.gz", bytes)); }),
+              HasSubstr("is compressed by gzip"));
+}
+
 TEST_F(PlainPointsTest, CairnTextIsNotMistakenForPoints) {
   EXPECT_EQ(read_text("FRAME 1 0 0 0 1 0 0 0\n").frame_count(), 1U);
   EXPECT_THAT(refused("hello world again\n"), HasSubstr("is in no known map format"));

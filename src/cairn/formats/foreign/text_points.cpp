@@ -642,6 +642,7 @@ class TableReader {
 bool is_points_text(const MapInput& input) {
   if (input.source == nullptr) return false;
   std::string_view bytes = input.first_bytes;
+  if (bytes.find('\0') != std::string_view::npos) return false;
   Cells cells;
   std::vector<std::string_view> comments;
   while (!bytes.empty()) {
