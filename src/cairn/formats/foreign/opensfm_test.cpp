@@ -19,6 +19,7 @@
 #include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
+#include "support/rig_maps.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn::detail {
@@ -27,6 +28,7 @@ namespace {
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::refusal;
 using testing::TemporaryFolder;
 
@@ -91,6 +93,44 @@ TEST_F(OpenSfmTest, WhatHasNoPlaceIsALoss) {
   read();
   EXPECT_THAT(remarks_.losses, ElementsAre(HasSubstr("left out: 'orientation'")));
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("holds 2 reconstructions")));
+}
+
+// Two rig cameras of one camera, half a unit left and right of the rig's middle; the rig is at the origin and then a unit
+// ahead. Shot s is alone.
+constexpr std::string_view kRigReconstruction = R"([{
+  "cameras": {"cam": {"width": 200, "height": 100, "focal": 0.8}},
+  "rig_cameras": {"left": {"rotation": [0, 0, 0], "translation": [0.5, 0, 0]},
+                  "right": {"rotation": [0, 0, 0], "translation": [-0.5, 0, 0]},
+                  "cam": {"rotation": [0, 0, 0], "translation": [0, 0, 0]}},
+  "rig_instances": {
+    "0": {"rotation": [0, 0, 0], "translation": [0, 0, 0],
+          "rig_camera_ids": {"l0": "left", "r0": "right"}},
+    "1": {"rotation": [0, 0, 0], "translation": [0, 0, -1],
+          "rig_camera_ids": {"l1": "left", "r1": "right", "lost": "left"}},
+    "2": {"rotation": [0, 0, 0], "translation": [9, 9, 9], "rig_camera_ids": {"s": "cam"}}},
+  "shots": {
+    "l0": {"rotation": [0, 0, 0], "translation": [0.5, 0, 0], "camera": "cam"},
+    "r0": {"rotation": [0, 0, 0], "translation": [-0.5, 0, 0], "camera": "cam"},
+    "l1": {"rotation": [0, 0, 0], "translation": [0.5, 0, -1], "camera": "cam"},
+    "r1": {"rotation": [0, 0, 0], "translation": [-0.5, 0, -1], "camera": "cam"},
+    "s": {"rotation": [0, 0, 0], "translation": [9, 9, 9], "camera": "cam"}}
+}])";
+
+TEST_F(OpenSfmTest, RigInstancesSayWhichShotsAreOfOneInstantAndPose) {
+  const LandmarkMap map = read(kRigReconstruction, "");
+  EXPECT_THAT(map.frames().image_names, ElementsAre("l0", "l1", "r0", "r1", "s"));
+  EXPECT_THAT(map.frames().instants,
+              ElementsAre(InstantId{0}, InstantId{1}, InstantId{0}, InstantId{1}, std::nullopt));
+  ASSERT_EQ(map.cameras().size(), 2U) << "a camera of a rig is in one place of it";
+  EXPECT_EQ(map.cameras()[0].parameters, map.cameras()[1].parameters);
+  EXPECT_THAT(map.rigs(), ElementsAre(Rig{RigId{0},
+                                          {{CameraIndex{0}, {1, 0, 0, 0}, {0.5, 0, 0}},
+                                           {CameraIndex{1}, {1, 0, 0, 0}, {-0.5, 0, 0}}}}));
+  EXPECT_THAT(remarks_.losses, ElementsAre());
+  EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
+  EXPECT_LT(testing::off_rig(map), 1e-15);
+  write(map, "out/model/");
+  EXPECT_LT(testing::off_rig(ImportTest::read(folder_ / "out/model")), 1e-15);
 }
 
 TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
