@@ -12,6 +12,7 @@
 #include "cairn/map/synthetic.hpp"
 
 #include "support/adjusted_maps.hpp"
+#include "support/rig_maps.hpp"
 
 namespace cairn {
 namespace {
@@ -98,6 +99,32 @@ TEST(EstimateCovariances, SayHowFarOffLandmarksOfMonocularMapsAre) {
   EXPECT_NEAR(known.inside, 0.95, 0.03);
   const Consistency estimated = consistency(true, {});
   EXPECT_NEAR(estimated.nees, 3.0, 0.5);
+}
+
+// The rig's baseline is the scale, and its poses count as exact.
+TEST(EstimateCovariances, SayHowFarOffImagesOfARigAre) {
+  AdjustOptions how;
+  how.noise = true_noise();
+  how.kernel = RobustKernel::kNone;
+  double poses = 0.0;
+  double count = 0.0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const LandmarkMap truth = testing::rig_map({.seed = seed});
+    const LandmarkMap map =
+        adjust(testing::rig_map({.seed = seed, .pixel_noise_px = kPixel}), how).map;
+    const auto& covariances = map.frames().pose_covariances;
+    ASSERT_EQ(covariances.size(), truth.frame_count());
+    // Both of the first instant are where the gauge has them.
+    EXPECT_EQ(*covariances[0], Matrix6d::Zero());
+    EXPECT_EQ(*covariances[1], Matrix6d::Zero());
+    for (std::uint32_t i = 2; i < map.frame_count(); ++i) {
+      const FrameIndex frame{i};
+      poses += normalised_squared_error(map.world_from_camera(frame), *covariances[i],
+                                        truth.world_from_camera(frame));
+      count += 1.0;
+    }
+  }
+  EXPECT_NEAR(poses / count, 6.0, 1.0);
 }
 
 TEST(EstimateCovariances, AreZeroForTheFrameThatCountsAsExact) {
