@@ -113,6 +113,7 @@ class OpenSfmReader {
     read_reference(reconstruction);
     read_cameras(reconstruction.at("cameras").object());
     read_shots(reconstruction.at("shots").object());
+    read_overrides();
     if (reconstruction.has("rig_instances") && reconstruction.has("rig_cameras")) {
       read_rigs(reconstruction.at("rig_cameras").object(),
                 reconstruction.at("rig_instances").object());
@@ -129,8 +130,15 @@ class OpenSfmReader {
   }
 
   void read_reference(const JsonValue& reconstruction) {
-    if (!reconstruction.has("reference_lla")) return;
-    const JsonValue lla = reconstruction.at("reference_lla").object();
+    if (reconstruction.has("reference_lla")) {
+      set_reference(reconstruction.at("reference_lla").object());
+    } else if (sources_.reference != nullptr) {
+      const nlohmann::json json = read_json(*sources_.reference);
+      set_reference(JsonValue(json, sources_.reference->name() + ": ").object());
+    }
+  }
+
+  void set_reference(const JsonValue& lla) {
     const GeodeticPosition origin{lla.at("latitude").number(), lla.at("longitude").number(),
                                   lla.at("altitude").number()};
     // OpenSfM's value for an unknown position.
@@ -155,6 +163,27 @@ class OpenSfmReader {
     GnssFix fix{georeference()->geodetic(enu), std::nullopt};
     if (accuracy > 0.0) fix.accuracy_m = accuracy;
     return fix;
+  }
+
+  // OpenSfM's place for what the files of images do not state.
+  void read_overrides() {
+    if (sources_.overrides == nullptr) return;
+    const nlohmann::json json = read_json(*sources_.overrides);
+    const JsonValue all = JsonValue(json, sources_.overrides->name() + ": ").object();
+    for (const auto& [name, value] : json.items()) {
+      const auto shot = shots_.find(name);
+      if (shot == shots_.end() || !all.at(name).has("gps")) continue;
+      const JsonValue gps = all.at(name).at("gps").object();
+      auto known = out_.tables().frames.gnss[shot->second.frame.value];
+      if (known || !gps.has("altitude")) continue;
+      GnssFix fix{
+          {gps.at("latitude").number(), gps.at("longitude").number(), gps.at("altitude").number()},
+          std::nullopt};
+      if (const double accuracy = gps.number_or("dop", 0.0); accuracy > 0.0) {
+        fix.accuracy_m = accuracy;
+      }
+      known = fix;
+    }
   }
 
   void read_cameras(const JsonValue& cameras) {
@@ -712,9 +741,13 @@ LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& opti
   std::optional<FileReader> tracks;
   std::optional<FileReader> control_points;
   std::optional<FileReader> control_list;
+  std::optional<FileReader> reference;
+  std::optional<FileReader> overrides;
   sources.tracks = beside("tracks.csv", tracks);
   sources.control_points = beside("ground_control_points.json", control_points);
   sources.control_list = beside("gcp_list.txt", control_list);
+  sources.reference = beside("reference_lla.json", reference);
+  sources.overrides = beside("exif_overrides.json", overrides);
   return read_opensfm(sources, input.part, options);
 }
 

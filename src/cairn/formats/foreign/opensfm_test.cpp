@@ -144,6 +144,23 @@ TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
   EXPECT_NEAR(fix.position.altitude_m, 403.0, 1e-5);
 }
 
+TEST_F(OpenSfmTest, FilesBesideStateTheReferenceAndGnssPositions) {
+  folder_.write("reference_lla.json", R"({"latitude": 46.0, "longitude": 7.0, "altitude": 300})");
+  folder_.write(
+      "exif_overrides.json",
+      R"({"a.jpg": {"gps": {"latitude": 46.1, "longitude": 7.1, "altitude": 310, "dop": 4}},
+                    "b.jpg": {"gps": {"latitude": 1, "longitude": 2, "altitude": 3}},
+                    "lost.jpg": {"gps": {}}})");
+  const LandmarkMap map = read();
+  EXPECT_EQ(map.info().georeference, (GeoReference{{47.0, 8.0, 400.0}})) << "its own comes first";
+  EXPECT_EQ(map.frames().gnss[0], (GnssFix{{46.1, 7.1, 310.0}, 4.0}));
+  EXPECT_NEAR(map.frames().gnss[1]->position.altitude_m, 403.0, 1e-5) << "its own comes first";
+  const LandmarkMap other = read(kRigReconstruction, "");
+  EXPECT_EQ(other.info().georeference, (GeoReference{{46.0, 7.0, 300.0}}));
+  folder_.write("exif_overrides.json", R"({"a.jpg": {"gps": {"altitude": 310}}})");
+  EXPECT_THAT(refused(), HasSubstr("exif_overrides.json: "));
+}
+
 TEST_F(OpenSfmTest, WithoutGnssPositionsThereIsNoGeoreference) {
   // As OpenSfM writes it of photographs without GNSS positions.
   const LandmarkMap map = read(

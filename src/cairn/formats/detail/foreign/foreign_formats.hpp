@@ -56,6 +56,8 @@ struct OpenSfmSources {
   ByteSource* tracks = nullptr;          ///< tracks.csv, the observations; null if missing
   ByteSource* control_points = nullptr;  ///< ground_control_points.json; null if missing
   ByteSource* control_list = nullptr;    ///< gcp_list.txt, more control points; null if missing
+  ByteSource* reference = nullptr;       ///< reference_lla.json; null if missing
+  ByteSource* overrides = nullptr;       ///< exif_overrides.json; null if missing
 };
 
 /// Reads a reconstruction of an OpenSfM file (docs/formats.md): shots become frames, numbered from 0 in the
