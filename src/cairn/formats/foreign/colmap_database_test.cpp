@@ -187,7 +187,7 @@ TEST_F(ColmapPriorsTest, PositionsAndGravityOfImagesComeAlong) {
     ASSERT_TRUE(map.info().gravity.has_value());
     EXPECT_LT((*map.info().gravity - Eigen::Vector3d::UnitX()).norm(), 0.01);
     EXPECT_NEAR(map.info().gravity->norm(), 1.0, 1e-12);
-    write(map, std::string("out/") + fs::path(name).filename().string() + "/");
+    write(map, std::string("of-") + fs::path(name).filename().string() + "/");
     EXPECT_THAT(remarks_.losses,
                 Contains(AllOf(HasSubstr("direction of gravity"), HasSubstr("GNSS positions"))));
   }

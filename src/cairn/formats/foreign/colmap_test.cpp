@@ -307,7 +307,7 @@ TEST_F(ColmapTest, AMovedRigIsWrittenWhereItsImagesAre) {
 }
 
 TEST_F(ColmapTest, RigsWithoutAReferenceCameraAreReferredToTheirFirst) {
-  write_rig("5 3 IMU 1 CAMERA 3 1 0 1 0 0 0 0 -2 CAMERA 4 1 0 0 1 0 1 0 2\n",
+  write_rig("5 3 IMU 1 CAMERA 3 1 0 1 0 0 0 0 -2 CAMERA 4 1 0 0 1 0 1 0 -2\n",
             "8 5 0 -1 0 0 0 0 -2 3 CAMERA 3 7 CAMERA 4 9 IMU 1 4\n");
   const LandmarkMap map = read();
   EXPECT_THAT(remarks_.losses, ElementsAre(HasSubstr("1 sensors of rigs are left out"),

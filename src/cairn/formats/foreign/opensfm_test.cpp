@@ -129,8 +129,7 @@ TEST_F(OpenSfmTest, RigInstancesSayWhichShotsAreOfOneInstantAndPose) {
   EXPECT_THAT(remarks_.losses, ElementsAre());
   EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
   EXPECT_LT(testing::off_rig(map), 1e-15);
-  write(map, "out/model/");
-  EXPECT_LT(testing::off_rig(ImportTest::read(folder_ / "out/model")), 1e-15);
+  EXPECT_LT(testing::off_rig(ImportTest::read(write(map, "model/"))), 1e-15);
 }
 
 TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
