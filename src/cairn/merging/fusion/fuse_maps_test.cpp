@@ -824,10 +824,10 @@ TEST(FuseMaps, CountsAMapThatIsGivenTwiceOnce) {
 TEST(FuseMaps, KeepsTheRigsOfAllMaps) {
   const LandmarkMap first = testing::rig_map({.seed = 1});
   const LandmarkMap second = testing::rig_map({.seed = 2});
-  for (const double scale : {2.0, 2.2}) {
-    const Similarity3 world_from_map(scale,
-                                     Rigid3::from_roll_pitch_yaw({30.0, 6.0, 7.0}, 0.1, 0.2, 0.3));
-    const LandmarkMap moved = transformed(second, world_from_map.inverse());
+  const Rigid3 pose = Rigid3::from_roll_pitch_yaw({30.0, 6.0, 7.0}, 0.1, 0.2, 0.3);
+  const LandmarkMap moved = transformed(second, Similarity3(2.0, pose).inverse());
+  for (const double scale : {2.0, 2.5}) {
+    const Similarity3 world_from_map(scale, pose);
     const std::vector<PlacedMap> maps = {{&first, "first", {}}, {&moved, "second", world_from_map}};
     const LandmarkMap fused = fuse_maps(maps).map;
     ASSERT_EQ(fused.frame_count(), 32U);
@@ -846,8 +846,9 @@ TEST(FuseMaps, KeepsTheRigsOfAllMaps) {
 TEST(FuseMaps, KeepsARigWhoseImagesTwoMapsHave) {
   const LandmarkMap map = testing::rig_map();
   const Similarity3 world_from_map(1.0, Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.3));
-  const LandmarkMap part =
-      transformed(cut_frames(map, FrameId{2}, FrameId{6}), world_from_map.inverse());
+  std::vector<LandmarkIndex> half;
+  for (std::uint32_t i = 0; i < map.landmark_count(); i += 2) half.push_back(LandmarkIndex{i});
+  const LandmarkMap part = transformed(with_landmarks(map, half), world_from_map.inverse());
   const std::vector<PlacedMap> maps = {{&map, "all", {}}, {&part, "part", world_from_map}};
   const LandmarkMap fused = fuse_maps(maps).map;
   EXPECT_EQ(fused.frame_count(), map.frame_count());
