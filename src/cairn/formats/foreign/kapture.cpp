@@ -93,18 +93,16 @@ class KaptureReader {
   }
 
  private:
+  struct DevicePose {
+    Rigid3 device_from_world;
+    const std::string* rig = nullptr;  // from whose pose this follows
+    Rigid3 rig_from_world;
+  };
   struct Image {
     std::int64_t timestamp;
     std::string path;
     std::optional<CameraIndex> camera;
-    Rigid3 world_from_camera;
-    const std::string* rig = nullptr;  // that has a pose then
-    Rigid3 rig_from_world;
-  };
-  struct DevicePose {
-    Rigid3 device_from_world;
-    const std::string* rig = nullptr;  // as of Image
-    Rigid3 rig_from_world;
+    DevicePose pose;
   };
   // An observation whose keypoint is not yet read.
   struct Seen {
@@ -285,8 +283,7 @@ class KaptureReader {
                   "the id of a camera");
       }
       if (const auto pose = device_pose(timestamp, device)) {
-        images.push_back({timestamp, std::move(path), out_.camera(printable(device)),
-                          pose->device_from_world.inverse(), pose->rig, pose->rig_from_world});
+        images.push_back({timestamp, std::move(path), out_.camera(printable(device)), *pose});
       } else {
         ++without_pose;
       }
@@ -310,16 +307,18 @@ class KaptureReader {
                     "the image " + printable(image.path) + " stands there twice",
                     "distinct images");
       }
+      const Rigid3 world_from_camera = image.pose.device_from_world.inverse();
       timestamps_.push_back(image.timestamp);
-      if (image.rig != nullptr) {
+      if (image.pose.rig != nullptr) {
         const InstantId next{static_cast<std::uint32_t>(instants.size())};
-        const auto instant = instants.emplace(std::pair(image.timestamp, *image.rig), next).first;
+        const auto instant =
+            instants.emplace(std::pair(image.timestamp, *image.pose.rig), next).first;
         out_.add_to_instant(instant->second, FrameIndex{static_cast<std::uint32_t>(i)},
-                            image.rig_from_world);
+                            image.pose.rig_from_world);
       }
       out_.add_frame({.id = FrameId{are_ids ? static_cast<std::uint64_t>(image.timestamp) : i},
-                      .world_from_camera = image.world_from_camera.quaternion(),
-                      .centre = image.world_from_camera.translation(),
+                      .world_from_camera = world_from_camera.quaternion(),
+                      .centre = world_from_camera.translation(),
                       .camera = image.camera,
                       .image_name = std::move(image.path)});
     }
