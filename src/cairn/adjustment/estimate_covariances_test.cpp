@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <numeric>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
@@ -125,6 +127,29 @@ TEST(EstimateCovariances, SayHowFarOffImagesOfARigAre) {
     }
   }
   EXPECT_NEAR(poses / count, 6.0, 1.0);
+}
+
+TEST(EstimateCovariances, AreTheSameWhicheverImageOfARigComesFirst) {
+  const LandmarkMap map = testing::rig_map({.pixel_noise_px = kPixel});
+  std::vector<std::uint32_t> frames(map.frame_count());
+  std::iota(frames.begin(), frames.end(), 0U);
+  for (std::size_t i = 0; i + 2 < frames.size(); i += 2) std::swap(frames[i], frames[i + 1]);
+  std::vector<std::uint32_t> landmarks(map.landmark_count());
+  std::iota(landmarks.begin(), landmarks.end(), 0U);
+  MapTables tables = LandmarkMap(map).tables();
+  reorder(tables, frames, landmarks);
+  CovarianceOptions options;
+  options.noise = true_noise();
+  const LandmarkMap left = estimate_covariances(map, options).map;
+  const LandmarkMap right = estimate_covariances(LandmarkMap(std::move(tables)), options).map;
+  for (const std::uint32_t l : landmarks) {
+    const Eigen::Matrix3d one = *left.covariance(LandmarkIndex{l});
+    EXPECT_LT((one - *right.covariance(LandmarkIndex{l})).norm(), 1e-6 * one.norm());
+  }
+  for (std::size_t i = 2; i < frames.size(); ++i) {
+    const Matrix6d one = *left.frames().pose_covariances[frames[i]];
+    EXPECT_LT((one - *right.frames().pose_covariances[i]).norm(), 1e-6 * one.norm());
+  }
 }
 
 TEST(EstimateCovariances, AreZeroForTheFrameThatCountsAsExact) {

@@ -84,8 +84,11 @@ class KaptureReader {
     read_observations();
     remark_rest();
     const auto place = [&](MapColumn column, std::size_t) {
-      const bool of_frames = column <= MapColumn::kImageNames;
-      return files_.name + "/" + (of_frames ? kTrajectories : kPoints);
+      const bool of_frames = column <= MapColumn::kImageNames || column == MapColumn::kInstants;
+      return files_.name + "/" +
+             (column == MapColumn::kRigs ? kRigs
+              : of_frames                ? kTrajectories
+                                         : kPoints);
     };
     return std::move(out_).finish(
         {.lost_observations = "observations of points without a finite position are left out",
