@@ -122,8 +122,8 @@ struct EstimatedCovariances {
 ///
 /// Gauge: relative to the first frame of every group of frames that share landmarks. That frame's pose
 /// counts as exact, so landmarks far from it are less certain; so do the poses of rigs. In a group without depths and
-/// rigs, the distance of the frame farthest from the first also counts as exact; the covariances then hold for that scale. With
-/// CovarianceGauge::kFirstObserver they are relative to the first frame that observed the landmark, as
+/// rigs, the distance of the frame farthest from the first also counts as exact; the covariances then hold for that
+/// scale. With CovarianceGauge::kFirstObserver they are relative to the first frame that observed the landmark, as
 /// odometry's are.
 ///
 /// Unknown for landmarks that only one frame observed, without depth, and for landmarks that their

@@ -121,8 +121,8 @@ struct FrameTable {
   /// Optional; of world_from_camera, (δt, δφ) as Rigid3::perturbed(), relative to the map's first keyframe: it grows
   /// with drift, and where a keyframe has few ties to the others.
   OptionalColumn<Matrix6d> pose_covariances;
-  /// Optional; when a rig took the frame: frames of one instant, at most one of each camera, are of one rig and one pose of
-  /// it.
+  /// Optional; when a rig took the frame. Frames of one instant, at most one of each camera, are of one rig and one
+  /// pose of it.
   OptionalColumn<InstantId> instants;
 };
 

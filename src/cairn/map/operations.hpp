@@ -51,7 +51,7 @@ LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
 /// The map in another world frame. Transforms positions, covariances, poses, normals, gravity and georeference; scales
-/// all lengths, including depths and those of rigs but not named columns. Keeps the unit's name. @throws as transformed_columns()
+/// all lengths, of depths and rigs too but not of named columns. Keeps the unit's name. @throws as transformed_columns()
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
 /// The map with its length unit renamed.

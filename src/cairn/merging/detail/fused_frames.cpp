@@ -43,8 +43,8 @@ CameraIndex Fusion::add_camera(Camera camera, bool is_mounted) {
   return index;
 }
 
-// The cameras of a map among those of the fused one. Cameras of a rig are known with the whole rig only: those of a stereo
-// rig may be alike, and a rig of another map may have another baseline.
+// The cameras of a map among those of the fused one. Those of a rig are known with the whole rig only: a stereo rig's may
+// be alike, and a rig of another map may have another baseline.
 std::vector<CameraIndex> Fusion::add_cameras(std::size_t m) {
   const LandmarkMap& map = *maps_[m].map;
   const auto is_same = [&](CameraIndex fused, Camera camera) {

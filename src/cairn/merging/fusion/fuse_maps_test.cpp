@@ -832,7 +832,7 @@ TEST(FuseMaps, KeepsTheRigsOfAllMaps) {
     const LandmarkMap fused = fuse_maps(maps).map;
     ASSERT_EQ(fused.frame_count(), 32U);
     EXPECT_LT(testing::off_rig(fused), 1e-12);
-    // The two cameras of the rig are alike, and stay two. Those of both maps are one if their rigs are, to the last digit.
+    // The two cameras of the rig are alike, and stay two. Those of both maps are one if their rigs are.
     const bool is_same_rig = scale == 2.0;
     EXPECT_EQ(fused.rigs().size(), is_same_rig ? 1U : 2U);
     EXPECT_EQ(fused.cameras().size(), is_same_rig ? 3U : 5U);
