@@ -163,6 +163,11 @@ void Properties::add_counts() {
     add("frames", fmt::format("{}, ids {} to {}", frame_ids.size(), first->value, last->value));
   }
   add("cameras", std::to_string(map_.cameras().size()));
+  if (!map_.rigs().empty()) {
+    std::size_t mounted = 0;
+    for (const Rig& rig : map_.rigs()) mounted += rig.mounts.size();
+    add("rigs", fmt::format("{}, of {} cameras", map_.rigs().size(), mounted));
+  }
   add("landmarks", std::to_string(map_.landmark_count()));
   if (map_.has_observations()) {
     add("observations", std::to_string(map_.observation_count()));
@@ -342,6 +347,7 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();
+  json["rigs"] = map.rigs().size();
   json["columns"] = Json::array();
   for (const NamedColumn& column : map.landmarks().columns) json["columns"].push_back(column.name);
   json["extent"] = nullptr;

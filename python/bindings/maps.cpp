@@ -337,6 +337,18 @@ void bind_synthetic(py::module_& module) {
            "Two synthetic sessions of one scene, each in its own world frame, with the truth."));
 }
 
+py::list rigs(const SharedMap& map) {
+  py::list result;
+  for (const Rig& rig : map->rigs()) {
+    py::dict poses;
+    for (const Rig::Mount& mount : rig.mounts) {
+      poses[py::int_(mount.camera.value)] = copied_matrix(mount.camera_from_rig().matrix());
+    }
+    result.append(std::move(poses));
+  }
+  return result;
+}
+
 struct MapProperty {
   const char* name;
   py::object (*value)(const SharedMap& map);
@@ -376,6 +388,11 @@ constexpr MapProperty kProperties[] = {
     {"frame_cameras",
      [](const SharedMap& m) { return masked<std::uint32_t>(m->frames().cameras, py::cast(m)); },
      "(f,) indices of cameras, masked where unknown; or None."},
+    {"instants",
+     [](const SharedMap& m) { return masked<std::uint32_t>(m->frames().instants, py::cast(m)); },
+     "(f,), equal of frames that one rig took at one time, masked where unknown; or None."},
+    {"rigs", [](const SharedMap& m) -> py::object { return rigs(m); },
+     "One dict per rig: of indices of cameras, and (4, 4) camera_from_rig of each."},
     {"image_names",
      [](const SharedMap& m) -> py::object {
        if (m->frames().image_names.empty()) return py::none();

@@ -333,6 +333,25 @@ class Operations(unittest.TestCase):
         np.testing.assert_array_equal(m.pose_covariances[1], expected)
         self.assertIsNone(full_map().pose_covariances)
 
+    def test_frames_of_a_rig_share_an_instant(self):
+        text = ("CAIRN 3\nCAMERA 7 PINHOLE 640 480 500 500 320 240\n"
+                "CAMERA 9 PINHOLE 640 480 500 500 320 240\n"
+                "RIG 1 7 1 0 0 0 0 0 0\nRIG 1 9 1 0 0 0 -0.5 0 0\nFRAME 1 0 0 0 1 0 0 0\n"
+                "VIEW 1 7\nINSTANT 1 4\nFRAME 2 0.5 0 0 1 0 0 0\nVIEW 2 9\nINSTANT 2 4\n"
+                "FRAME 3 9 9 9 1 0 0 0\n")
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "rig.map"
+            path.write_text(text)
+            m = cairn.read_map(path)
+        np.testing.assert_array_equal(m.instants, np.ma.array([4, 4, 0], mask=[0, 0, 1]))
+        self.assertEqual(list(m.rigs[0]), [0, 1])
+        right_from_left = m.rigs[0][1] @ np.linalg.inv(m.rigs[0][0])
+        np.testing.assert_allclose(
+            np.linalg.inv(m.frame_poses[1]) @ m.frame_poses[0], right_from_left)
+        self.assertEqual(m.transformed(np.diag([2.0, 2, 2, 1])).rigs[0][1][0, 3], -1.0)
+        self.assertIsNone(full_map().instants)
+        self.assertEqual(full_map().rigs, [])
+
     def test_a_moved_map_keeps_its_places_on_the_earth(self):
         text = ("CAIRN 2\nMETA georeference 47.37 8.54 408 2 1 0 0 0 5 6 7\n"
                 "FRAME 1 0 0 0 1 0 0 0\nGNSS 1 47.37 8.54 410 3\nLANDMARK 3 1 2 3 - 0\n")

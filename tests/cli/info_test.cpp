@@ -55,6 +55,12 @@ TEST_F(InfoTest, SaysWhereOnTheEarthTheMapIs) {
   EXPECT_EQ(document({"info", "plain.map"}).at("georeference"), nullptr);
 }
 
+TEST_F(InfoTest, CountsRigs) {
+  write_map(testing::several_map(), path("rig.map"));
+  EXPECT_THAT(answer({"info", "rig.map"}), ContainsRegex("rigs +1, of 2 cameras\n"));
+  EXPECT_EQ(document({"info", "rig.map"}).at("rigs"), 1);
+}
+
 TEST_F(InfoTest, MetricWithoutItsInputShowsDashesAndHowToGetIt) {
   write_plain();
   const std::string text = answer({"info", "plain.map"});

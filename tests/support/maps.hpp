@@ -81,7 +81,7 @@ inline LandmarkMap full_map() {
 }
 
 /// As full_tables(), with what only version 3 of the text format holds: two further descriptors of the first landmark
-/// and one of the third, and covariances of the first and the third frame's poses.
+/// and one of the third, covariances of the first and the third frame's poses, and a rig that took both.
 inline MapTables several_tables() {
   MapTables tables = full_tables();
   tables.landmarks.descriptors->further_offsets = {0, 2, 2, 3, 3};
@@ -90,6 +90,10 @@ inline MapTables several_tables() {
   covariance(0, 5) = covariance(5, 0) = 0.0025;
   covariance(1, 2) = covariance(2, 1) = -1.0 / 300.0;
   tables.frames.pose_covariances = {Matrix6d(Matrix6d::Zero()), std::nullopt, covariance};
+  tables.rigs = {{RigId{18446744073709551615U},
+                  {{CameraIndex{1}, {0.6, 0.0, 0.8000004, -0.0}, {0.25, 1.0 / 3.0, -0.0}},
+                   {CameraIndex{0}, {1.0, 0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}}}};
+  tables.frames.instants = {InstantId{4294967295U}, std::nullopt, InstantId{4294967295U}};
   return tables;
 }
 
@@ -193,6 +197,7 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
   column("provenance", a.info().provenance, b.info().provenance);
   column("control points", a.info().control_points, b.info().control_points);
   column("cameras", a.cameras(), b.cameras());
+  column("rigs", a.rigs(), b.rigs());
 
   column("frame ids", a.frames().ids, b.frames().ids);
   column("translations", a.frames().translations, b.frames().translations);
@@ -202,6 +207,7 @@ inline std::string map_difference(const LandmarkMap& a, const LandmarkMap& b) {
   column("image names", a.frames().image_names, b.frames().image_names);
   column("GNSS positions", a.frames().gnss, b.frames().gnss);
   column("pose covariances", a.frames().pose_covariances, b.frames().pose_covariances);
+  column("instants", a.frames().instants, b.frames().instants);
 
   column("landmark ids", a.landmarks().ids, b.landmarks().ids);
   column("positions", a.landmarks().positions, b.landmarks().positions);

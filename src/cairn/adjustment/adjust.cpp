@@ -32,18 +32,24 @@ struct PixelMeasure {
   CameraProjection projection;
   Eigen::Vector2d pixel;
   double sigma_px;
+  const Rigid3* camera_from_lead;  // null for the lead itself
 
-  std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_camera) const {
-    return seen_pixel(projection, camera->parameters.data(), pixel, sigma_px, x_in_camera);
+  std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_lead) const {
+    return seen_from_body(camera_from_lead, x_in_lead, [&](const Eigen::Vector3d& x_in_camera) {
+      return seen_pixel(projection, camera->parameters.data(), pixel, sigma_px, x_in_camera);
+    });
   }
 };
 
 struct DepthMeasure {
   double depth;
   double sigma;
+  const Rigid3* camera_from_lead;
 
-  std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_camera) const {
-    return seen_depth(depth, sigma, x_in_camera);
+  std::optional<SeenPoint> operator()(const Eigen::Vector3d& x_in_lead) const {
+    return seen_from_body(camera_from_lead, x_in_lead, [&](const Eigen::Vector3d& x_in_camera) {
+      return seen_depth(depth, sigma, x_in_camera);
+    });
   }
 };
 
@@ -103,7 +109,8 @@ class Adjustment {
         calibration_(calibration),
         measurements_(measurements),
         options_(options),
-        groups_(frame_groups(map, measurements, options.min_observations)),
+        rigid_(rigid_frames(map.rigs(), map.frames())),
+        groups_(frame_groups(map, rigid_, measurements, options.min_observations)),
         projections_(map.cameras().begin(), map.cameras().end()),
         poses_(map.frame_count()),
         points_(map.landmarks().positions) {
@@ -124,6 +131,10 @@ class Adjustment {
                     ceres::LossFunction* depth);
   void hold_scale(const FrameGroup& group);
   void carry_along(std::uint32_t landmark);
+  Rigid3 pose_of(std::uint32_t frame) const {
+    const Rigid3 lead = to_pose(poses_[rigid_.lead[frame]].data());
+    return rigid_.leads(frame) ? lead : lead * rigid_.camera_from_lead[frame].inverse();
+  }
   double* parameters_of(std::size_t camera) {
     return parameters_.data() + first_parameter_[camera];
   }
@@ -134,10 +145,11 @@ class Adjustment {
   std::span<const Camera> calibration_;
   const Measurements& measurements_;
   const AdjustOptions& options_;
+  RigidFrames rigid_;
   std::vector<FrameGroup> groups_;
   std::vector<CameraProjection> projections_;  // of the map's cameras
   // Contiguous arrays, because Ceres orders the blocks of a group by address, which must be deterministic.
-  std::vector<PoseBlock> poses_;
+  std::vector<PoseBlock> poses_;  // by frame; those that do not lead are unused
   std::vector<Eigen::Vector3d> points_;
   std::vector<double> parameters_;  // of all cameras
   std::vector<std::size_t> first_parameter_;
@@ -156,6 +168,7 @@ std::vector<Camera> Adjustment::cameras() const {
 void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrdering& ordering) {
   for (const FrameGroup& group : groups_) {
     for (const std::uint32_t frame : group.frames) {
+      if (!rigid_.leads(frame)) continue;
       problem.AddParameterBlock(poses_[frame].data(), 7, new PoseManifold());
       ordering.AddElementToGroup(poses_[frame].data(), 1);
     }
@@ -186,21 +199,25 @@ void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrderi
 void Adjustment::add_landmark(ceres::Problem& problem, std::uint32_t landmark,
                               ceres::LossFunction* pixel, ceres::LossFunction* depth) {
   for (const Measurement& one : measurements_[landmark]) {
-    double* const pose = poses_[one.frame.value].data();
+    const std::uint32_t frame = one.frame.value;
+    double* const pose = poses_[rigid_.lead[frame]].data();
+    const Rigid3* const mount = rigid_.leads(frame) ? nullptr : &rigid_.camera_from_lead[frame];
     double* const point = points_[landmark].data();
-    const CameraIndex index = *map_.frames().cameras[one.frame.value];
+    const CameraIndex index = *map_.frames().cameras[frame];
     const Camera& camera = map_.cameras()[index.value];
     if (options_.refine_intrinsics) {
-      problem.AddResidualBlock(new CalibrationCost(camera, one.pixel, one.sigma_px), pixel, pose,
-                               point, parameters_of(index.value));
+      problem.AddResidualBlock(new CalibrationCost(camera, one.pixel, one.sigma_px, mount), pixel,
+                               pose, point, parameters_of(index.value));
     } else {
-      problem.AddResidualBlock(new PointCost<PixelMeasure>(PixelMeasure{
-                                   &camera, projections_[index.value], one.pixel, one.sigma_px}),
-                               pixel, pose, point);
+      problem.AddResidualBlock(
+          new PointCost<PixelMeasure>(
+              PixelMeasure{&camera, projections_[index.value], one.pixel, one.sigma_px, mount}),
+          pixel, pose, point);
     }
     if (!one.depth) continue;
-    problem.AddResidualBlock(new PointCost<DepthMeasure>(DepthMeasure{*one.depth, one.sigma_depth}),
-                             depth, pose, point);
+    problem.AddResidualBlock(
+        new PointCost<DepthMeasure>(DepthMeasure{*one.depth, one.sigma_depth, mount}), depth, pose,
+        point);
   }
 }
 
@@ -226,8 +243,7 @@ void Adjustment::hold_scale(const FrameGroup& group) {
 
 void Adjustment::carry_along(std::uint32_t landmark) {
   const FrameIndex frame = measurements_[landmark].front().frame;
-  const Rigid3 moved =
-      to_pose(poses_[frame.value].data()) * map_.world_from_camera(frame).inverse();
+  const Rigid3 moved = pose_of(frame.value) * map_.world_from_camera(frame).inverse();
   points_[landmark] = moved * map_.landmarks().positions[landmark];
 }
 
@@ -302,7 +318,7 @@ MapTables Adjustment::tables() const {
   for (const FrameGroup& group : groups_) {
     for (const std::uint32_t frame : group.frames) {
       if (frame == group.frames.front()) continue;  // as read, to the last digit
-      const Rigid3 pose = to_pose(poses_[frame].data());
+      const Rigid3 pose = pose_of(frame);
       const Eigen::Quaterniond q = pose.quaternion();
       tables.frames.translations[frame] = pose.translation();
       tables.frames.quaternions[frame] = {q.w(), q.x(), q.y(), q.z()};
@@ -326,6 +342,12 @@ double rms_px(const LandmarkMap& map, const Measurements& measurements,
     }
   }
   return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
+}
+
+LandmarkMap with_rigs_held(LandmarkMap map) {
+  MapTables tables = std::move(map).tables();
+  hold_rigs(tables);
+  return LandmarkMap(std::move(tables));
 }
 
 LandmarkMap without_covariances(LandmarkMap map) {
@@ -352,8 +374,8 @@ void AdjustOptions::validate() const {
 AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
   options.validate();
   AdjustResult result;
-  result.map = map;
-  result.noise = options.noise ? *options.noise : estimated_noise(map);
+  result.map = with_rigs_held(map);
+  result.noise = options.noise ? *options.noise : estimated_noise(result.map);
   // The noise is known after a first adjustment only.
   const int rounds = options.noise ? 1 : 2;
   for (int round = 0; round < rounds; ++round) {
@@ -364,7 +386,7 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
         if (landmark.size() >= options.min_observations) result.observations += landmark.size();
       }
       result.unusable = map.observation_count() - result.observations;
-      result.initial_rms_px = rms_px(map, measurements, options.min_observations);
+      result.initial_rms_px = rms_px(result.map, measurements, options.min_observations);
     }
     Solved solved = Adjustment(result.map, map.cameras(), measurements, options).run();
     result.map = LandmarkMap(std::move(solved.tables));

@@ -79,8 +79,10 @@ struct AdjustResult {
 /// residuals of all observations (pixels, and depths of a map in metres, each divided by its standard
 /// deviation, with a robust kernel).
 ///
+/// Frames that a rig took at one instant move as one, with the rig's poses held; first they are put there.
+///
 /// Gauge: in every group of frames that share landmarks, the first frame is fixed; in a group without
-/// depths, also the distance of the frame farthest from it. Frames without observations stay. All else of
+/// depths and rigs, also the distance of the frame farthest from it. Frames without observations stay. All else of
 /// the map is kept, but not its UUID. Where covariances are too large for the memory, the adjusted map has
 /// none. The same input gives the same result for any number of threads.
 ///
@@ -119,9 +121,9 @@ struct EstimatedCovariances {
 /// the least-squares problem of all frames and landmarks, in the map's squared unit of length.
 ///
 /// Gauge: relative to the first frame of every group of frames that share landmarks. That frame's pose
-/// counts as exact, so landmarks far from it are less certain. In a group without depths, the distance of
-/// the frame farthest from the first also counts as exact; the covariances then hold for that scale. With
-/// CovarianceGauge::kFirstObserver they are relative to the first frame that observed the landmark, as
+/// counts as exact, so landmarks far from it are less certain; so do the poses of rigs. In a group without depths and
+/// rigs, the distance of the frame farthest from the first also counts as exact; the covariances then hold for that
+/// scale. With CovarianceGauge::kFirstObserver they are relative to the first frame that observed the landmark, as
 /// odometry's are.
 ///
 /// Unknown for landmarks that only one frame observed, without depth, and for landmarks that their

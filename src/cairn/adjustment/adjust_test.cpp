@@ -14,6 +14,7 @@
 #include "cairn/map/synthetic.hpp"
 
 #include "support/adjusted_maps.hpp"
+#include "support/rig_maps.hpp"
 
 namespace cairn {
 namespace {
@@ -53,6 +54,35 @@ TEST(Adjust, RecoversAMonocularMapInTheScaleOfItsFarthestFrame) {
   const AdjustResult result = adjust(start, options);
   EXPECT_LT(result.final_rms_px, 1e-2);
   EXPECT_LT(largest_error(result.map, scaled_like(truth, start)), 1e-3);
+}
+
+TEST(Adjust, MovesTheImagesOfARigAsOneAndKeepsItsLengths) {
+  const LandmarkMap truth = testing::rig_map();
+  MapTables tables = disturbed(truth, 0.02).tables();
+  // The right image of the second instant observes nothing, and still moves with the left one.
+  const ObservationTable all = std::exchange(tables.observations, {});
+  tables.observations.offsets.push_back(0);
+  for (std::size_t l = 0; l + 1 < all.offsets.size(); ++l) {
+    for (std::uint64_t k = all.offsets[l]; k < all.offsets[l + 1]; ++k) {
+      if (all.frames[k] == FrameIndex{3}) continue;
+      tables.observations.frames.push_back(all.frames[k]);
+      tables.observations.pixels.push_back(all.pixels[k]);
+    }
+    tables.observations.offsets.push_back(tables.observations.frames.size());
+  }
+  const LandmarkMap start(std::move(tables));
+  ASSERT_GT(testing::off_rig(start), 1e-3);
+  AdjustOptions options = options_with(1.0, 0.003);
+  options.max_iterations = 200;
+  for (const bool refines : {false, true}) {
+    options.refine_intrinsics = refines;
+    const AdjustResult result = adjust(start, options);
+    EXPECT_TRUE(result.converged);
+    EXPECT_LT(testing::off_rig(result.map), 1e-12);
+    EXPECT_EQ(result.map.rigs()[0], truth.rigs()[0]);
+    EXPECT_LT(result.final_rms_px, 1e-3);
+    EXPECT_LT(largest_error(result.map, truth), 1e-4) << "no depth states the scale, the rig does";
+  }
 }
 
 TEST(Adjust, IsBetterThanItsStartByNoisyObservations) {

@@ -22,12 +22,12 @@ const Camera& camera_of(const LandmarkMap& map, FrameIndex frame) {
   return map.cameras()[map.frames().cameras[frame.value]->value];
 }
 
+// @param lead the frame whose pose is estimated, with which that of the measurement moves
 LinearObservation linearise(const LandmarkMap& map, const Measurement& measurement,
-                            const Eigen::Vector3d& x_in_world) {
+                            std::uint32_t lead, const Eigen::Vector3d& x_in_world) {
   const Rigid3 pose = map.world_from_camera(measurement.frame);
   const Eigen::Matrix3d camera_from_world = pose.rotation().transpose();
-  const Eigen::Vector3d arm = x_in_world - pose.translation();
-  const Eigen::Vector3d x_in_camera = camera_from_world * arm;
+  const Eigen::Vector3d x_in_camera = camera_from_world * (x_in_world - pose.translation());
   LinearObservation at;
   const Camera& camera = camera_of(map, measurement.frame);
   const auto pixel = seen_pixel(CameraProjection(camera), camera.parameters.data(),
@@ -36,7 +36,7 @@ LinearObservation linearise(const LandmarkMap& map, const Measurement& measureme
   if (measurement.depth) {
     at.by_point.row(2) = camera_from_world.row(2) / measurement.sigma_depth;
   }
-  at.by_pose = derivative_by_pose(at.by_point, arm);
+  at.by_pose = derivative_by_pose(at.by_point, x_in_world - map.frames().translations[lead]);
   return at;
 }
 
@@ -76,10 +76,15 @@ bool is_determined(const LinearLandmark& landmark) {
 
 // The least-squares problem of a group's frames, and the landmarks that it determines.
 std::pair<LinearProblem, std::vector<std::uint32_t>> problem_of(
-    const LandmarkMap& map, std::span<const std::vector<Measurement>> measurements,
-    const FrameGroup& group, std::vector<std::uint32_t>& index_in_group) {
+    const LandmarkMap& map, const RigidFrames& rigid,
+    std::span<const std::vector<Measurement>> measurements, const FrameGroup& group,
+    std::vector<std::uint32_t>& index_in_group) {
   LinearProblem problem;
   for (const std::uint32_t frame : group.frames) {
+    if (!rigid.leads(frame)) {
+      index_in_group[frame] = index_in_group[rigid.lead[frame]];
+      continue;
+    }
     index_in_group[frame] = static_cast<std::uint32_t>(problem.camera_centres.size());
     problem.camera_centres.push_back(map.frames().translations[frame]);
   }
@@ -91,7 +96,8 @@ std::pair<LinearProblem, std::vector<std::uint32_t>> problem_of(
     LinearLandmark linear;
     linear.position = map.landmarks().positions[l];
     for (const Measurement& one : measurements[l]) {
-      linear.observations.push_back(linearise(map, one, linear.position));
+      linear.observations.push_back(
+          linearise(map, one, rigid.lead[one.frame.value], linear.position));
       linear.observations.back().frame = index_in_group[one.frame.value];
       const auto& by_pose = linear.observations.back().by_pose;
       by_length += by_pose.leftCols<3>().squaredNorm();
@@ -102,7 +108,7 @@ std::pair<LinearProblem, std::vector<std::uint32_t>> problem_of(
     landmarks.push_back(l);
   }
   // In the problem's own units, because the map's are arbitrary.
-  const double poses = 3.0 * static_cast<double>(group.frames.size());
+  const double poses = 3.0 * static_cast<double>(problem.camera_centres.size());
   constexpr double kLeast = 1e-10;
   const auto least = [&](double information) {
     return kLeast * information / poses + std::numeric_limits<double>::min();
@@ -139,18 +145,22 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
   result.references.resize(map.frame_count());
 
   std::vector<std::uint32_t> index_in_group(map.frame_count());
-  for (const FrameGroup& group : frame_groups(map, measurements, 2)) {
+  const RigidFrames rigid = rigid_frames(map.rigs(), map.frames());
+  const auto& centres = map.frames().translations;
+  for (const FrameGroup& group : frame_groups(map, rigid, measurements, 2)) {
     for (const std::uint32_t frame : group.frames) {
       result.references[frame] = FrameIndex{group.frames.front()};
       pose_covariances.set(frame, std::nullopt);
     }
-    const auto [problem, landmarks] = problem_of(map, measurements, group, index_in_group);
+    const auto [problem, landmarks] = problem_of(map, rigid, measurements, group, index_in_group);
     const RecoveredCovariances recovered =
         recover_covariances(problem, options.gauge, options.execution);
-    for (std::size_t i = 0; i < group.frames.size(); ++i) {
-      const Matrix6d& covariance = recovered.frames[i];
-      if (pose_covariance_defect(covariance).empty())
-        pose_covariances.set(group.frames[i], covariance);
+    for (const std::uint32_t frame : group.frames) {
+      Matrix6d covariance = recovered.frames[index_in_group[frame]];
+      if (!rigid.leads(frame)) {
+        covariance = covariance_at_point(covariance, centres[frame] - centres[rigid.lead[frame]]);
+      }
+      if (pose_covariance_defect(covariance).empty()) pose_covariances.set(frame, covariance);
     }
     for (std::size_t i = 0; i < landmarks.size(); ++i) {
       const std::uint32_t l = landmarks[i];

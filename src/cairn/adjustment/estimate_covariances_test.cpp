@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <numeric>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
@@ -12,6 +14,7 @@
 #include "cairn/map/synthetic.hpp"
 
 #include "support/adjusted_maps.hpp"
+#include "support/rig_maps.hpp"
 
 namespace cairn {
 namespace {
@@ -98,6 +101,59 @@ TEST(EstimateCovariances, SayHowFarOffLandmarksOfMonocularMapsAre) {
   EXPECT_NEAR(known.inside, 0.95, 0.03);
   const Consistency estimated = consistency(true, {});
   EXPECT_NEAR(estimated.nees, 3.0, 0.5);
+}
+
+// The rig's baseline is the scale, and its poses count as exact.
+TEST(EstimateCovariances, SayHowFarOffImagesOfARigAre) {
+  AdjustOptions how;
+  how.noise = true_noise();
+  how.kernel = RobustKernel::kNone;
+  double poses = 0.0;
+  double count = 0.0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const LandmarkMap truth = testing::rig_map({.seed = seed});
+    const LandmarkMap map =
+        adjust(testing::rig_map({.seed = seed, .pixel_noise_px = kPixel}), how).map;
+    const auto& covariances = map.frames().pose_covariances;
+    ASSERT_EQ(covariances.size(), truth.frame_count());
+    // Both of the first instant are where the gauge has them.
+    EXPECT_EQ(*covariances[0], Matrix6d::Zero());
+    EXPECT_EQ(*covariances[1], Matrix6d::Zero());
+    for (std::uint32_t i = 2; i < map.frame_count(); ++i) {
+      const FrameIndex frame{i};
+      poses += normalised_squared_error(map.world_from_camera(frame), *covariances[i],
+                                        truth.world_from_camera(frame));
+      count += 1.0;
+    }
+  }
+  EXPECT_NEAR(poses / count, 6.0, 1.0);
+}
+
+TEST(EstimateCovariances, AreTheSameWhicheverImageOfARigComesFirst) {
+  const LandmarkMap map = testing::rig_map({.pixel_noise_px = kPixel});
+  std::vector<std::uint32_t> frames(map.frame_count());
+  std::iota(frames.begin(), frames.end(), 0U);
+  for (std::size_t i = 0; i + 2 < frames.size(); i += 2) std::swap(frames[i], frames[i + 1]);
+  std::vector<std::uint32_t> landmarks(map.landmark_count());
+  std::iota(landmarks.begin(), landmarks.end(), 0U);
+  MapTables tables = LandmarkMap(map).tables();
+  reorder(tables, frames, landmarks);
+  CovarianceOptions options;
+  options.noise = true_noise();
+  const LandmarkMap left = estimate_covariances(map, options).map;
+  const LandmarkMap right = estimate_covariances(LandmarkMap(std::move(tables)), options).map;
+  for (const std::uint32_t l : landmarks) {
+    const auto one = left.covariance(LandmarkIndex{l});
+    const auto other = right.covariance(LandmarkIndex{l});
+    ASSERT_EQ(one.has_value(), other.has_value());
+    if (one) {
+      EXPECT_LT((*one - *other).norm(), 1e-6 * one->norm());
+    }
+  }
+  for (std::size_t i = 2; i < frames.size(); ++i) {
+    const Matrix6d one = *left.frames().pose_covariances[frames[i]];
+    EXPECT_LT((one - *right.frames().pose_covariances[i]).norm(), 1e-6 * one.norm());
+  }
 }
 
 TEST(EstimateCovariances, AreZeroForTheFrameThatCountsAsExact) {

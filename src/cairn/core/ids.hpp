@@ -22,6 +22,8 @@ struct StrongId {
 using CameraId = StrongId<struct CameraIdTag, std::uint64_t>;
 using FrameId = StrongId<struct FrameIdTag, std::uint64_t>;
 using LandmarkId = StrongId<struct LandmarkIdTag, std::uint64_t>;
+using RigId = StrongId<struct RigIdTag, std::uint64_t>;
+using InstantId = StrongId<struct InstantIdTag, std::uint32_t>;
 
 // Indices are positions in the columns of one LandmarkMap; they are dense.
 using CameraIndex = StrongId<struct CameraIndexTag, std::uint32_t>;

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <limits>
 #include <numeric>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -109,6 +110,7 @@ class Checks {
     check_info();
     check_cameras();
     check_frames();
+    check_rigs();
     check_landmarks();
     check_observations();
   }
@@ -261,6 +263,65 @@ class Checks {
       if (!frames.pose_covariances.empty() && frames.pose_covariances[i]) {
         check_pose_covariance(i, *frames.pose_covariances[i]);
       }
+    }
+  }
+
+  void check_rigs() const {
+    std::vector<RigId> ids;
+    std::vector<std::optional<std::size_t>> rig_of(tables_.cameras.size());
+    for (std::size_t i = 0; i < tables_.rigs.size(); ++i) {
+      const Rig& rig = tables_.rigs[i];
+      ids.push_back(rig.id);
+      const auto refuse_it = [&](std::string_view what, std::string_view expected) {
+        refuse(MapColumn::kRigs, i, fmt::format("rig {}", rig.id.value), what, expected);
+      };
+      if (rig.mounts.empty()) refuse_it("has no camera", "at least one");
+      for (const Rig::Mount& mount : rig.mounts) {
+        if (mount.camera.value >= rig_of.size()) {
+          refuse_it("refers to a camera that the map does not have", "the index of a camera");
+        }
+        auto& of_camera = rig_of[mount.camera.value];
+        if (std::exchange(of_camera, i)) {
+          refuse_it(fmt::format("camera {} is in a rig already",
+                                tables_.cameras[mount.camera.value].id.value),
+                    "a camera in one rig, once");
+        }
+        if (const double norm = norm_of(mount.quaternion); !is_unit(norm)) {
+          refuse_it(fmt::format("quaternion of norm {:.6g}", norm), "norm 1 within 1e-3");
+        }
+        if (const auto defect = coordinate_defect(mount.translation); !defect.empty()) {
+          refuse_it(fmt::format("translation {} {}", text_of(mount.translation), defect),
+                    kExpectedCoordinates);
+        }
+      }
+    }
+    sorted_by_id(MapColumn::kRigs, "rig", ids);
+    check_instants(rig_of);
+  }
+
+  void check_instants(const std::vector<std::optional<std::size_t>>& rig_of) const {
+    const FrameTable& frames = tables_.frames;
+    check_size("frame instants", frames.instants.size(), frames.ids.size(), true);
+    std::vector<std::tuple<InstantId, std::size_t, CameraIndex, std::size_t>> taken;
+    for (std::size_t i = 0; i < frames.instants.size(); ++i) {
+      if (!frames.instants[i]) continue;
+      const auto camera = frames.cameras.empty() ? std::nullopt : frames.cameras[i];
+      if (!camera || !rig_of[camera->value]) {
+        refuse_frame(MapColumn::kInstants, i, "has an instant, but no camera of a rig",
+                     "an instant of images of rigs only");
+      }
+      taken.emplace_back(*frames.instants[i], *rig_of[camera->value], *camera, i);
+    }
+    std::sort(taken.begin(), taken.end());
+    for (std::size_t i = 1; i < taken.size(); ++i) {
+      const auto& [instant, rig, camera, row] = taken[i];
+      const auto& [last_instant, last_rig, last_camera, last_row] = taken[i - 1];
+      if (instant != last_instant || (rig == last_rig && camera != last_camera)) continue;
+      refuse_frame(MapColumn::kInstants, row,
+                   fmt::format("instant {} is that of frame {} too, of {}", instant.value,
+                               frames.ids[last_row].value,
+                               rig == last_rig ? "the same camera" : "another rig"),
+                   "an instant of one rig, with one image of a camera");
     }
   }
 
@@ -464,6 +525,7 @@ void drop_unknown_columns(MapTables& tables) {
   drop_if_unknown(tables.frames.timestamps_s);
   drop_if_unknown(tables.frames.gnss);
   drop_if_unknown(tables.frames.pose_covariances);
+  drop_if_unknown(tables.frames.instants);
   auto& names = tables.frames.image_names;
   if (std::all_of(names.begin(), names.end(), [](const auto& name) { return name.empty(); })) {
     names.clear();
@@ -552,6 +614,11 @@ const NamedColumn* LandmarkMap::column(std::string_view name) const {
   const auto found = std::find_if(columns.begin(), columns.end(),
                                   [&](const NamedColumn& column) { return column.name == name; });
   return found == columns.end() ? nullptr : &*found;
+}
+
+Rigid3 Rig::Mount::camera_from_rig() const {
+  return {Eigen::Quaterniond(quaternion[0], quaternion[1], quaternion[2], quaternion[3]),
+          translation};
 }
 
 Similarity3 GeoReference::enu_from_map() const {

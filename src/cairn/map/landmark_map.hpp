@@ -72,6 +72,25 @@ struct ControlPoint {
   friend bool operator==(const ControlPoint&, const ControlPoint&) = default;
 };
 
+/// Cameras on one body, whose poses relative to each other are known and constant.
+struct Rig {
+  struct Mount {
+    CameraIndex camera;
+    std::array<double, 4> quaternion = {1.0, 0.0, 0.0, 0.0};  ///< camera_from_rig, (w, x, y, z) as
+                                                              ///< stored: norm within 1e-3 of 1
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();    ///< of camera_from_rig
+
+    Rigid3 camera_from_rig() const;
+
+    friend bool operator==(const Mount&, const Mount&) = default;
+  };
+
+  RigId id;
+  std::vector<Mount> mounts;  ///< at least one; a camera is in one rig at most
+
+  friend bool operator==(const Rig&, const Rig&) = default;
+};
+
 /// Unit of the lengths in a map.
 enum class LengthUnit {
   kMetres,
@@ -102,6 +121,9 @@ struct FrameTable {
   /// Optional; of world_from_camera, (δt, δφ) as Rigid3::perturbed(), relative to the map's first keyframe: it grows
   /// with drift, and where a keyframe has few ties to the others.
   OptionalColumn<Matrix6d> pose_covariances;
+  /// Optional; when a rig took the frame. Frames of one instant, at most one of each camera, are of one rig and one
+  /// pose of it.
+  OptionalColumn<InstantId> instants;
 };
 
 struct Color {
@@ -194,6 +216,7 @@ struct MapTables {
   FrameTable frames;
   LandmarkTable landmarks;
   ObservationTable observations;
+  std::vector<Rig> rigs;
 };
 
 /// The columns of MapTables. The values are the section numbers of the binary format (docs/formats.md) and
@@ -233,6 +256,8 @@ enum class MapColumn : std::uint8_t {
   kFurtherDescriptors = 32,
   kControlPoints = 33,
   kPoseCovariances = 34,
+  kRigs = 35,
+  kInstants = 36,
 };
 
 /// Where an entry of a column was read, for messages, e.g. "desk.map:12: field 2 (id)". Rows of
@@ -249,11 +274,12 @@ class LandmarkMap {
   /// @param place where entries were read from; messages begin with it
   /// @throws Error (input) naming the invalid entry: sizes, duplicate ids, indices out of range, numbers
   ///        that are not finite, quaternion norms off 1 by more than 1e-3, matrices that are no covariance,
-  ///        defective cameras
+  ///        defective cameras, contradictory rigs
   explicit LandmarkMap(MapTables tables, const EntryPlace& place = {});
 
   const MapInfo& info() const { return tables_.info; }
   std::span<const Camera> cameras() const { return tables_.cameras; }
+  std::span<const Rig> rigs() const { return tables_.rigs; }
   const FrameTable& frames() const { return tables_.frames; }
   const LandmarkTable& landmarks() const { return tables_.landmarks; }
   const ObservationTable& observations() const { return tables_.observations; }

@@ -42,7 +42,8 @@ FrameTable frame_rows(const FrameTable& frames, std::span<const std::uint32_t> k
   return {rows(frames.ids, kept),          rows(frames.translations, kept),
           rows(frames.quaternions, kept),  rows(frames.cameras, kept),
           rows(frames.timestamps_s, kept), rows(frames.image_names, kept),
-          rows(frames.gnss, kept),         rows(frames.pose_covariances, kept)};
+          rows(frames.gnss, kept),         rows(frames.pose_covariances, kept),
+          rows(frames.instants, kept)};
 }
 
 LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std::uint32_t> kept) {
@@ -96,6 +97,7 @@ LandmarkMap with_rows(const LandmarkMap& map, std::span<const std::uint32_t> fra
   tables.info = map.info();
   tables.info.uuid.reset();
   tables.cameras.assign(map.cameras().begin(), map.cameras().end());
+  tables.rigs.assign(map.rigs().begin(), map.rigs().end());
   tables.frames = frame_rows(map.frames(), frames);
   tables.landmarks = landmark_rows(map.landmarks(), landmarks);
   tables.observations = observation_rows(map.observations(), landmarks, new_frames);
@@ -300,6 +302,9 @@ LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old)
     const Eigen::Matrix3d moved = rotated_covariance(covariance, rotation);
     covariance = scale * scale * 0.5 * (moved + moved.transpose());
   }
+  for (Rig& rig : tables.rigs) {
+    for (Rig::Mount& mount : rig.mounts) mount.translation *= scale;
+  }
   tables.landmarks.columns = transformed_columns(tables.landmarks.columns, new_from_old);
   OptionalColumn<double>& depths = tables.observations.depths;
   for (std::size_t i = 0; i < depths.size(); ++i) {
@@ -350,6 +355,8 @@ LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera) {
   MapTables tables = copied_tables(map);
   tables.cameras = {camera};
+  tables.rigs.clear();
+  tables.frames.instants.clear();
   std::erase_if(tables.info.provenance, says_unstated_sizes);
   tables.frames.cameras.assign(map.frame_count(), CameraIndex{0});
   return LandmarkMap(std::move(tables));

@@ -56,7 +56,7 @@ LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 LandmarkMap without_frames(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 /// The map in another world frame. Transforms positions, covariances, poses, normals, gravity and georeference; scales
-/// all lengths, including depths but not named columns. Keeps the unit's name. @throws as transformed_columns()
+/// all lengths, of depths and rigs too but not of named columns. Keeps the unit's name. @throws as transformed_columns()
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
 /// The map with its length unit renamed.
@@ -75,7 +75,7 @@ LandmarkMap in_enu_frame(const LandmarkMap& map);
 LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
                         std::vector<double> values);
 
-/// The map with this camera for all frames, instead of any others.
+/// The map with this camera for all frames, instead of any others and their rigs.
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);
 
 /// Whether the file that a map comes from stated the sizes of its images. The provenance says if not.

@@ -487,6 +487,8 @@ TEST(WithOneDescriptorEach, KeepsThoseThatRepresentTheLandmarks) {
   MapTables expected = full_tables();
   expected.info.uuid.reset();
   expected.frames.pose_covariances = testing::several_map().frames().pose_covariances;
+  expected.frames.instants = testing::several_map().frames().instants;
+  expected.rigs = testing::several_tables().rigs;
   EXPECT_THAT(with_one_descriptor_each(testing::several_map()),
               EqualsMap(LandmarkMap(std::move(expected))));
 }

@@ -43,22 +43,25 @@ void set_rows(double* jacobian, const Matrix6& by_step) {
 }  // namespace
 
 CalibrationCost::CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel,
-                                 double sigma_px)
-    : projection_(camera), pixel_(pixel), sigma_px_(sigma_px) {
+                                 double sigma_px, const Rigid3* camera_from_body)
+    : projection_(camera), pixel_(pixel), sigma_px_(sigma_px), camera_from_body_(camera_from_body) {
   set_num_residuals(2);
   *mutable_parameter_block_sizes() = {7, 3, static_cast<int>(camera.parameters.size())};
 }
 
 bool CalibrationCost::Evaluate(const double* const* parameters, double* residuals,
                                double** jacobians) const {
-  const PointCost pixel_cost([&](const Eigen::Vector3d& x_in_camera) {
-    return seen_pixel(projection_, parameters[2], pixel_, sigma_px_, x_in_camera);
+  const PointCost pixel_cost([&](const Eigen::Vector3d& x_in_body) {
+    return seen_from_body(camera_from_body_, x_in_body, [&](const Eigen::Vector3d& x_in_camera) {
+      return seen_pixel(projection_, parameters[2], pixel_, sigma_px_, x_in_camera);
+    });
   });
   if (!pixel_cost.Evaluate(parameters, residuals, jacobians)) return false;
   if (jacobians == nullptr || jacobians[2] == nullptr) return true;
   const Rigid3 pose = to_pose(parameters[0]);
-  const Eigen::Vector3d x_in_camera =
+  Eigen::Vector3d x_in_camera =
       pose.inverse() * Eigen::Vector3d(parameters[1][0], parameters[1][1], parameters[1][2]);
+  if (camera_from_body_ != nullptr) x_in_camera = *camera_from_body_ * x_in_camera;
   const auto count = static_cast<std::size_t>(parameter_block_sizes()[2]);
   const Eigen::Matrix2Xd by_parameters =
       pixel_by_parameters(projection_, {parameters[2], count}, x_in_camera) / sigma_px_;

@@ -55,7 +55,9 @@ class PointCost final : public ceres::SizedCostFunction<2, 7, 3> {
 class CalibrationCost final : public ceres::CostFunction {
  public:
   /// @param camera gives the model
-  CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel, double sigma_px);
+  /// @param camera_from_body if the pose is that of a body that carries the camera; must outlive this
+  CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel, double sigma_px,
+                  const Rigid3* camera_from_body = nullptr);
 
   bool Evaluate(const double* const* parameters, double* residuals,
                 double** jacobians) const override;
@@ -64,6 +66,7 @@ class CalibrationCost final : public ceres::CostFunction {
   CameraProjection projection_;
   Eigen::Vector2d pixel_;
   double sigma_px_;
+  const Rigid3* camera_from_body_;
 };
 
 /// A measured pose of one camera relative to another, a_from_b, whitened. Blocks: PoseBlocks of a and b.

@@ -97,12 +97,15 @@ TEST(CalibrationCost, DerivativesOfAllModelsAgreeWithNumericOnes) {
     SCOPED_TRACE(camera.model);
     const Rigid3 pose = random_pose(random);
     const Eigen::Vector3d point = pose * Eigen::Vector3d(0.4, -0.3, 2.0);
-    const CalibrationCost cost(camera, {300.0, 200.0}, 0.7);
-    EXPECT_EQ(
-        cost.parameter_block_sizes(),
-        (std::vector<std::int32_t>{7, 3, static_cast<std::int32_t>(camera.parameters.size())}));
-    expect_true_derivatives(
-        cost, {numbers(pose), {point.x(), point.y(), point.z()}, camera.parameters}, 1e-4);
+    const Rigid3 mount = Rigid3::from_roll_pitch_yaw({0.1, -0.2, 0.05}, 0.1, -0.05, 0.2);
+    for (const Rigid3* camera_from_body : {static_cast<const Rigid3*>(nullptr), &mount}) {
+      const CalibrationCost cost(camera, {300.0, 200.0}, 0.7, camera_from_body);
+      EXPECT_EQ(
+          cost.parameter_block_sizes(),
+          (std::vector<std::int32_t>{7, 3, static_cast<std::int32_t>(camera.parameters.size())}));
+      expect_true_derivatives(
+          cost, {numbers(pose), {point.x(), point.y(), point.z()}, camera.parameters}, 1e-4);
+    }
   }
 }
 

@@ -29,8 +29,7 @@ struct LinearLandmark {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   /// Prior information on the position.
   Eigen::Matrix3d prior = Eigen::Matrix3d::Zero();
-  std::vector<LinearObservation>
-      observations;  ///< of distinct frames; if empty, no covariance is computed
+  std::vector<LinearObservation> observations;  ///< if empty, no covariance is computed
 };
 
 /// A linearised least-squares problem of camera poses and landmarks. Frame 0 is fixed.

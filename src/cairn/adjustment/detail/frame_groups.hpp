@@ -7,20 +7,21 @@
 #include <vector>
 
 #include "cairn/adjustment/detail/measurements.hpp"
+#include "cairn/map/rigid_frames.hpp"
 
 namespace cairn::detail {
 
-/// Frames that share landmarks, directly or through other frames.
+/// Frames that share landmarks, directly or through other frames; with those that move with them.
 struct FrameGroup {
   std::vector<std::uint32_t> frames;     ///< ascending; the first fixes the gauge
   std::vector<std::uint32_t> landmarks;  ///< ascending
-  /// The frame farthest from the first, if no depth determines the scale.
+  /// The leading frame farthest from the first, if no depth and no rig determines the scale.
   std::optional<std::uint32_t> scale_frame;
 };
 
 /// Groups in the order of their first frames. A landmark with fewer than `min_observations` connects no
 /// frames, but belongs to the group of its first frame. Frames without observations are in no group.
-std::vector<FrameGroup> frame_groups(const LandmarkMap& map,
+std::vector<FrameGroup> frame_groups(const LandmarkMap& map, const RigidFrames& rigid,
                                      std::span<const std::vector<Measurement>> measurements,
                                      std::size_t min_observations);
 

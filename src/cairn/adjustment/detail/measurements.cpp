@@ -10,6 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
+#include "cairn/map/rigid_frames.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -162,7 +163,9 @@ MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise&
     if (residuals.pixels.size() >= kFewestResiduals) break;
   }
   // Corrects for the fitted poses.
-  const double of_poses = 6.0 * static_cast<double>(map.frame_count());
+  const RigidFrames rigid = rigid_frames(map.rigs(), map.frames());
+  double of_poses = 0.0;
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) of_poses += rigid.leads(i) ? 6.0 : 0.0;
   const double by_poses = rows > 2.0 * of_poses ? std::sqrt(rows / (rows - of_poses)) : 1.0;
   MeasurementNoise noise = start;
   noise.pixel_px *= by_poses * factor(residuals.pixels, kMedianOfTwo);

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
 
 namespace cairn::detail {
@@ -17,6 +18,18 @@ struct SeenPoint {
   Eigen::Vector2d value = Eigen::Vector2d::Zero();
   Eigen::Matrix<double, 2, 3> by_x_in_camera = Eigen::Matrix<double, 2, 3>::Zero();
 };
+
+/// What a camera on a body sees, with the derivative with respect to the point in the body's coordinates.
+/// @param camera_from_body null if the body is the camera
+/// @param see a function std::optional<SeenPoint>(const Eigen::Vector3d& x_in_camera)
+template <class See>
+std::optional<SeenPoint> seen_from_body(const Rigid3* camera_from_body,
+                                        const Eigen::Vector3d& x_in_body, const See& see) {
+  if (camera_from_body == nullptr) return see(x_in_body);
+  std::optional<SeenPoint> seen = see(*camera_from_body * x_in_body);
+  if (seen) seen->by_x_in_camera *= camera_from_body->rotation();
+  return seen;
+}
 
 /// Residual of the point's projection, for any camera model.
 /// @param parameters of the camera

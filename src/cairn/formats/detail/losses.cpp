@@ -51,6 +51,8 @@ std::vector<std::string> losses(const LandmarkMap& map, const Holdings& holdings
   add(!map.info().provenance.empty(), "provenance");
   add(!holdings.frames && map.frame_count() > 0, fmt::format("{} frames", map.frame_count()));
   add(!holdings.cameras && !map.cameras().empty(), fmt::format("{} cameras", map.cameras().size()));
+  add(!map.rigs().empty() && !holdings.rigs && holdings.frames,
+      fmt::format("{} rigs", map.rigs().size()));
   add(!frames.timestamps_s.empty() && !holdings.timestamps, "timestamps");
   add(!frames.image_names.empty() && !holdings.image_names, "names of images");
   add(!frames.gnss.empty() && !holdings.gnss, "GNSS positions");

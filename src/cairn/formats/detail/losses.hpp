@@ -29,6 +29,7 @@ struct Holdings {
   bool length_unit = false;
   bool georeference = false;
   bool gnss = false;  ///< GNSS positions of frames
+  bool rigs = false;
   bool control_points = false;
   std::string_view descriptors = {};               ///< the kind that it can hold; "*": any
   bool further_descriptors = false;                ///< several descriptors of a landmark

@@ -4,8 +4,10 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -35,6 +37,23 @@ struct Image {
   std::string name;
   std::size_t first_pixel = 0;
   std::size_t pixels = 0;
+};
+
+struct SensorId {
+  bool is_camera = true;
+  std::uint64_t id = 0;
+};
+
+struct PoseNumbers {
+  std::array<double, 4> quaternion = {1.0, 0.0, 0.0, 0.0};
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+};
+
+// What a rig took at one instant.
+struct RigFrame {
+  std::uint32_t id = 0;
+  std::uint64_t rig = 0;
+  PoseNumbers rig_from_world;
 };
 
 // Collects the records of a model.
@@ -76,9 +95,7 @@ class ColmapReader {
 
   void add_image(const Image& image) {
     const auto& q = image.camera_from_world;
-    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    // Keeps quaternions of norm 1 unchanged.
-    const double by = std::abs(norm - 1.0) <= 1e-6 ? 1.0 : 1.0 / norm;
+    const double by = to_unit(q);
     const Eigen::Quaterniond world_from_camera =
         Eigen::Quaterniond(q[0], -q[1], -q[2], -q[3]).normalized();
     const auto camera = out_.camera(std::to_string(image.camera));
@@ -99,6 +116,50 @@ class ColmapReader {
     }
     out_.lost(unmatched_,
               fmt::format("of {} keypoints belong to no 3D point; left out", pixels_.size()));
+  }
+
+  void begin_rig(std::uint64_t id, std::uint64_t sensors) {
+    out_.tables().rigs.push_back({RigId{id}, {}});
+    rig_ids_.insert(id);
+    sensors_ = sensors;
+  }
+  bool has_rig(std::uint64_t id) const { return rig_ids_.contains(id); }
+
+  // @param pose camera_from_rig; std::nullopt if unknown
+  void add_mount(const SensorId& sensor, const std::optional<PoseNumbers>& pose) {
+    const auto camera = sensor.is_camera ? out_.camera(std::to_string(sensor.id)) : std::nullopt;
+    if (!camera || !pose) {
+      unmounted_ += sensors_ > 1 ? 1 : 0;
+      return;
+    }
+    const auto& q = pose->quaternion;
+    const double by = to_unit(q);
+    out_.tables().rigs.back().mounts.push_back(
+        {*camera, {q[0] * by, q[1] * by, q[2] * by, q[3] * by}, pose->translation});
+  }
+
+  // Adds what a sensor took at one instant. @return false if the image is of another camera
+  bool add_to_frame(const RigFrame& frame, const SensorId& sensor, std::uint64_t data) {
+    const auto image = sensor.is_camera ? images_.find(data) : images_.end();
+    if (image == images_.end()) {
+      ++not_there_;
+      return true;
+    }
+    const FrameIndex index = image->second.frame;
+    if (out_.tables().frames.cameras[index.value] != out_.camera(std::to_string(sensor.id))) {
+      return false;
+    }
+    const auto& [q, t] = frame.rig_from_world;
+    out_.add_to_instant(InstantId{frame.id}, index,
+                        Rigid3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), t));
+    return true;
+  }
+
+  void finish_rigs() {
+    std::erase_if(out_.tables().rigs, [](const Rig& rig) { return rig.mounts.empty(); });
+    out_.lost(unmounted_,
+              "sensors of rigs are left out: no cameras, unknown to the map, or without a pose");
+    out_.lost(not_there_, "data of rigs are left out: of other sensors, or of unknown images");
   }
 
   void make_room_for_points(std::size_t count) { out_.reserve(count); }
@@ -129,11 +190,6 @@ class ColmapReader {
     errors().push_back(is_known ? error : std::numeric_limits<double>::quiet_NaN());
   }
 
-  void note_rigs(std::size_t of_several_sensors) const {
-    out_.lost(of_several_sensors,
-              "rigs of several sensors: dropped, each image is a frame of its own");
-  }
-
   LandmarkMap finish() && {
     out_.lost(without_position_, "points without a finite position; left out");
     MapTables& tables = out_.tables();
@@ -142,6 +198,7 @@ class ColmapReader {
           "there is no file of images: frames, cameras and observations are unknown, points are "
           "used");
       tables.cameras.clear();
+      tables.rigs.clear();
     } else if (sources_.cameras == nullptr) {
       out_.remark("there is no file of cameras: the frames have none");
     }
@@ -160,6 +217,8 @@ class ColmapReader {
       if ((of_frames || column == MapColumn::kPixels) && sources_.images != nullptr) {
         source = sources_.images;
       }
+      if (column == MapColumn::kRigs) source = sources_.rigs;
+      if (column == MapColumn::kInstants) source = sources_.frames;
       return source->name();
     };
     // The order in files is that of the writer's hash table.
@@ -173,6 +232,12 @@ class ColmapReader {
     std::size_t count = 0;
   };
 
+  // By what a quaternion is multiplied; those of norm 1 stay unchanged.
+  static double to_unit(const std::array<double, 4>& q) {
+    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    return std::abs(norm - 1.0) <= 1e-6 ? 1.0 : 1.0 / norm;
+  }
+
   std::vector<double>& errors() { return out_.tables().landmarks.columns.front().values; }
 
   const ColmapSources& sources_;
@@ -182,7 +247,93 @@ class ColmapReader {
   std::size_t without_camera_ = 0;
   std::size_t unmatched_ = 0;
   std::size_t without_position_ = 0;
+  std::unordered_set<std::uint64_t> rig_ids_;
+  std::uint64_t sensors_ = 0;  // of the last rig
+  std::size_t unmounted_ = 0;
+  std::size_t not_there_ = 0;
 };
+
+// Numbers of rigs and frames in either form.
+double rig_number(BinaryRecords& in, std::string_view field) {
+  return in.f64(field);
+}
+double rig_number(TextRecords& in, std::string_view field) {
+  return in.number(field);
+}
+std::uint32_t rig_integer(BinaryRecords& in, std::string_view field) {
+  return in.u32(field);
+}
+std::uint32_t rig_integer(TextRecords& in, std::string_view field) {
+  return static_cast<std::uint32_t>(in.unsigned_number(field, kMostRecords));
+}
+SensorId sensor_id(BinaryRecords& in) {
+  const bool is_camera = in.i32("type of sensor") == 0;
+  return {is_camera, in.u32("sensor id")};
+}
+SensorId sensor_id(TextRecords& in) {
+  const bool is_camera = in.word("type of sensor") == "CAMERA";
+  return {is_camera, rig_integer(in, "sensor id")};
+}
+bool has_pose(BinaryRecords& in) {
+  return in.u8("whether the sensor has a pose") != 0;
+}
+bool has_pose(TextRecords& in) {
+  return in.unsigned_number("whether the sensor has a pose", 1) != 0;
+}
+std::uint64_t data_id(BinaryRecords& in) {
+  return in.u64("data id");
+}
+std::uint64_t data_id(TextRecords& in) {
+  return in.unsigned_number("data id");
+}
+
+template <class Records>
+PoseNumbers pose_numbers(Records& in) {
+  PoseNumbers pose;
+  auto& q = pose.quaternion;
+  for (double& part : q) part = rig_number(in, "quaternion");
+  for (double& part : pose.translation) part = rig_number(in, "translation");
+  if (!has_direction({q[0], q[1], q[2], q[3]})) {
+    in.refuse("quaternion", "has no direction", "a rotation");
+  }
+  return pose;
+}
+
+template <class Records>
+void read_rig(Records& in, ColmapReader& out) {
+  const std::uint32_t id = rig_integer(in, "rig id");
+  const std::uint32_t sensors = rig_integer(in, "number of sensors");
+  out.begin_rig(id, sensors);
+  for (std::uint32_t i = 0; i < sensors; ++i) {
+    const SensorId sensor = sensor_id(in);
+    std::optional<PoseNumbers> pose;
+    if (i == 0) {
+      pose.emplace();  // the rig's own
+    } else if (has_pose(in)) {
+      pose = pose_numbers(in);
+    }
+    out.add_mount(sensor, pose);
+  }
+}
+
+template <class Records>
+void read_rig_frame(Records& in, ColmapReader& out) {
+  RigFrame frame;
+  frame.id = rig_integer(in, "frame id");
+  frame.rig = rig_integer(in, "rig id");
+  if (!out.has_rig(frame.rig)) {
+    in.refuse("rig id", fmt::format("rig {} is not among the rigs", frame.rig), "the id of a rig");
+  }
+  frame.rig_from_world = pose_numbers(in);
+  for (std::uint32_t left = rig_integer(in, "number of data"); left > 0; --left) {
+    const SensorId sensor = sensor_id(in);
+    const std::uint64_t image = data_id(in);
+    if (!out.add_to_frame(frame, sensor, image)) {
+      in.refuse("data id", fmt::format("image {} is not of camera {}", image, sensor.id),
+                "the image's camera");
+    }
+  }
+}
 
 // The reader is a template of the form, which reads the records.
 class BinaryForm {
@@ -264,21 +415,15 @@ class BinaryForm {
   }
 
   static void rigs(BinaryRecords& in, ColmapReader& out) {
-    const std::uint64_t count = in.count("number of rigs", 8);
-    std::size_t of_several = 0;
-    for (std::uint64_t i = 0; i < count; ++i) {
-      in.u32("rig id");
-      const std::uint32_t sensors = in.u32("number of sensors");
-      of_several += sensors > 1 ? 1 : 0;
-      for (std::uint32_t j = 0; j < sensors; ++j) {
-        in.i32("type of sensor");
-        in.u32("sensor id");
-        if (j == 0 || in.u8("whether the sensor has a pose") == 0) continue;
-        for (int k = 0; k < 7; ++k) in.f64("pose of the sensor");
-      }
+    for (std::uint64_t left = in.count("number of rigs", 8); left > 0; --left) read_rig(in, out);
+    in.expect_end();
+  }
+
+  static void frames(BinaryRecords& in, ColmapReader& out) {
+    for (std::uint64_t left = in.count("number of frames", 68); left > 0; --left) {
+      read_rig_frame(in, out);
     }
     in.expect_end();
-    out.note_rigs(of_several);
   }
 
  private:
@@ -361,19 +506,19 @@ class TextForm {
   }
 
   static void rigs(TextRecords& in, ColmapReader& out) {
-    std::size_t of_several = 0;
-    while (in.next_record()) {
-      in.unsigned_number("rig id");
-      of_several += in.unsigned_number("number of sensors") > 1 ? 1 : 0;
-    }
-    out.note_rigs(of_several);
+    while (in.next_record()) read_rig(in, out);
+  }
+
+  static void frames(TextRecords& in, ColmapReader& out) {
+    while (in.next_record()) read_rig_frame(in, out);
   }
 };
 
 template <class Form, class Records>
 LandmarkMap read_form(const ColmapSources& sources, const MapReadOptions& options) {
   std::uint64_t total = 0;
-  for (const ByteSource* source : {sources.cameras, sources.images, sources.points, sources.rigs}) {
+  for (const ByteSource* source :
+       {sources.cameras, sources.images, sources.points, sources.rigs, sources.frames}) {
     if (source != nullptr) total += source->size().value_or(0);
   }
   ReadingProgress progress(options, total);
@@ -383,10 +528,12 @@ LandmarkMap read_form(const ColmapSources& sources, const MapReadOptions& option
     Records in(*source, progress);
     records(in, builder);
   };
-  read(sources.rigs, &Form::rigs);
   read(sources.cameras, &Form::cameras);
+  read(sources.rigs, &Form::rigs);
   read(sources.images, &Form::images);
   builder.finish_images();
+  if (sources.images != nullptr && sources.rigs != nullptr) read(sources.frames, &Form::frames);
+  builder.finish_rigs();
   read(sources.points, &Form::points);
   return std::move(builder).finish();
 }
@@ -437,6 +584,7 @@ LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOp
   sources.cameras = open("cameras", false);
   sources.images = open("images", false);
   sources.rigs = open("rigs", false);
+  sources.frames = open("frames", false);
   return read_colmap(sources, form, options);
 }
 

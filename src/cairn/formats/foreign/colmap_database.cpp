@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/formats/detail/foreign/colmap_priors.hpp"
 #include "cairn/formats/detail/foreign/database_file.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
@@ -288,8 +289,14 @@ LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options
               "a model in " + places.front().string());
 }
 
-std::optional<DescriptorColumn> read_descriptors(const LandmarkMap& model, const fs::path& path,
-                                                 const MapReadOptions& options) {
+// What a database adds to a model.
+struct DatabaseContent {
+  std::optional<DescriptorColumn> descriptors;
+  ColmapPriors priors;
+};
+
+DatabaseContent read_database(const LandmarkMap& model, const fs::path& path,
+                              const MapReadOptions& options) {
   sqlite::Database database = open_foreign_database(path, options);
   for (const std::string_view table : kTables) {
     if (!database.has_table(table)) {
@@ -297,7 +304,8 @@ std::optional<DescriptorColumn> read_descriptors(const LandmarkMap& model, const
                   "a database of COLMAP");
     }
   }
-  return DescriptorReader(model, database, options).read();
+  return {DescriptorReader(model, database, options).read(),
+          read_colmap_priors(model, database, options)};
 }
 
 // COLMAP's databases in a folder: database.db, or else all others by their tables.
@@ -316,10 +324,11 @@ std::vector<fs::path> databases_in(const fs::path& folder) {
   return databases;
 }
 
-LandmarkMap with_descriptors(LandmarkMap model, std::optional<DescriptorColumn> descriptors) {
-  if (!descriptors) return model;
+LandmarkMap with_content(LandmarkMap model, DatabaseContent content) {
   MapTables tables = std::move(model).tables();
-  tables.landmarks.descriptors = std::move(*descriptors);
+  tables.landmarks.descriptors = std::move(content.descriptors);
+  tables.frames.gnss = std::move(content.priors.gnss);
+  tables.info.gravity = content.priors.gravity;
   return LandmarkMap(std::move(tables));
 }
 
@@ -327,8 +336,8 @@ LandmarkMap with_descriptors(LandmarkMap model, std::optional<DescriptorColumn> 
 
 LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& database,
                                     const MapReadOptions& options) {
-  auto descriptors = read_descriptors(model, database, options);
-  return with_descriptors(std::move(model), std::move(descriptors));
+  DatabaseContent content = read_database(model, database, options);
+  return with_content(std::move(model), std::move(content));
 }
 
 std::vector<MapFormat> database_formats() {
@@ -374,14 +383,14 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
       return model;
     }
     try {
-      auto descriptors = read_descriptors(model, databases.front(), options);
-      return with_descriptors(std::move(model), std::move(descriptors));
+      DatabaseContent content = read_database(model, databases.front(), options);
+      return with_content(std::move(model), std::move(content));
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
       // The user did not name this file, and the model is complete without it.
       if (options.log) {
         options.log(
-            {fmt::format("{}; its descriptors are left out", error.what()), RemarkKind::kLoss});
+            {fmt::format("{}; what it holds is left out", error.what()), RemarkKind::kLoss});
       }
       return model;
     }

@@ -148,8 +148,8 @@ TEST_F(ColmapDatabaseTest, ADatabaseBesideThatIsToBeWrittenIsRefused) {
 TEST_F(ColmapDatabaseTest, ADatabaseThatWasNotClosedIsLeftOutOrRefused) {
   folder_.write("database.db-wal", "changes");
   EXPECT_FALSE(read(folder_ / "sparse/0").landmarks().descriptors);
-  EXPECT_THAT(remarks_.texts, Contains(AllOf(HasSubstr("was not closed"),
-                                             HasSubstr("its descriptors are left out"))));
+  EXPECT_THAT(remarks_.texts,
+              Contains(AllOf(HasSubstr("was not closed"), HasSubstr("what it holds is left out"))));
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }), HasSubstr("was not closed"));
 }
 
@@ -167,6 +167,94 @@ TEST_F(ColmapDatabaseTest, SizesAreHeldAgainstTheBytes) {
               HasSubstr("descriptors: 4611686018427387904 x 128 numbers in 384 bytes"));
   change("UPDATE descriptors SET rows = -1");
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }), HasSubstr("database.db"));
+}
+
+std::vector<std::byte> blob_of(const std::vector<double>& numbers) {
+  std::vector<std::byte> bytes(numbers.size() * sizeof(double));
+  std::memcpy(bytes.data(), numbers.data(), bytes.size());
+  return bytes;
+}
+
+// Images a.png, turned by a quarter turn about z, and b.png, which is not.
+class ColmapPriorsTest : public ColmapDatabaseTest {
+ protected:
+  void SetUp() override {
+    ColmapDatabaseTest::SetUp();
+    folder_.write(
+        "sparse/0/images.txt",
+        "7 0.7071067811865476 0 0 0.7071067811865476 0 0 0 1 a.png\n110 70 4 5.5 6.5 -1 90 "
+        "50 2\n8 1 0 0 0 0 0 0 1 b.png\n\n");
+    change("INSERT INTO images VALUES(5, 'b.png', 1)");
+  }
+  void add_prior(int image, int sensor_type, const std::vector<double>& position, int system,
+                 const std::vector<double>& covariance, const std::vector<double>& gravity) const {
+    sqlite::Database(file(), {.access = sqlite::Access::kWrite})
+        .run("INSERT INTO pose_priors VALUES(NULL, ?1, 1, ?2, ?3, ?4, ?5, ?6)", image, sensor_type,
+             std::span<const std::byte>(blob_of(position)),
+             std::span<const std::byte>(blob_of(covariance)),
+             std::span<const std::byte>(blob_of(gravity)), system);
+  }
+  static constexpr const char* kTable =
+      "CREATE TABLE pose_priors(pose_prior_id INTEGER PRIMARY KEY, corr_data_id INTEGER, "
+      "corr_sensor_id INTEGER, corr_sensor_type INTEGER, position BLOB, position_covariance BLOB, "
+      "gravity BLOB, coordinate_system INTEGER NOT NULL)";
+  static constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<double> unknown_ = std::vector<double>(3, kNan);
+};
+
+TEST_F(ColmapPriorsTest, PositionsAndGravityOfImagesComeAlong) {
+  change(kTable);
+  add_prior(3, 0, {47.37, 8.54, 408.0}, 0, {1, 0, 0, 0, 4, 0, 0, 0, 4}, {0, 2, 0});
+  add_prior(3, 1, {1, 2, 3}, 0, {1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 1});  // of another sensor
+  add_prior(5, 0, unknown_, -1, std::vector<double>(9, kNan), {1, 0.01, 0});
+  for (const char* name : {"database.db", "sparse/0"}) {
+    const LandmarkMap map = read(folder_ / name);
+    ASSERT_EQ(map.frames().gnss.size(), 2U);
+    EXPECT_EQ(map.frames().gnss[0], (GnssFix{{47.37, 8.54, 408.0}, std::sqrt(3.0)}));
+    EXPECT_FALSE(map.frames().gnss[1].has_value());
+    // Down is y of the first image, which is x of the world, and x of the second.
+    ASSERT_TRUE(map.info().gravity.has_value());
+    EXPECT_LT((*map.info().gravity - Eigen::Vector3d::UnitX()).norm(), 0.01);
+    EXPECT_NEAR(map.info().gravity->norm(), 1.0, 1e-12);
+    write(map, std::string("of-") + fs::path(name).filename().string() + "/");
+    EXPECT_THAT(remarks_.losses,
+                Contains(AllOf(HasSubstr("direction of gravity"), HasSubstr("GNSS positions"))));
+  }
+}
+
+TEST_F(ColmapPriorsTest, ThoseOfVersion3AreOfImages) {
+  change(
+      "CREATE TABLE pose_priors(image_id INTEGER PRIMARY KEY, position BLOB, coordinate_system "
+      "INTEGER NOT NULL)");
+  sqlite::Database(file(), {.access = sqlite::Access::kWrite})
+      .run("INSERT INTO pose_priors VALUES(5, ?1, 0)",
+           std::span<const std::byte>(blob_of({-1.0, 2.0, 3.0})));
+  const LandmarkMap map = read(file());
+  ASSERT_EQ(map.frames().gnss.size(), 2U);
+  EXPECT_EQ(map.frames().gnss[1], (GnssFix{{-1.0, 2.0, 3.0}, std::nullopt}));
+  EXPECT_FALSE(map.info().gravity.has_value());
+}
+
+TEST_F(ColmapPriorsTest, WhatAMapCannotHoldIsALoss) {
+  change(kTable);
+  add_prior(3, 0, {1, 2, 3}, 1, std::vector<double>(9, kNan), {0, 1, 0});
+  add_prior(5, 0, {1, 2, 3}, 1, std::vector<double>(9, kNan), {1, 0.2, 0});
+  const LandmarkMap map = read(file());
+  EXPECT_TRUE(map.frames().gnss.empty());
+  EXPECT_FALSE(map.info().gravity.has_value());
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("2 positions of images are not in WGS84")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("gravity of 2 images differ by up to 6 deg")));
+}
+
+TEST_F(ColmapPriorsTest, WrongPriorsAreRefused) {
+  change(kTable);
+  add_prior(3, 0, {1, 2}, 0, std::vector<double>(9, kNan), unknown_);
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }),
+              HasSubstr("database.db: pose_priors: 16 bytes; expected 3 numbers of 8"));
+  change("DELETE FROM pose_priors");
+  add_prior(3, 0, {91, 2, 3}, 0, std::vector<double>(9, kNan), unknown_);
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { read(file()); }),
+              HasSubstr("database.db: pose_priors: latitude 91 is out of range"));
 }
 
 TEST_F(ColmapDatabaseTest, ADatabaseWithoutAModelIsNoMap) {

@@ -23,6 +23,7 @@
 #include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
+#include "support/rig_maps.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn::detail {
@@ -31,7 +32,9 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::ElementsAreArray;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 using testing::refusal;
 using testing::reprojection;
 using testing::TemporaryFolder;
@@ -57,6 +60,19 @@ class ColmapTest : public testing::ImportTest {
     folder_.write("images.txt", images);
     folder_.write("points3D.txt", points);
   }
+  // A stereo rig: camera 4 is a unit to the right of camera 3 and turned by a half turn about z.
+  void write_rig(std::string_view rigs = kRigs, std::string_view frames = kFrames) const {
+    write_text(kStereoCameras, kStereoImages, "4 1 2 10 255 128 0 0.25 7 0\n");
+    folder_.write("rigs.txt", rigs);
+    folder_.write("frames.txt", frames);
+  }
+  static constexpr std::string_view kStereoCameras =
+      "3 PINHOLE 200 100 100 100 100 50\n4 PINHOLE 200 100 100 100 100 50\n";
+  static constexpr std::string_view kStereoImages =
+      "7 1 0 0 0 0 0 0 3 l.png\n110.5 70.5 4\n9 0 0 0 1 1 0 0 4 r.png\n\n";
+  static constexpr std::string_view kRigs = "# comment\n5 2 CAMERA 3 CAMERA 4 1 0 0 0 1 1 0 0\n";
+  static constexpr std::string_view kFrames =
+      "# comment\n8 5 1 0 0 0 0 0 0 2 CAMERA 3 7 CAMERA 4 9\n";
   using ImportTest::read;
   LandmarkMap read() { return read(folder_.path()); }
   std::string refused() {
@@ -219,11 +235,135 @@ TEST_F(ColmapTest, CamerasThatCairnCannotProjectWithAreUnknown) {
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("2 of 2 frames have no known camera")));
 }
 
-TEST_F(ColmapTest, RigsOfSeveralSensorsAreMentioned) {
-  write_text();
-  folder_.write("rigs.txt", "1 1 CAMERA 3\n2 2 CAMERA 3 CAMERA 4 1 1 0 0 0 0 0 0\n");
-  read();
-  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 rigs of several sensors")));
+TEST_F(ColmapTest, RigsSayWhichImagesAreOfOneInstantAndPose) {
+  write_rig();
+  const LandmarkMap map = read();
+  EXPECT_THAT(map.rigs(), ElementsAre(Rig{RigId{5},
+                                          {{CameraIndex{0}, {1, 0, 0, 0}, {0, 0, 0}},
+                                           {CameraIndex{1}, {0, 0, 0, 1}, {1, 0, 0}}}}));
+  EXPECT_THAT(map.frames().instants, ElementsAre(InstantId{8}, InstantId{8}));
+  EXPECT_EQ(map.frames().translations[1], Eigen::Vector3d(1, 0, 0));
+  EXPECT_THAT(remarks_.texts, IsEmpty());
+}
+
+template <class... Numbers>
+std::string raw_bytes(Numbers... numbers) {
+  std::string bytes;
+  (bytes.append(reinterpret_cast<const char*>(&numbers), sizeof numbers), ...);
+  return bytes;
+}
+
+// By COLMAP's own description of its files.
+TEST_F(ColmapTest, RigsAreWrittenAsTheyWereRead) {
+  write_rig();
+  const LandmarkMap map = read();
+  write(map, "model", {.format = "colmap"});
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("has rigs, which COLMAP reads from 3.12 on")));
+  const auto u32 = [](std::uint32_t number) { return number; };
+  EXPECT_EQ(testing::read_text(folder_ / "model/rigs.bin"),
+            raw_bytes(std::uint64_t{1}, u32(5), u32(2), 0, u32(3), 0, u32(4), std::uint8_t{1}, 0.0,
+                      0.0, 0.0, 1.0, 1.0, 0.0, 0.0));
+  const std::string frames = testing::read_text(folder_ / "model/frames.bin");
+  EXPECT_EQ(frames.substr(0, 16), raw_bytes(std::uint64_t{1}, u32(8), u32(5)));
+  EXPECT_EQ(frames.substr(72),
+            raw_bytes(u32(2), 0, u32(3), std::uint64_t{7}, 0, u32(4), std::uint64_t{9}));
+  for (int i = 0; i < 7; ++i) {
+    double part = 0.0;
+    std::memcpy(&part, frames.data() + 16 + 8 * i, sizeof part);
+    EXPECT_NEAR(part, i == 0 ? 1.0 : 0.0, 1e-15);
+  }
+  const LandmarkMap binary = read(folder_ / "model");
+  EXPECT_THAT(remarks_.texts, IsEmpty());
+  write(map, "text", {.format = "colmap-text"});
+  EXPECT_THAT(read(folder_ / "text"), testing::EqualsMap(binary));
+  EXPECT_THAT(binary.rigs(), ElementsAreArray(map.rigs()));
+  EXPECT_EQ(binary.frames().instants, map.frames().instants);
+}
+
+TEST_F(ColmapTest, AMovedRigIsWrittenWhereItsImagesAre) {
+  const LandmarkMap map =
+      transformed(testing::rig_map(),
+                  Similarity3(2.5, Rigid3::from_roll_pitch_yaw({5.0, 6.0, 7.0}, 0.1, 0.2, 0.3)));
+  const LandmarkMap back = read(write(map, "model/"));
+  // Frames state the poses of rigs beside those of images: the reader compares them.
+  EXPECT_THAT(remarks_.texts, IsEmpty());
+  EXPECT_LT(testing::off_rig(back), 1e-12);
+  ASSERT_EQ(back.frame_count(), map.frame_count());
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    EXPECT_LT((back.world_from_camera(FrameIndex{i}).matrix() -
+               map.world_from_camera(FrameIndex{i}).matrix())
+                  .norm(),
+              1e-12);
+  }
+  // COLMAP has each image in a frame and each camera in a rig.
+  EXPECT_EQ(back.rigs().size(), 2U);
+  EXPECT_EQ(back.rigs()[1].mounts, (std::vector<Rig::Mount>{{.camera = CameraIndex{2}}}));
+  EXPECT_TRUE(back.frames().instants.back().has_value());
+  MapTables tables = LandmarkMap(back).tables();
+  tables.rigs.pop_back();
+  tables.frames.instants.back().reset();
+  EXPECT_THAT(tables.rigs, ElementsAreArray(map.rigs()));
+  EXPECT_EQ(tables.frames.instants, map.frames().instants);
+}
+
+TEST_F(ColmapTest, RigsWithoutAReferenceCameraAreReferredToTheirFirst) {
+  write_rig("5 3 IMU 1 CAMERA 3 1 0 1 0 0 0 0 -2 CAMERA 4 1 0 0 1 0 1 0 -2\n",
+            "8 5 0 -1 0 0 0 0 -2 3 CAMERA 3 7 CAMERA 4 9 IMU 1 4\n");
+  const LandmarkMap map = read();
+  EXPECT_THAT(remarks_.losses, ElementsAre(HasSubstr("1 sensors of rigs are left out"),
+                                           HasSubstr("1 data of rigs are left out")));
+  EXPECT_EQ(remarks_.texts, remarks_.losses) << "the images are where the rig has them";
+  EXPECT_LT(testing::off_rig(map), 1e-15);
+  const LandmarkMap back = read(write(map, "model/"));
+  EXPECT_THAT(remarks_.texts, IsEmpty());
+  EXPECT_EQ(back.rigs()[0].mounts[0], Rig::Mount{.camera = CameraIndex{0}});
+  EXPECT_LT(testing::off_rig(back), 1e-15);
+}
+
+TEST_F(ColmapTest, ImagesThatAreNotWhereTheirRigIsAreMentioned) {
+  write_rig("5 2 CAMERA 3 CAMERA 4 1 0 0 0 1 1.25 0 0\n");
+  const LandmarkMap map = read();
+  EXPECT_THAT(remarks_.texts, ElementsAre(HasSubstr("1 of 2 images of rigs are not where their rig "
+                                                    "has them, up to 0.25 away")));
+  EXPECT_EQ(map.frames().translations[1], Eigen::Vector3d(1, 0, 0));
+}
+
+// As COLMAP makes them of all cameras and images.
+TEST_F(ColmapTest, RigsOfOneCameraEachSayNothing) {
+  write_rig("3 1 CAMERA 3\n4 1 CAMERA 4\n",
+            "7 3 1 0 0 0 0 0 0 1 CAMERA 3 7\n9 4 0 0 0 1 1 0 0 1 CAMERA 4 9\n");
+  const LandmarkMap map = read();
+  EXPECT_THAT(remarks_.texts, IsEmpty());
+  fs::remove(folder_ / "rigs.txt");
+  fs::remove(folder_ / "frames.txt");
+  EXPECT_THAT(map, testing::EqualsMap(read()));
+  write(map, "model/");
+  EXPECT_FALSE(fs::exists(folder_ / "model/rigs.bin"));
+  EXPECT_FALSE(fs::exists(folder_ / "model/frames.bin"));
+}
+
+TEST_F(ColmapTest, WrongRigsAreRefused) {
+  struct Case {
+    std::string_view rigs, frames, message;
+  };
+  for (const Case& c :
+       std::vector<Case>{{kRigs, "8 6 1 0 0 0 0 0 0 1 CAMERA 3 7\n",
+                          "frames.txt:1: rig id: rig 6 is not among the rigs"},
+                         {kRigs, "8 5 1 0 0 0 0 0 0 1 CAMERA 4 7\n",
+                          "frames.txt:1: data id: image 7 is not of camera 4"},
+                         {kRigs, "8 5 0 0 0 0 0 0 0 1 CAMERA 3 7\n",
+                          "frames.txt:1: quaternion: has no direction"},
+                         {kRigs, "8 5 1 0 0 0 0 0 0 3 CAMERA 3 7\n",
+                          "frames.txt:1: type of sensor: the line ends before it"},
+                         {"5 2 CAMERA 3 CAMERA 4 2\n", kFrames,
+                          "rigs.txt:1: whether the sensor has a pose: '2' is not a whole number"},
+                         {"5 2 CAMERA 3 CAMERA 3 1 1 0 0 0 0 0 0\n", kFrames,
+                          "rigs.txt: rig 5: camera 3 is in a rig already"},
+                         {"5 2 CAMERA 3 CAMERA 4 1 0 0 0 1 1e10 0 0\n", kFrames,
+                          "rigs.txt: rig 5: translation"}}) {
+    write_rig(c.rigs, c.frames);
+    EXPECT_THAT(refused(), HasSubstr(std::string(c.message)));
+  }
 }
 
 TEST_F(ColmapTest, APipeBesideIsNotWaitedFor) {
@@ -273,11 +413,11 @@ TEST_F(ColmapTest, TextErrorsNameFileLineAndField) {
 }
 
 TEST_F(ColmapTest, EveryCutOfABinaryModelIsRefused) {
-  write_text();
+  write_rig();
   const LandmarkMap map = read();
   const fs::path model = folder_ / "model";
   write_colmap(map, model, ColmapForm::kBinary);
-  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin", "rigs.bin", "frames.bin"}) {
     const std::string whole = testing::read_text(model / name);
     for (std::size_t size = 0; size < whole.size(); ++size) {
       std::ofstream(model / name, std::ios::binary) << whole.substr(0, size);
@@ -293,10 +433,10 @@ TEST_F(ColmapTest, EveryCutOfABinaryModelIsRefused) {
 }
 
 TEST_F(ColmapTest, CountsBeyondTheFileAreRefusedBeforeAnythingIsMade) {
-  write_text();
+  write_rig();
   const fs::path model = folder_ / "model";
   write_colmap(read(), model, ColmapForm::kBinary);
-  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin", "rigs.bin", "frames.bin"}) {
     std::string bytes = testing::read_text(model / name);
     const std::string whole = bytes;
     for (const std::uint64_t count : {std::uint64_t{1} << 32, ~std::uint64_t{0}}) {

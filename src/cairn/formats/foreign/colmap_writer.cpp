@@ -3,8 +3,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <string>
 #include <type_traits>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -19,6 +21,7 @@
 #include "cairn/formats/detail/foreign/written_frames.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/rigid_frames.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -97,6 +100,88 @@ class ColmapOutput {
   std::string bytes_;
 };
 
+constexpr std::uint64_t kMostSmall = std::numeric_limits<std::uint32_t>::max() - 1;
+
+// The rigs of a map as COLMAP has them: each camera is in a rig, whose frame of reference is that of its first camera,
+// and each image in a frame.
+struct ColmapRigs {
+  struct Frame {
+    FrameId id;
+    std::vector<std::uint32_t> images;
+  };
+
+  explicit ColmapRigs(const LandmarkMap& map) {
+    if (map.rigs().empty()) return;
+    set_rigs(map);
+    set_frames(map.frames());
+  }
+
+  std::vector<Rig> all;
+  std::unordered_map<CameraIndex, RigId> of_camera;
+  std::unordered_map<CameraIndex, Rigid3> camera_from_rig;
+  std::vector<Frame> frames;
+
+ private:
+  // Gives entries behind the first `named` the ids that follow, and all other ids if these do not fit.
+  template <class Entry>
+  static void number(std::vector<Entry>& entries, std::size_t named) {
+    std::uint64_t last = 0;
+    std::vector<FrameId> ids;
+    for (std::size_t i = 0; i < entries.size(); ++i) {
+      ids.push_back(FrameId{i < named ? entries[i].id.value : last + 1});
+      last = std::max(last, ids.back().value);
+    }
+    const std::vector<std::uint64_t> fitting = fitting_ids(ids, kMostSmall, 1);
+    for (std::size_t i = 0; i < entries.size(); ++i) entries[i].id.value = fitting[i];
+  }
+
+  void set_rigs(const LandmarkMap& map) {
+    all.assign(map.rigs().begin(), map.rigs().end());
+    for (Rig& rig : all) refer_to_first(rig);
+    camera_from_rig = cameras_from_rigs(all);
+    for (std::uint32_t i = 0; i < map.cameras().size(); ++i) {
+      if (camera_from_rig.emplace(CameraIndex{i}, Rigid3()).second) {
+        all.push_back({RigId{}, {{.camera = CameraIndex{i}}}});
+      }
+    }
+    number(all, map.rigs().size());
+    for (const Rig& rig : all) {
+      for (const Rig::Mount& mount : rig.mounts) of_camera.emplace(mount.camera, rig.id);
+    }
+  }
+
+  static void refer_to_first(Rig& rig) {
+    const Rig::Mount first = rig.mounts.front();
+    if (first == Rig::Mount{.camera = first.camera}) return;  // keeps all digits
+    for (Rig::Mount& mount : rig.mounts) {
+      const Rigid3 pose = mount.camera_from_rig() * first.camera_from_rig().inverse();
+      const Eigen::Quaterniond q = pose.quaternion();
+      mount = {mount.camera, {q.w(), q.x(), q.y(), q.z()}, pose.translation()};
+    }
+    rig.mounts.front() = {.camera = first.camera};
+  }
+
+  void set_frames(const FrameTable& table) {
+    std::map<InstantId, std::vector<std::uint32_t>> together;
+    std::vector<Frame> alone;
+    for (std::uint32_t i = 0; i < table.ids.size(); ++i) {
+      if (!table.instants.empty() && table.instants[i]) {
+        together[*table.instants[i]].push_back(i);
+      } else {
+        alone.push_back({FrameId{}, {i}});
+      }
+    }
+    for (auto& [instant, images] : together) {
+      std::sort(images.begin(), images.end(), [&](std::uint32_t a, std::uint32_t b) {
+        return table.cameras[a]->value < table.cameras[b]->value;
+      });
+      frames.push_back({FrameId{instant.value}, std::move(images)});
+    }
+    frames.insert(frames.end(), alone.begin(), alone.end());
+    number(frames, together.size());
+  }
+};
+
 class ColmapWriter {
  public:
   ColmapWriter(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
@@ -106,9 +191,9 @@ class ColmapWriter {
         form_(form),
         options_(options),
         image_names_(image_names(map)),
-        observations_(map) {
+        observations_(map),
+        rigs_(map) {
     check_frames();
-    constexpr std::uint64_t kMostSmall = std::numeric_limits<std::uint32_t>::max() - 1;
     std::vector<CameraId> camera_ids;
     for (const Camera& camera : map.cameras()) camera_ids.push_back(camera.id);
     camera_ids_ = fitting_ids(camera_ids, kMostSmall, 1);
@@ -123,7 +208,12 @@ class ColmapWriter {
   void remark() const {
     if (!options_.log) return;
     static constexpr std::array<std::string_view, 1> kColumns = {kErrorColumn};
-    log_losses(options_.log, map_, {.columns = kColumns}, "COLMAP", folder_.string());
+    log_losses(options_.log, map_, {.rigs = true, .columns = kColumns}, "COLMAP", folder_.string());
+    if (!map_.rigs().empty()) {
+      options_.log(fmt::format(
+          "{}: has rigs, which COLMAP reads from 3.12 on; before, it reads the images' poses only",
+          folder_.string()));
+    }
     const auto note = [&](bool renumbered, std::string_view what) {
       if (renumbered) {
         options_.log({fmt::format("{}: ids of {} are too large for COLMAP: numbered from 1",
@@ -228,7 +318,62 @@ class ColmapWriter {
     out.finish();
   }
 
+  void write_rigs(const ByteSink& sink) const {
+    ColmapOutput out(sink, form_);
+    header(
+        out, rigs_.all.size(),
+        "# Rigs, one a line: RIG_ID NUM_SENSORS, the reference sensor (TYPE ID) and of each other "
+        "(TYPE\n# ID HAS_POSE QW QX QY QZ TX TY TZ)\n");
+    for (const Rig& rig : rigs_.all) {
+      out.both(static_cast<std::uint32_t>(rig.id.value));
+      out.both(static_cast<std::uint32_t>(rig.mounts.size()));
+      for (const Rig::Mount& mount : rig.mounts) {
+        sensor(out, mount.camera);
+        if (&mount == &rig.mounts.front()) continue;
+        out.both(std::uint8_t{1});
+        for (const double part : mount.quaternion) out.both(part);
+        for (const double part : mount.translation) out.both(part);
+      }
+      if (out.is_text()) out.end_line();
+    }
+    out.finish();
+  }
+
+  void write_frames(const ByteSink& sink) const {
+    ColmapOutput out(sink, form_);
+    header(out, rigs_.frames.size(),
+           "# Frames, one a line: FRAME_ID RIG_ID QW QX QY QZ TX TY TZ NUM_DATA_IDS and (TYPE\n"
+           "# SENSOR_ID DATA_ID) of each image\n");
+    const FrameTable& frames = map_.frames();
+    for (const auto& [id, images] : rigs_.frames) {
+      const CameraIndex camera = *frames.cameras[images.front()];
+      const Rigid3 rig_from_world = rigs_.camera_from_rig.at(camera).inverse() *
+                                    map_.world_from_camera(FrameIndex{images.front()}).inverse();
+      out.both(static_cast<std::uint32_t>(id.value));
+      out.both(static_cast<std::uint32_t>(rigs_.of_camera.at(camera).value));
+      const Eigen::Quaterniond q = rig_from_world.quaternion();
+      for (const double part : {q.w(), q.x(), q.y(), q.z()}) out.both(part);
+      for (const double part : rig_from_world.translation()) out.both(part);
+      out.both(static_cast<std::uint32_t>(images.size()));
+      for (const std::uint32_t image : images) {
+        sensor(out, *frames.cameras[image]);
+        out.both(image_ids_[image]);
+      }
+      if (out.is_text()) out.end_line();
+    }
+    out.finish();
+  }
+
  private:
+  void sensor(ColmapOutput& out, CameraIndex camera) const {
+    if (out.is_text()) {
+      out.word("CAMERA");
+    } else {
+      out.binary(std::int32_t{0});
+    }
+    out.both(static_cast<std::uint32_t>(camera_ids_[camera.value]));
+  }
+
   void check_frames() const {
     const FrameTable& frames = map_.frames();
     for (std::size_t i = 0; i < map_.frame_count(); ++i) {
@@ -274,6 +419,7 @@ class ColmapWriter {
   std::vector<std::uint64_t> point_ids_;
   FrameObservations observations_;
   std::vector<std::uint32_t> keypoint_of_observation_;
+  ColmapRigs rigs_;
 };
 
 }  // namespace
@@ -291,6 +437,10 @@ void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm for
   write("cameras", &ColmapWriter::write_cameras);
   write("images", &ColmapWriter::write_images);
   write("points3D", &ColmapWriter::write_points);
+  if (!map.rigs().empty()) {
+    write("rigs", &ColmapWriter::write_rigs);
+    write("frames", &ColmapWriter::write_frames);
+  }
   output.commit();
 }
 

@@ -463,6 +463,8 @@ LandmarkMap reread(LandmarkMap map, const ConventionReading& reading) {
     frames.translations[i] = pose.centre;
   }
   for (Camera& camera : tables.cameras) camera = reread_camera(camera, reading);
+  tables.rigs.clear();  // nothing says by which convention their poses are
+  frames.instants.clear();
   return LandmarkMap(std::move(tables));
 }
 

@@ -87,7 +87,7 @@ struct ConventionCheck {
 /// thousand observations spread over the map.
 ConventionCheck check_conventions(const LandmarkMap& map);
 
-/// The map with this interpretation: changes poses, pixels and cameras, keeps all else.
+/// The map with this interpretation: changes poses, pixels and cameras, keeps all else but rigs.
 LandmarkMap reread(LandmarkMap map, const ConventionReading& reading);
 
 }  // namespace cairn

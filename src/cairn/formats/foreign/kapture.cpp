@@ -84,8 +84,11 @@ class KaptureReader {
     read_observations();
     remark_rest();
     const auto place = [&](MapColumn column, std::size_t) {
-      const bool of_frames = column <= MapColumn::kImageNames;
-      return files_.name + "/" + (of_frames ? kTrajectories : kPoints);
+      const bool of_frames = column <= MapColumn::kImageNames || column == MapColumn::kInstants;
+      return files_.name + "/" +
+             (column == MapColumn::kRigs ? kRigs
+              : of_frames                ? kTrajectories
+                                         : kPoints);
     };
     return std::move(out_).finish(
         {.lost_observations = "observations of points without a finite position are left out",
@@ -93,11 +96,16 @@ class KaptureReader {
   }
 
  private:
+  struct DevicePose {
+    Rigid3 device_from_world;
+    const std::string* rig = nullptr;  // from whose pose this follows
+    Rigid3 rig_from_world;
+  };
   struct Image {
     std::int64_t timestamp;
     std::string path;
     std::optional<CameraIndex> camera;
-    Rigid3 world_from_camera;
+    DevicePose pose;
   };
   // An observation whose keypoint is not yet read.
   struct Seen {
@@ -226,18 +234,40 @@ class KaptureReader {
       }
     });
     if (!is_there) out_.remark("there is no sensors/trajectories.txt: images have no poses");
-    if (!rigs_of_.empty()) out_.lost("rigs: dropped, each image is a frame of its own");
+    add_rigs();
+  }
+
+  // A camera is in one rig of a map: the first.
+  void add_rigs() {
+    std::map<std::string, Rig> rigs;
+    std::size_t in_several = 0;
+    for (const std::string& sensor : sensors_) {
+      const auto found = rigs_of_.find(sensor);
+      const auto camera = out_.camera(printable(sensor));
+      if (found == rigs_of_.end() || !camera) continue;
+      in_several += found->second.size() > 1 ? 1 : 0;
+      const auto& [name, pose] = found->second.front();
+      const Eigen::Quaterniond q = pose.quaternion();
+      rigs[name].mounts.push_back({*camera, {q.w(), q.x(), q.y(), q.z()}, pose.translation()});
+    }
+    for (auto& [name, rig] : rigs) {
+      rig.id = RigId{out_.tables().rigs.size()};
+      out_.tables().rigs.push_back(std::move(rig));
+    }
+    out_.lost(in_several, "cameras are in several rigs, of which the first is kept");
   }
 
   // Of a sensor itself, or of a rig that it is mounted on.
-  std::optional<Rigid3> device_from_world(std::int64_t timestamp, const std::string& device) const {
+  std::optional<DevicePose> device_pose(std::int64_t timestamp, const std::string& device) const {
     const auto own = poses_.find({timestamp, device});
-    if (own != poses_.end()) return own->second;
+    if (own != poses_.end()) return DevicePose{own->second, nullptr, {}};
     const auto rigs = rigs_of_.find(device);
     if (rigs == rigs_of_.end()) return std::nullopt;
     for (const auto& [rig, device_from_rig] : rigs->second) {
       const auto pose = poses_.find({timestamp, rig});
-      if (pose != poses_.end()) return device_from_rig * pose->second;
+      if (pose == poses_.end()) continue;
+      const bool is_kept = &rig == &rigs->second.front().first;
+      return DevicePose{device_from_rig * pose->second, is_kept ? &rig : nullptr, pose->second};
     }
     return std::nullopt;
   }
@@ -255,9 +285,8 @@ class KaptureReader {
         in.refuse("device_id", printable(device) + " is no camera of sensors.txt",
                   "the id of a camera");
       }
-      if (const auto pose = device_from_world(timestamp, device)) {
-        images.push_back(
-            {timestamp, std::move(path), out_.camera(printable(device)), pose->inverse()});
+      if (const auto pose = device_pose(timestamp, device)) {
+        images.push_back({timestamp, std::move(path), out_.camera(printable(device)), *pose});
       } else {
         ++without_pose;
       }
@@ -273,6 +302,7 @@ class KaptureReader {
                                             }) == images.end() &&
                          (images.empty() || images.front().timestamp >= 0);
     if (!are_ids) out_.lost("timestamps are not distinct or negative: frames are numbered from 0");
+    std::map<std::pair<std::int64_t, std::string>, InstantId> instants;
     for (Image& image : images) {
       const std::size_t i = out_.frame_count();
       if (!frame_of_.emplace(image.path, FrameIndex{static_cast<std::uint32_t>(i)}).second) {
@@ -280,10 +310,18 @@ class KaptureReader {
                     "the image " + printable(image.path) + " stands there twice",
                     "distinct images");
       }
+      const Rigid3 world_from_camera = image.pose.device_from_world.inverse();
       timestamps_.push_back(image.timestamp);
+      if (image.pose.rig != nullptr) {
+        const InstantId next{static_cast<std::uint32_t>(instants.size())};
+        const auto instant =
+            instants.emplace(std::pair(image.timestamp, *image.pose.rig), next).first;
+        out_.add_to_instant(instant->second, FrameIndex{static_cast<std::uint32_t>(i)},
+                            image.pose.rig_from_world);
+      }
       out_.add_frame({.id = FrameId{are_ids ? static_cast<std::uint64_t>(image.timestamp) : i},
-                      .world_from_camera = image.world_from_camera.quaternion(),
-                      .centre = image.world_from_camera.translation(),
+                      .world_from_camera = world_from_camera.quaternion(),
+                      .centre = world_from_camera.translation(),
                       .camera = image.camera,
                       .image_name = std::move(image.path)});
     }

@@ -166,7 +166,10 @@ TEST_F(KaptureTest, CamerasOfARigHaveThePoseOfTheRig) {
   EXPECT_LT((map.frames().translations[0] - Eigen::Vector3d(1, 2, -3)).norm(), 1e-12);
   // sensor_from_rig: half a metre to the right in a rig that is turned by a half turn.
   EXPECT_LT((map.frames().translations[1] - Eigen::Vector3d(0.5, 2, -3)).norm(), 1e-12);
-  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("rigs: dropped")));
+  EXPECT_THAT(map.rigs(), ElementsAre(Rig{RigId{0},
+                                          {{CameraIndex{0}, {1, 0, 0, 0}, {0, 0, 0}},
+                                           {CameraIndex{1}, {1, 0, 0, 0}, {-0.5, 0, 0}}}}));
+  EXPECT_THAT(map.frames().instants, ElementsAre(InstantId{0}, InstantId{0}));
   EXPECT_THAT(remarks_.losses, Contains(HasSubstr("timestamps are not distinct")));
 }
 
@@ -175,6 +178,7 @@ TEST_F(KaptureTest, ASensorInVeryManyRigsIsRefused) {
   std::string& rigs = files["sensors/rigs.txt"];
   for (int i = 0; i < 100; ++i) rigs += fmt::format("rig{}, cam0, 1, 0, 0, 0, 0, 0, 0\n", i);
   read(files);
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("1 cameras are in several rigs")));
   rigs += "rig, cam0, 1, 0, 0, 0, 0, 0, 0\n";
   EXPECT_THAT(refused(files),
               HasSubstr("rigs.txt:101: sensor_device_id: 'cam0' is in more than 100 rigs"));

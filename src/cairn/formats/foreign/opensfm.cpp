@@ -113,20 +113,32 @@ class OpenSfmReader {
     read_reference(reconstruction);
     read_cameras(reconstruction.at("cameras").object());
     read_shots(reconstruction.at("shots").object());
+    read_overrides();
+    if (reconstruction.has("rig_instances") && reconstruction.has("rig_cameras")) {
+      read_rigs(reconstruction.at("rig_cameras").object(),
+                reconstruction.at("rig_instances").object());
+    }
     if (reconstruction.has("points")) read_points(reconstruction.at("points").object());
     std::vector<std::string> dropped;
     for (const auto& [key, value] : reconstruction.json().items()) {
-      if (key != "cameras" && key != "shots" && key != "points" && key != "reference_lla") {
-        dropped.push_back(printable(key));
-      }
+      static const std::set<std::string_view> kept = {
+          "cameras", "shots", "points", "reference_lla", "rig_instances", "rig_cameras"};
+      if (!kept.contains(key)) dropped.push_back(printable(key));
     }
     dropped.insert(dropped.end(), dropped_of_shots_.begin(), dropped_of_shots_.end());
     if (!dropped.empty()) out_.lost(fmt::format("left out: {}", fmt::join(dropped, ", ")));
   }
 
   void read_reference(const JsonValue& reconstruction) {
-    if (!reconstruction.has("reference_lla")) return;
-    const JsonValue lla = reconstruction.at("reference_lla").object();
+    if (reconstruction.has("reference_lla")) {
+      set_reference(reconstruction.at("reference_lla").object());
+    } else if (sources_.reference != nullptr) {
+      const nlohmann::json json = read_json(*sources_.reference);
+      set_reference(JsonValue(json, sources_.reference->name() + ": ").object());
+    }
+  }
+
+  void set_reference(const JsonValue& lla) {
     const GeodeticPosition origin{lla.at("latitude").number(), lla.at("longitude").number(),
                                   lla.at("altitude").number()};
     // OpenSfM's value for an unknown position.
@@ -153,6 +165,27 @@ class OpenSfmReader {
     return fix;
   }
 
+  // OpenSfM's place for what the files of images do not state.
+  void read_overrides() {
+    if (sources_.overrides == nullptr) return;
+    const nlohmann::json json = read_json(*sources_.overrides);
+    const JsonValue all = JsonValue(json, sources_.overrides->name() + ": ").object();
+    for (const auto& [name, value] : json.items()) {
+      const auto shot = shots_.find(name);
+      if (shot == shots_.end() || !all.at(name).has("gps")) continue;
+      const JsonValue gps = all.at(name).at("gps").object();
+      auto known = out_.tables().frames.gnss[shot->second.frame.value];
+      if (known || !gps.has("altitude")) continue;
+      GnssFix fix{
+          {gps.at("latitude").number(), gps.at("longitude").number(), gps.at("altitude").number()},
+          std::nullopt};
+      if (const double accuracy = gps.number_or("dop", 0.0); accuracy > 0.0) {
+        fix.accuracy_m = accuracy;
+      }
+      known = fix;
+    }
+  }
+
   void read_cameras(const JsonValue& cameras) {
     for (const auto& [name, json] : cameras.json().items()) {
       const JsonValue camera = cameras.at(name);
@@ -173,13 +206,7 @@ class OpenSfmReader {
   void read_shots(const JsonValue& shots) {
     for (const auto& [name, json] : shots.json().items()) {
       const JsonValue shot = shots.at(name);
-      const Eigen::Vector3d rotation = shot.at("rotation").vector3();
-      const Eigen::Vector3d translation = shot.at("translation").vector3();
-      const double angle = rotation.norm();
-      if (!std::isfinite(angle)) shot.at("rotation").refuse("is out of range", "radians");
-      const Eigen::Quaterniond camera_from_world(
-          angle > 0.0 ? Eigen::AngleAxisd(angle, rotation / angle)
-                      : Eigen::AngleAxisd(0.0, Eigen::Vector3d::UnitX()));
+      const auto [camera_from_world, translation] = pose_of(shot);
       const std::string& camera = shot.at("camera").text();
       const auto image = images_.find(camera);
       if (image == images_.end()) {
@@ -200,6 +227,56 @@ class OpenSfmReader {
         if (!kept.contains(key)) dropped_of_shots_.insert(printable(key));
       }
     }
+  }
+
+  static std::pair<Eigen::Quaterniond, Eigen::Vector3d> pose_of(const JsonValue& json) {
+    const Eigen::Vector3d rotation = json.at("rotation").vector3();
+    const double angle = rotation.norm();
+    if (!std::isfinite(angle)) json.at("rotation").refuse("is out of range", "radians");
+    return {Eigen::Quaterniond(angle > 0.0 ? Eigen::AngleAxisd(angle, rotation / angle)
+                                           : Eigen::AngleAxisd(0.0, Eigen::Vector3d::UnitX())),
+            json.at("translation").vector3()};
+  }
+
+  // OpenSfM names no rigs: all rig cameras that took images together are of one.
+  void read_rigs(const JsonValue& cameras, const JsonValue& instances) {
+    Rig rig;
+    InstantId instant;
+    for (const auto& [name, json] : instances.json().items()) {
+      const JsonValue instance = instances.at(name);
+      const JsonValue cameras_of_shots = instance.at("rig_camera_ids").object();
+      if (cameras_of_shots.json().size() < 2) continue;
+      const auto [rotation, translation] = pose_of(instance);
+      for (const auto& [shot, key] : cameras_of_shots.json().items()) {
+        const auto found = shots_.find(shot);
+        if (found == shots_.end()) continue;
+        mount(found->second.frame, cameras, cameras_of_shots.at(shot).text(), rig);
+        out_.add_to_instant(instant, found->second.frame, {rotation, translation});
+      }
+      ++instant.value;
+    }
+    if (!rig.mounts.empty()) out_.tables().rigs.push_back(std::move(rig));
+  }
+
+  // Rig cameras may share a camera, which is in a rig once: all but the first get a copy.
+  void mount(FrameIndex frame, const JsonValue& rig_cameras, const std::string& name, Rig& rig) {
+    MapTables& tables = out_.tables();
+    const std::optional<CameraIndex> camera = tables.frames.cameras[frame.value];
+    if (!camera) return;
+    const auto [own, is_new] = mounted_.try_emplace(std::pair(name, *camera), *camera);
+    if (is_new) {
+      const bool is_taken = std::any_of(rig.mounts.begin(), rig.mounts.end(),
+                                        [&](const auto& other) { return other.camera == *camera; });
+      if (is_taken) {
+        own->second = CameraIndex{static_cast<std::uint32_t>(tables.cameras.size())};
+        Camera copy = tables.cameras[camera->value];
+        copy.id = CameraId{images_.size() + mounted_.size()};
+        tables.cameras.push_back(std::move(copy));
+      }
+      const auto [q, t] = pose_of(rig_cameras.at(name));
+      rig.mounts.push_back({own->second, {q.w(), q.x(), q.y(), q.z()}, t});
+    }
+    tables.frames.cameras.set(frame.value, own->second);
   }
 
   void read_points(const JsonValue& points) {
@@ -340,6 +417,7 @@ class OpenSfmReader {
   std::unordered_map<std::string, ImageFrame> images_;  // of the cameras
   std::unordered_map<std::string, Shot> shots_;
   std::unordered_map<std::string, std::uint64_t> landmark_ids_;
+  std::map<std::pair<std::string, CameraIndex>, CameraIndex> mounted_;  // of rig cameras
   std::set<std::string> dropped_of_shots_;
 };
 
@@ -663,9 +741,13 @@ LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& opti
   std::optional<FileReader> tracks;
   std::optional<FileReader> control_points;
   std::optional<FileReader> control_list;
+  std::optional<FileReader> reference;
+  std::optional<FileReader> overrides;
   sources.tracks = beside("tracks.csv", tracks);
   sources.control_points = beside("ground_control_points.json", control_points);
   sources.control_list = beside("gcp_list.txt", control_list);
+  sources.reference = beside("reference_lla.json", reference);
+  sources.overrides = beside("exif_overrides.json", overrides);
   return read_opensfm(sources, input.part, options);
 }
 

@@ -19,6 +19,7 @@
 #include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
+#include "support/rig_maps.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace cairn::detail {
@@ -27,6 +28,7 @@ namespace {
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::refusal;
 using testing::TemporaryFolder;
 
@@ -93,6 +95,43 @@ TEST_F(OpenSfmTest, WhatHasNoPlaceIsALoss) {
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("holds 2 reconstructions")));
 }
 
+// Two rig cameras of one camera, half a unit left and right of the rig's middle; the rig is at the origin and then a unit
+// ahead. Shot s is alone.
+constexpr std::string_view kRigReconstruction = R"([{
+  "cameras": {"cam": {"width": 200, "height": 100, "focal": 0.8}},
+  "rig_cameras": {"left": {"rotation": [0, 0, 0], "translation": [0.5, 0, 0]},
+                  "right": {"rotation": [0, 0, 0], "translation": [-0.5, 0, 0]},
+                  "cam": {"rotation": [0, 0, 0], "translation": [0, 0, 0]}},
+  "rig_instances": {
+    "0": {"rotation": [0, 0, 0], "translation": [0, 0, 0],
+          "rig_camera_ids": {"l0": "left", "r0": "right"}},
+    "1": {"rotation": [0, 0, 0], "translation": [0, 0, -1],
+          "rig_camera_ids": {"l1": "left", "r1": "right", "lost": "left"}},
+    "2": {"rotation": [0, 0, 0], "translation": [9, 9, 9], "rig_camera_ids": {"s": "cam"}}},
+  "shots": {
+    "l0": {"rotation": [0, 0, 0], "translation": [0.5, 0, 0], "camera": "cam"},
+    "r0": {"rotation": [0, 0, 0], "translation": [-0.5, 0, 0], "camera": "cam"},
+    "l1": {"rotation": [0, 0, 0], "translation": [0.5, 0, -1], "camera": "cam"},
+    "r1": {"rotation": [0, 0, 0], "translation": [-0.5, 0, -1], "camera": "cam"},
+    "s": {"rotation": [0, 0, 0], "translation": [9, 9, 9], "camera": "cam"}}
+}])";
+
+TEST_F(OpenSfmTest, RigInstancesSayWhichShotsAreOfOneInstantAndPose) {
+  const LandmarkMap map = read(kRigReconstruction, "");
+  EXPECT_THAT(map.frames().image_names, ElementsAre("l0", "l1", "r0", "r1", "s"));
+  EXPECT_THAT(map.frames().instants,
+              ElementsAre(InstantId{0}, InstantId{1}, InstantId{0}, InstantId{1}, std::nullopt));
+  ASSERT_EQ(map.cameras().size(), 2U) << "a camera of a rig is in one place of it";
+  EXPECT_EQ(map.cameras()[0].parameters, map.cameras()[1].parameters);
+  EXPECT_THAT(map.rigs(), ElementsAre(Rig{RigId{0},
+                                          {{CameraIndex{0}, {1, 0, 0, 0}, {0.5, 0, 0}},
+                                           {CameraIndex{1}, {1, 0, 0, 0}, {-0.5, 0, 0}}}}));
+  EXPECT_THAT(remarks_.losses, ElementsAre());
+  EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
+  EXPECT_LT(testing::off_rig(map), 1e-15);
+  EXPECT_LT(testing::off_rig(ImportTest::read(write(map, "model/"))), 1e-15);
+}
+
 TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
   const LandmarkMap map = read();
   ASSERT_EQ(map.frames().gnss.size(), 2U);
@@ -102,6 +141,23 @@ TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
   const GeoReference& reference = *map.info().georeference;
   EXPECT_LT((reference.in_map(fix.position) - Eigen::Vector3d(1, 2, 3)).norm(), 1e-8);
   EXPECT_NEAR(fix.position.altitude_m, 403.0, 1e-5);
+}
+
+TEST_F(OpenSfmTest, FilesBesideStateTheReferenceAndGnssPositions) {
+  folder_.write("reference_lla.json", R"({"latitude": 46.0, "longitude": 7.0, "altitude": 300})");
+  folder_.write(
+      "exif_overrides.json",
+      R"({"a.jpg": {"gps": {"latitude": 46.1, "longitude": 7.1, "altitude": 310, "dop": 4}},
+                    "b.jpg": {"gps": {"latitude": 1, "longitude": 2, "altitude": 3}},
+                    "lost.jpg": {"gps": {}}})");
+  const LandmarkMap map = read();
+  EXPECT_EQ(map.info().georeference, (GeoReference{{47.0, 8.0, 400.0}})) << "its own comes first";
+  EXPECT_EQ(map.frames().gnss[0], (GnssFix{{46.1, 7.1, 310.0}, 4.0}));
+  EXPECT_NEAR(map.frames().gnss[1]->position.altitude_m, 403.0, 1e-5) << "its own comes first";
+  const LandmarkMap other = read(kRigReconstruction, "");
+  EXPECT_EQ(other.info().georeference, (GeoReference{{46.0, 7.0, 300.0}}));
+  folder_.write("exif_overrides.json", R"({"a.jpg": {"gps": {"altitude": 310}}})");
+  EXPECT_THAT(refused(), HasSubstr("exif_overrides.json: "));
 }
 
 TEST_F(OpenSfmTest, WithoutGnssPositionsThereIsNoGeoreference) {

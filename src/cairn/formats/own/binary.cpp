@@ -44,8 +44,8 @@ class BinaryReader {
     check_checksum();
     read_table();
     read_unit();
-    code_sections(*this, MapParts{tables_.info, tables_.cameras, tables_.frames, tables_.landmarks,
-                                  tables_.observations});
+    code_sections(*this, MapParts{tables_.info, tables_.cameras, tables_.rigs, tables_.frames,
+                                  tables_.landmarks, tables_.observations});
     return LandmarkMap(std::move(tables_),
                        [this](MapColumn column, std::size_t row) { return place_of(column, row); });
   }

@@ -398,9 +398,9 @@ TEST(ReadBinary, RefusesABrokenTable) {
   const std::string at_size = byte_of_entry(MapColumn::kUuid, 16) + "uuid: ";
   const std::string once = "; expected each at most once, in the order of their numbers";
   expect_bytes_refused({
-      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 34"},
-      {uuid_entry(0, 35), at_number + "35 is no section; expected 1 to 34"},
-      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 34", kHuge)},
+      {uuid_entry(0, 0), at_number + "0 is no section; expected 1 to 36"},
+      {uuid_entry(0, 37), at_number + "37 is no section; expected 1 to 36"},
+      {uuid_entry(0, kHuge), at_number + fmt::format("{} is no section; expected 1 to 36", kHuge)},
       {uuid_entry(0, 2), at_number + "2 (gravity) occurs twice" + once},
       {uuid_entry(0, 1), at_number + "1 (world frame) stands below 2" + once},
       {uuid_entry(8, uuid + 8),

@@ -23,8 +23,9 @@ class BinaryWriter {
   BinaryWriter(const LandmarkMap& map, const ByteSink& sink, const Progress& progress)
       : map_(map), sink_(sink), progress_(progress) {
     const std::span<const Camera> cameras = map.cameras();
-    code_sections(*this,
-                  MapParts{map.info(), cameras, map.frames(), map.landmarks(), map.observations()});
+    const std::span<const Rig> rigs = map.rigs();
+    code_sections(*this, MapParts{map.info(), cameras, rigs, map.frames(), map.landmarks(),
+                                  map.observations()});
     std::sort(plan_.begin(), plan_.end(),
               [](const Planned& a, const Planned& b) { return a.column < b.column; });
   }

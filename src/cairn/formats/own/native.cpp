@@ -246,6 +246,10 @@ class NativeReader {
       read_frame_extra(record, fields);
     } else if (record == "POSE_COVARIANCE" && version_ >= 3) {
       read_pose_covariance(fields);
+    } else if (record == "RIG" && version_ >= 3) {
+      read_mount(fields);
+    } else if (record == "INSTANT" && version_ >= 3) {
+      read_frame_extra(record, fields);
     } else if (record == "COLOR" || record == "DESCRIPTOR" || record == "VALUE" ||
                record == "DETAIL" || record == "MEASURED") {
       read_landmark_extra(record, fields);
@@ -348,6 +352,28 @@ class NativeReader {
     tables_.cameras.push_back(std::move(camera));
   }
 
+  CameraIndex camera(NumberedFields& fields) const {
+    const CameraId id{fields.unsigned_integer("camera")};
+    const auto found = camera_index_.find(id);
+    if (found == camera_index_.end()) {
+      fields.refuse(fmt::format("camera {} is unknown", id.value),
+                    "the id of a CAMERA record above");
+    }
+    return found->second;
+  }
+
+  // Records of one rig follow each other.
+  void read_mount(NumberedFields& fields) {
+    const RigId id{fields.unsigned_integer("rig")};
+    std::vector<Rig>& rigs = tables_.rigs;
+    if (rigs.empty() || rigs.back().id != id) rigs.push_back({id, {}});
+    Rig::Mount& mount = rigs.back().mounts.emplace_back();
+    mount.camera = camera(fields);
+    mount.quaternion = numbers(fields, kRotationNames);
+    mount.translation = vector3(fields, kTranslationNames);
+    note_line(MapColumn::kRigs, rigs.size() - 1);
+  }
+
   static std::string name(NumberedFields& fields, const char* field) {
     const std::string_view text = fields.word(field);
     if (!is_visible(text)) {
@@ -410,13 +436,13 @@ class NativeReader {
     } else if (record == "VIEW") {
       frames.cameras.resize(count);
       refuse_second(frames.cameras[row].has_value(), fields);
-      const CameraId id{fields.unsigned_integer("camera")};
-      const auto found = camera_index_.find(id);
-      if (found == camera_index_.end()) {
-        fields.refuse(fmt::format("camera {} is unknown", id.value),
-                      "the id of a CAMERA record above");
-      }
-      frames.cameras[row] = found->second;
+      frames.cameras[row] = camera(fields);
+    } else if (record == "INSTANT") {
+      frames.instants.resize(count);
+      refuse_second(frames.instants[row].has_value(), fields);
+      frames.instants[row] =
+          InstantId{fields.integer<std::uint32_t>("instant", "an unsigned integer of 32 bits")};
+      note_line(MapColumn::kInstants, row);
     } else if (record == "GNSS") {
       frames.gnss.resize(count);
       refuse_second(frames.gnss[row].has_value(), fields);
@@ -589,7 +615,7 @@ class NativeReader {
       ((columns.empty() ? void() : columns.resize(rows)), ...);
     };
     fill(frames.ids.size(), frames.cameras, frames.timestamps_s, frames.image_names, frames.gnss,
-         frames.pose_covariances);
+         frames.pose_covariances, frames.instants);
     fill(landmarks.ids.size(), landmarks.colors);
     fill(observations.frames.size(), observations.keypoints, observations.depths,
          observations.octaves, observations.sources, observations.sigmas_px);
@@ -629,6 +655,8 @@ class NativeReader {
       case MapColumn::kControlPoints:
       case MapColumn::kGnss:
       case MapColumn::kPoseCovariances:
+      case MapColumn::kRigs:
+      case MapColumn::kInstants:
         return fmt::format("{}:{}", source_.name(), lines_.at({column, row}));
       case MapColumn::kQuaternions:
         return fmt::format("{}:{}: fields 6-9 (qw qx qy qz)", source_.name(),

@@ -85,6 +85,14 @@ class NativeWriter {
       for (const double parameter : camera.parameters) out_.words(parameter);
       out_.line();
     }
+    for (const Rig& rig : map_.rigs()) {
+      for (const Rig::Mount& mount : rig.mounts) {
+        const auto& q = mount.quaternion;
+        const Eigen::Vector3d& t = mount.translation;
+        line("RIG", rig.id.value, map_.cameras()[mount.camera.value].id.value, q[0], q[1], q[2],
+             q[3], t.x(), t.y(), t.z());
+      }
+    }
     if (const auto& descriptors = map_.landmarks().descriptors) {
       line("DESCRIPTORS", descriptors->kind, descriptors->bytes_each);
     }
@@ -112,6 +120,9 @@ class NativeWriter {
     }
     if (!frames.cameras.empty() && frames.cameras[i]) {
       line("VIEW", id, map_.cameras()[frames.cameras[i]->value].id.value);
+    }
+    if (!frames.instants.empty() && frames.instants[i]) {
+      line("INSTANT", id, frames.instants[i]->value);
     }
     if (!frames.image_names.empty() && !frames.image_names[i].empty()) {
       line("IMAGE", id, detail::escaped(frames.image_names[i]));
@@ -243,6 +254,7 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map) {
   if (info.uuid) return "the UUID";
   if (!info.provenance.empty()) return "the provenance";
   if (!map.cameras().empty()) return "the cameras";
+  if (!map.rigs().empty()) return "the rigs";
   if (!frames.timestamps_s.empty()) return "the frames' times";
   if (!frames.image_names.empty()) return "the frames' image names";
   if (!frames.gnss.empty()) return "the frames' GNSS positions";
@@ -270,16 +282,18 @@ void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<in
   const auto& descriptors = map.landmarks().descriptors;
   const bool has_further = descriptors && descriptors->has_further();
   const bool has_pose_covariances = !map.frames().pose_covariances.empty();
-  const int least = has_further || has_pose_covariances ? 3 : loss ? 2 : 1;
+  const bool needs_3 = has_further || has_pose_covariances || !map.rigs().empty();
+  const int least = needs_3 ? 3 : loss ? 2 : 1;
   const int chosen = version.value_or(least);
   if (chosen < 1 || chosen > 3) {
     throw Error(ErrorKind::kMisuse, "version", std::to_string(chosen), "1, 2 or 3");
   }
   if (chosen < least) {
     throw Error(ErrorKind::kMisuse, fmt::format("version {} of the text format", chosen),
-                "would lose " + (chosen == 1   ? *loss
-                                 : has_further ? "the landmarks' further descriptors"
-                                               : "the covariances of the frames' poses"),
+                "would lose " + (chosen == 1            ? *loss
+                                 : has_further          ? "the landmarks' further descriptors"
+                                 : has_pose_covariances ? "the covariances of the frames' poses"
+                                                        : "the rigs"),
                 fmt::format("version {}", least));
   }
   NativeWriter(map, sink).write(chosen, progress);

@@ -16,6 +16,7 @@
 
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
+#include "support/rig_maps.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -256,6 +257,21 @@ TEST(FuseAndAdjust, RefusesRoundsOutOfRange) {
   options.matching_rounds = 11;
   EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { options.validate(); }),
               HasSubstr("matching_rounds"));
+}
+
+TEST(FuseAndAdjust, HoldsRigsThroughAllRounds) {
+  const LandmarkMap map = testing::rig_map({.pixel_noise_px = 0.3});
+  std::vector<LandmarkIndex> half;
+  for (std::uint32_t i = 0; i < map.landmark_count(); i += 2) half.push_back(LandmarkIndex{i});
+  const Similarity3 pose(2.0, Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.3));
+  const LandmarkMap part = transformed(with_landmarks(map, half), pose.inverse());
+  const MergedPlaced fused = fuse_and_adjust(in_place(map, part, pose), {});
+  EXPECT_EQ(fused.adjustment->matching_rounds, 2);
+  EXPECT_LT(fused.adjustment->final_rms_px, 0.5);
+  EXPECT_EQ(fused.map.frame_count(), map.frame_count());
+  EXPECT_EQ(fused.map.rigs()[0].mounts, map.rigs()[0].mounts);
+  EXPECT_LT(testing::off_rig(fused.map), 1e-12);
+  EXPECT_TRUE(fused.map.frames().pose_covariances[3].has_value());
 }
 
 }  // namespace

@@ -36,25 +36,71 @@ std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex fram
 
 }  // namespace
 
+CameraIndex Fusion::add_camera(Camera camera, bool is_mounted) {
+  const CameraIndex index{static_cast<std::uint32_t>(tables_.cameras.size())};
+  camera.id = CameraId{index.value};
+  tables_.cameras.push_back(std::move(camera));
+  is_mounted_.push_back(is_mounted);
+  return index;
+}
+
+// The cameras of a map among those of the fused one. Those of a rig are known with the whole rig only: a stereo rig's may
+// be alike, and a rig of another map may have another baseline.
+std::vector<CameraIndex> Fusion::add_cameras(std::size_t m) {
+  const LandmarkMap& map = *maps_[m].map;
+  const auto is_same = [&](CameraIndex fused, Camera camera) {
+    camera.id = tables_.cameras[fused.value].id;
+    return tables_.cameras[fused.value] == camera;
+  };
+  std::vector<std::optional<CameraIndex>> of(map.cameras().size());
+  for (Rig rig : map.rigs()) {
+    for (Rig::Mount& mount : rig.mounts) mount.translation *= maps_[m].world_from_map.scale();
+    const auto known =
+        std::find_if(tables_.rigs.begin(), tables_.rigs.end(), [&](const Rig& fused) {
+          return std::equal(fused.mounts.begin(), fused.mounts.end(), rig.mounts.begin(),
+                            rig.mounts.end(), [&](const Rig::Mount& a, const Rig::Mount& b) {
+                              return a.quaternion == b.quaternion &&
+                                     a.translation == b.translation &&
+                                     is_same(a.camera, map.cameras()[b.camera.value]);
+                            });
+        });
+    for (std::size_t i = 0; i < rig.mounts.size(); ++i) {
+      CameraIndex& camera = rig.mounts[i].camera;
+      const CameraIndex fused = known == tables_.rigs.end()
+                                    ? add_camera(map.cameras()[camera.value], true)
+                                    : known->mounts[i].camera;
+      of[camera.value] = fused;
+      camera = fused;
+    }
+    if (known != tables_.rigs.end()) continue;
+    rig.id = RigId{tables_.rigs.size()};
+    tables_.rigs.push_back(std::move(rig));
+  }
+  std::vector<CameraIndex> result;
+  for (std::size_t i = 0; i < of.size(); ++i) {
+    const Camera& camera = map.cameras()[i];
+    for (std::uint32_t k = 0; k < tables_.cameras.size() && !of[i]; ++k) {
+      if (!is_mounted_[k] && is_same(CameraIndex{k}, camera)) of[i] = CameraIndex{k};
+    }
+    result.push_back(of[i] ? *of[i] : add_camera(camera, false));
+  }
+  return result;
+}
+
 void Fusion::add_frames(std::size_t m) {
   const LandmarkMap& map = *maps_[m].map;
   const Similarity3& world_from_map = maps_[m].world_from_map;
   const FrameTable& theirs = map.frames();
   FrameTable& frames = tables_.frames;
   std::vector<FrameIndex>& own = result_.frames.emplace_back();
-  std::vector<CameraIndex> camera_of;
-  for (Camera camera : map.cameras()) {
-    auto found = std::find_if(tables_.cameras.begin(), tables_.cameras.end(), [&](Camera other) {
-      other.id = camera.id;
-      return other == camera;
-    });
-    if (found == tables_.cameras.end()) {
-      camera.id = CameraId{tables_.cameras.size()};
-      tables_.cameras.push_back(std::move(camera));
-      found = tables_.cameras.end() - 1;
-    }
-    camera_of.push_back(CameraIndex{static_cast<std::uint32_t>(found - tables_.cameras.begin())});
-  }
+  const std::vector<CameraIndex> camera_of = add_cameras(m);
+  std::map<InstantId, InstantId> instant_of;
+  const auto instant = [&](std::uint32_t i) -> std::optional<InstantId> {
+    if (theirs.instants.empty() || !theirs.instants[i]) return std::nullopt;
+    const auto [found, is_new] = instant_of.emplace(*theirs.instants[i], InstantId{instants_});
+    if (is_new) ++instants_;
+    return found->second;
+  };
   const std::vector<std::optional<FrameIndex>> known_images = known_images_of(m);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     std::optional<CameraIndex> camera;
@@ -75,6 +121,7 @@ void Fusion::add_frames(std::size_t m) {
       if (!precedes(map, *maps_[map_of_frame_[f]].map)) continue;
       map_of_frame_[f] = m;
       frames.cameras.set(f, camera);
+      frames.instants.set(f, instant(i));
       frames.translations[f] = translation;
       frames.quaternions[f] = quaternion;
       frames.pose_covariances.set(f, pose_covariance(maps_[m], FrameIndex{i}));
@@ -93,6 +140,7 @@ void Fusion::add_frames(std::size_t m) {
                                                             : theirs.image_names[i]);
     frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
     frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
+    frames.instants.push_back(instant(i));
   }
 }
 

@@ -60,6 +60,8 @@ class Fusion {
 
  private:
   void add(std::size_t m);
+  CameraIndex add_camera(Camera camera, bool is_mounted);
+  std::vector<CameraIndex> add_cameras(std::size_t m);
   void add_frames(std::size_t m);
   void tell_images_apart();
   std::vector<std::optional<FrameIndex>> known_images_of(std::size_t m);
@@ -122,6 +124,8 @@ class Fusion {
   };
   std::vector<Identities> identities_;
   std::vector<MapImages> images_;          // by map
+  std::vector<bool> is_mounted_;           // by camera: whether it is of a rig
+  std::uint32_t instants_ = 0;             // of all maps; each keeps its own
   std::vector<bool> is_shared_;            // by frame: whether two maps have it
   std::vector<std::size_t> map_of_frame_;  // whose pose it has
   std::vector<bool> has_prefix_;           // by map: before the names of its images

@@ -24,6 +24,7 @@
 
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
+#include "support/rig_maps.hpp"
 
 namespace cairn {
 namespace {
@@ -797,6 +798,41 @@ TEST(FuseMaps, CountsAMapThatIsGivenTwiceOnce) {
     EXPECT_EQ(twice.map.covariance(landmark).value(), once.map.covariance(landmark).value());
     EXPECT_EQ(values(twice.map, kFusedColumn)[i], 2.0 * values(once.map, kFusedColumn)[i]);
   }
+}
+
+TEST(FuseMaps, KeepsTheRigsOfAllMaps) {
+  const LandmarkMap first = testing::rig_map({.seed = 1});
+  const LandmarkMap second = testing::rig_map({.seed = 2});
+  const Rigid3 pose = Rigid3::from_roll_pitch_yaw({30.0, 6.0, 7.0}, 0.1, 0.2, 0.3);
+  const LandmarkMap moved = transformed(second, Similarity3(2.0, pose).inverse());
+  for (const double scale : {2.0, 2.5}) {
+    const Similarity3 world_from_map(scale, pose);
+    const std::vector<PlacedMap> maps = {{&first, "first", {}}, {&moved, "second", world_from_map}};
+    const LandmarkMap fused = fuse_maps(maps).map;
+    ASSERT_EQ(fused.frame_count(), 32U);
+    EXPECT_LT(testing::off_rig(fused), 1e-12);
+    // The two cameras of the rig are alike, and stay two. Those of both maps are one if their rigs are.
+    const bool is_same_rig = scale == 2.0;
+    EXPECT_EQ(fused.rigs().size(), is_same_rig ? 1U : 2U);
+    EXPECT_EQ(fused.cameras().size(), is_same_rig ? 3U : 5U);
+    const RigidFrames rigid = rigid_frames(fused.rigs(), fused.frames());
+    std::size_t leads = 0;
+    for (std::size_t i = 0; i < fused.frame_count(); ++i) leads += rigid.leads(i) ? 1 : 0;
+    EXPECT_EQ(leads, 18U);
+  }
+}
+
+TEST(FuseMaps, KeepsARigWhoseImagesTwoMapsHave) {
+  const LandmarkMap map = testing::rig_map();
+  const Similarity3 world_from_map(1.0, Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.3));
+  std::vector<LandmarkIndex> half;
+  for (std::uint32_t i = 0; i < map.landmark_count(); i += 2) half.push_back(LandmarkIndex{i});
+  const LandmarkMap part = transformed(with_landmarks(map, half), world_from_map.inverse());
+  const std::vector<PlacedMap> maps = {{&map, "all", {}}, {&part, "part", world_from_map}};
+  const LandmarkMap fused = fuse_maps(maps).map;
+  EXPECT_EQ(fused.frame_count(), map.frame_count());
+  EXPECT_EQ(fused.rigs().size(), 1U);
+  EXPECT_LT(testing::off_rig(fused), 1e-12);
 }
 
 // Two robots' first images: the clock is at 0, the file is called 0.png, and they see different things.

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
+#include "cairn/map/rigid_frames.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {
@@ -85,8 +87,10 @@ Similarity3 closest_similarity(std::span<const Eigen::Vector3d> from,
 
 LandmarkMap moved(const LandmarkMap& map, const MotionField& field) {
   MapTables tables = LandmarkMap(map).tables();
+  std::vector<double> scales;
   for (std::size_t i = 0; i < field.keyframes.size(); ++i) {
     const Similarity3& motion = field.keyframes[i];
+    scales.push_back(motion.scale());
     auto& q = tables.frames.quaternions[i];
     const Eigen::Quaterniond turned =
         motion.rigid().quaternion() * Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
@@ -101,6 +105,12 @@ LandmarkMap moved(const LandmarkMap& map, const MotionField& field) {
         motion.scale() * motion.scale() *
         rotated_covariance(tables.landmarks.covariances[i], motion.rigid().rotation());
   }
+  for (Rig& rig : tables.rigs) {
+    for (Rig::Mount& mount : rig.mounts) {
+      mount.translation *= scales.empty() ? 1.0 : upper_median(scales);
+    }
+  }
+  hold_rigs(tables);
   return LandmarkMap(std::move(tables));
 }
 

@@ -56,7 +56,7 @@ class CameraMotion {
   std::vector<Eigen::Vector3d> to_;
 };
 
-/// The map, each keyframe and landmark moved. Cameras and covariances turn, too.
+/// The map, each keyframe and landmark moved. Cameras and covariances turn, too. Frames of a rig move with their lead.
 LandmarkMap moved(const LandmarkMap& map, const MotionField& field);
 
 /// The left perturbation (δt, δφ, δ log s) that moves `from` to `to`.

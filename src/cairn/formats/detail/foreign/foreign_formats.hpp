@@ -23,7 +23,8 @@ struct ColmapSources {
   ByteSource* cameras = nullptr;
   ByteSource* images = nullptr;
   ByteSource* points = nullptr;  ///< required
-  ByteSource* rigs = nullptr;    ///< only counted: Cairn keeps a pose for each image
+  ByteSource* rigs = nullptr;
+  ByteSource* frames = nullptr;  ///< which images a rig took at one instant
 };
 
 /// Reads a COLMAP model (docs/formats.md): images become frames, 3D points landmarks of free scale, both
@@ -36,7 +37,7 @@ LandmarkMap read_colmap(const ColmapSources& sources, ColmapForm form,
 LandmarkMap read_colmap(const std::filesystem::path& folder, ColmapForm form,
                         const MapReadOptions& options = {});
 
-/// Writes a COLMAP model without rigs, which every version of COLMAP reads.
+/// Writes a COLMAP model, with rigs and frames if the map has rigs: versions before 3.12 do not read these two.
 /// @param folder must be new or empty
 /// @throws Error (input) if a frame has no camera, or a name that the form cannot represent, (storage)
 void write_colmap(const LandmarkMap& map, const std::filesystem::path& folder, ColmapForm form,
@@ -55,6 +56,8 @@ struct OpenSfmSources {
   ByteSource* tracks = nullptr;          ///< tracks.csv, the observations; null if missing
   ByteSource* control_points = nullptr;  ///< ground_control_points.json; null if missing
   ByteSource* control_list = nullptr;    ///< gcp_list.txt, more control points; null if missing
+  ByteSource* reference = nullptr;       ///< reference_lla.json; null if missing
+  ByteSource* overrides = nullptr;       ///< exif_overrides.json; null if missing
 };
 
 /// Reads a reconstruction of an OpenSfM file (docs/formats.md): shots become frames, numbered from 0 in the

@@ -14,6 +14,7 @@
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/memory_budget.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/rigid_frames.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -170,6 +171,49 @@ void SfmBuilder::add_observation(const SfmObservation& observation) {
   descriptor_ends_.push_back(descriptors_.size());
 }
 
+// Rigs of one camera each say nothing that the cameras do not.
+void SfmBuilder::set_instants() {
+  const bool is_plain = std::all_of(tables_.rigs.begin(), tables_.rigs.end(),
+                                    [](const Rig& rig) { return rig.mounts.size() < 2; });
+  if (is_plain) {
+    tables_.rigs.clear();
+    return;
+  }
+  constexpr double kTolerance = 1e-9;
+  const auto from_rig = cameras_from_rigs(tables_.rigs);
+  FrameTable& frames = tables_.frames;
+  frames.instants.assign(frame_count(), std::nullopt);
+  std::size_t unmounted = 0;
+  std::size_t elsewhere = 0;
+  double farthest = 0.0;
+  for (const auto& [instant, frame, rig_from_world] : taken_) {
+    const auto camera = frames.cameras[frame.value];
+    const auto mount = camera ? from_rig.find(*camera) : from_rig.end();
+    if (mount == from_rig.end()) {
+      ++unmounted;
+      continue;
+    }
+    frames.instants[frame.value] = instant;
+    const auto& q = frames.quaternions[frame.value];
+    const Rigid3 stated(Eigen::Quaterniond(q[0], q[1], q[2], q[3]),
+                        frames.translations[frame.value]);
+    const Rigid3 expected = (mount->second * rig_from_world).inverse();
+    const double apart = (stated.translation() - expected.translation()).norm();
+    const bool is_there = apart <= kTolerance * std::max(1.0, expected.translation().norm()) &&
+                          stated.quaternion().angularDistance(expected.quaternion()) <= kTolerance;
+    if (is_there) continue;
+    ++elsewhere;
+    farthest = std::max(farthest, apart);
+  }
+  lost(unmounted, "images of rigs have a camera that no rig states; they count as images alone");
+  if (elsewhere > 0) {
+    remark(
+        fmt::format("{} of {} images of rigs are not where their rig has them, up to {:.3g} "
+                    "away; they stay where they are",
+                    elsewhere, taken_.size(), farthest));
+  }
+}
+
 void SfmBuilder::sort_by_id() {
   const auto frames = rows_by_id(tables_.frames.ids);
   const auto landmarks = rows_by_id(tables_.landmarks.ids);
@@ -262,6 +306,7 @@ void SfmBuilder::choose_descriptors(const std::vector<std::size_t>& entries) {
 LandmarkMap SfmBuilder::finish(const SfmEnd& end) && {
   LandmarkTable& landmarks = tables_.landmarks;
   if (!landmarks.colors.empty()) landmarks.colors.resize(landmarks.ids.size());
+  set_instants();
   if (end.sort_by_id) sort_by_id();
   const std::size_t left_out = group_observations(end.observations_by_frame);
   if (!end.lost_observations.empty()) lost(left_out, end.lost_observations);

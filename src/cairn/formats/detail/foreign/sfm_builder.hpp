@@ -84,6 +84,11 @@ class SfmBuilder {
   std::optional<CameraIndex> camera(const std::string& key) const;
 
   FrameIndex add_frame(SfmFrame frame);
+  /// Adds a frame to those that a rig took at one instant. finish() knows the rigs.
+  /// @param rig_from_world says where the frame is expected
+  void add_to_instant(InstantId instant, FrameIndex frame, const Rigid3& rig_from_world) {
+    taken_.push_back({instant, frame, rig_from_world});
+  }
   std::size_t frame_count() const { return tables_.frames.ids.size(); }
 
   void add_landmark(std::uint64_t id, const Eigen::Vector3d& position,
@@ -108,6 +113,12 @@ class SfmBuilder {
   LandmarkMap finish(const SfmEnd& end = {}) &&;
 
  private:
+  struct Taken {
+    InstantId instant;
+    FrameIndex frame;
+    Rigid3 rig_from_world;
+  };
+  void set_instants();
   void sort_by_id();
   std::size_t group_observations(bool by_frame);
   std::vector<std::uint32_t> landmark_rows() const;
@@ -118,6 +129,7 @@ class SfmBuilder {
   double first_pixel_;
   MapTables tables_;
   std::unordered_map<std::string, std::optional<CameraIndex>> cameras_;
+  std::vector<Taken> taken_;
   std::vector<std::uint64_t> observed_ids_;  // landmark of each observation
   std::string descriptor_kind_;
   DescriptorNorm norm_ = DescriptorNorm::kHamming;

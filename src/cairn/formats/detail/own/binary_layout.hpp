@@ -68,7 +68,7 @@ struct Layout {
   std::uint64_t bytes_each;  // 0: different for entries, or not known in advance
 };
 
-inline constexpr std::array<Layout, 34> kLayouts = {{
+inline constexpr std::array<Layout, 36> kLayouts = {{
     {"world frame", Per::kFile, 0},
     {"gravity", Per::kFile, 24},
     {"uuid", Per::kFile, 0},
@@ -103,8 +103,10 @@ inline constexpr std::array<Layout, 34> kLayouts = {{
     {"further descriptors", Per::kFile, 0},
     {"control points", Per::kFile, 0},
     {"pose covariances", Per::kFrame, 8 * kUpperTriangle},
+    {"rigs", Per::kFile, 0},
+    {"instants", Per::kFrame, 8},
 }};
-static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kPoseCovariances));
+static_assert(kLayouts.size() == static_cast<std::size_t>(MapColumn::kInstants));
 
 constexpr std::size_t index_of(MapColumn column) {
   return static_cast<std::size_t>(column) - 1;
@@ -115,10 +117,11 @@ constexpr std::uint64_t aligned(std::uint64_t byte) {
 }
 
 /// The parts of a map, of which a LandmarkMap shows constant ones.
-template <class Info, class Cameras, class Frames, class Landmarks, class Observations>
+template <class Info, class Cameras, class Rigs, class Frames, class Landmarks, class Observations>
 struct MapParts {
   Info& info;
   Cameras& cameras;
+  Rigs& rigs;
   Frames& frames;
   Landmarks& landmarks;
   Observations& observations;
@@ -167,12 +170,21 @@ void code_sections(Codec& codec, const Parts& map) {
     io(camera.model, "model");
     io(camera.parameters, "parameters");
   });
+  codec.entries(kRigs, map.rigs, [&](auto& io, auto& rig) {
+    io(rig.id.value, "id");
+    io.list(rig.mounts, "number of cameras", [&](auto& mount) {
+      io(mount.camera.value, "camera");
+      vector(io, mount.quaternion);
+      vector(io, mount.translation);
+    });
+  });
 
   auto& frames = map.frames;
   codec.rows(kFrameIds, frames.ids);
   codec.rows(kTranslations, frames.translations);
   codec.rows(kQuaternions, frames.quaternions);
   codec.integers(kFrameCameras, frames.cameras, 0, kMost32);
+  codec.integers(kInstants, frames.instants, 0, kMost32);
   codec.template numbers<1>(kTimestamps, frames.timestamps_s, number);
   codec.names(kImageNames, frames.image_names);
   codec.template numbers<4>(kGnss, frames.gnss, [=](auto& io, auto& fix) {
