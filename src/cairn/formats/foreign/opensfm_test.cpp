@@ -130,6 +130,8 @@ TEST_F(OpenSfmTest, RigInstancesSayWhichShotsAreOfOneInstantAndPose) {
   EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
   EXPECT_LT(testing::off_rig(map), 1e-15);
   EXPECT_LT(testing::off_rig(ImportTest::read(write(map, "model/"))), 1e-15);
+  write(map, "again.json", {.format = "opensfm"});
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("no place for: 1 rigs")));
 }
 
 TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
