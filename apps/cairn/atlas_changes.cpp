@@ -2,9 +2,7 @@
 // Verbs of atlas that take back or look back: remove, split, unlink, log, undo, diff, verify, compact, salvage.
 #include <algorithm>
 #include <iterator>
-#include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <fmt/format.h>

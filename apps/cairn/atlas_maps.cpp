@@ -2,7 +2,6 @@
 // Verbs of atlas that make a map of maps: init, add, link, optimize, merge.
 #include <algorithm>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>

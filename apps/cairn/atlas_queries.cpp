@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Verbs of atlas that read it: show, path, export.
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cstddef>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <system_error>
 #include <vector>

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <array>
 #include <cmath>
-#include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>

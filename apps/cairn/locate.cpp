@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <span>
 #include <utility>
-#include <variant>
 
 #include <fmt/format.h>
 

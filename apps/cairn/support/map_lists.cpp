@@ -2,7 +2,6 @@
 #include "support/map_lists.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <set>
 #include <system_error>

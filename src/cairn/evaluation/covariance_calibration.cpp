@@ -4,11 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/geometry/rigid3.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>

@@ -5,9 +5,7 @@
 #include <array>
 #include <cmath>
 #include <initializer_list>
-#include <limits>
 #include <numbers>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>

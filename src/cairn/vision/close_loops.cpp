@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <set>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/vision/map_sequence.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/vision/odometry.hpp"
 
-#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
