@@ -48,62 +48,6 @@ DemoPair synthetic_demo(const CommonArguments& common) {
   return demo;
 }
 
-struct DemoArguments {
-  CommonArguments common;
-  std::string displacement = "0.15 -0.1 0.05 3 -4 15";
-  std::string save;
-  bool synthetic = false;
-  std::size_t frames = 150;
-
-  void add_to(const Command& command);
-  int run();
-
- private:
-  void check() const;
-  DemoPair make_pair() const;
-  Json options_json() const;
-  report::Report make_report(const DemoPair& pair, const Rigid3& initial,
-                             const std::vector<StrategyResult>& alignments, const Json& json) const;
-  std::string save_to_folder(const DemoPair& pair, const Rigid3& initial) const;
-  void print(const DemoPair& pair, const IcpOptions& options,
-             const std::vector<StrategyResult>& alignments, const std::string& saved) const;
-};
-
-void DemoArguments::add_to(const Command& command) {
-  common.seed = 1;
-  if (kCanSimulate) {
-    const Option flag = command.add_flag(
-        "--synthetic", synthetic, "Align maps of random landmarks, without images; takes a second");
-    add_number(command, "--frames", frames, "Frames per session, along one orbit of the desk")
-        .excludes(flag);
-  } else {
-    command.add_flag(
-        "--synthetic", synthetic,
-        "Align maps of random landmarks; this build, without OpenCV, Ceres or Embree, always does");
-  }
-  command.add_text(
-      "--displacement", displacement,
-      "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
-      "and degrees",
-      "POSE");
-  command.add_text("--save", save,
-                   kCanSimulate
-                       ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
-                         "trajectories (.tum) to FOLDER"
-                       : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
-                   "FOLDER");
-  common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
-  common.add_to(command);
-  common.add_threads_to(command);
-  common.add_seed_to(command);
-  command.footer(
-      "Example: save the maps and align them\n"
-      "  cairn demo --save desk\n"
-      "  cairn align desk/source.map desk/target.map\n"
-      "  cairn align desk/source.map desk/target.map --initial-matrix desk/initial.txt \\\n"
-      "      --truth desk/truth.txt --method icp --confidence observations");
-}
-
 // The displacement happens at the landmarks: about the source's origin, a turn would also throw the
 // map aside by the distance between the two.
 Rigid3 displaced(const Rigid3& truth, const Rigid3& displacement, const LandmarkMap& source) {
@@ -123,139 +67,185 @@ void make_folder(const std::string& folder) {
   }
 }
 
-void DemoArguments::check() const {
-  constexpr std::size_t kFewest = 10;
-  constexpr std::size_t kMost = 10000;
-  refuse_if(frames < kFewest || frames > kMost, "--frames", fmt::format("{}", frames),
-            fmt::format("{} to {}", kFewest, kMost));
-}
+struct DemoArguments {
+  CommonArguments common;
+  std::string displacement = "0.15 -0.1 0.05 3 -4 15";
+  std::string save;
+  bool synthetic = false;
+  std::size_t frames = 150;
 
-DemoPair DemoArguments::make_pair() const {
+  void add_to(const Command& command) {
+    common.seed = 1;
+    if (kCanSimulate) {
+      const Option flag =
+          command.add_flag("--synthetic", synthetic,
+                           "Align maps of random landmarks, without images; takes a second");
+      add_number(command, "--frames", frames, "Frames per session, along one orbit of the desk")
+          .excludes(flag);
+    } else {
+      command.add_flag("--synthetic", synthetic,
+                       "Align maps of random landmarks; this build, without OpenCV, Ceres or "
+                       "Embree, always does");
+    }
+    command.add_text(
+        "--displacement", displacement,
+        "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
+        "and degrees",
+        "POSE");
+    command.add_text("--save", save,
+                     kCanSimulate
+                         ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
+                           "trajectories (.tum) to FOLDER"
+                         : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
+                     "FOLDER");
+    common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
+    common.add_to(command);
+    common.add_threads_to(command);
+    common.add_seed_to(command);
+    command.footer(
+        "Example: save the maps and align them\n"
+        "  cairn demo --save desk\n"
+        "  cairn align desk/source.map desk/target.map\n"
+        "  cairn align desk/source.map desk/target.map --initial-matrix desk/initial.txt \\\n"
+        "      --truth desk/truth.txt --method icp --confidence observations");
+  }
+
+  int run() {
+    const Rigid3 offset = parse_pose(displacement, "--displacement");
+    check();
+    if (!save.empty()) make_folder(save);  // where the document may go, too
+    require_outputs(common);
+    const DemoPair pair = make_pair();
+    IcpOptions options;
+    options.overlap_radius = 0.05;
+    options.trace = !common.report_path.empty();
+    options.initial = displaced(pair.target_from_source, offset, pair.source);
+    std::vector<StrategyResult> alignments = align_by_all(
+        pair.source, pair.target, parse_strategies("none,covariance,observations,distance"),
+        by_icp_alone(options, {}), pair.target_from_source, common);
+    AlignOptions everywhere;
+    everywhere.trace = options.trace;
+    everywhere.seed = common.seed;
+    everywhere.overlap_radius = options.overlap_radius;
+    std::vector<StrategyResult> searched =
+        align_by_all(pair.source, pair.target, parse_strategies("none"), everywhere,
+                     pair.target_from_source, common);
+    alignments.push_back(std::move(searched.front()));
+
+    std::string saved;
+    if (!save.empty()) saved = save_to_folder(pair, options.initial);
+    Json json = document("demo", common, Json::object(), options_json(), kAlignmentVersion);
+    json.update(pair.description);
+    json["truth"] = to_json(pair.target_from_source);
+    json["initial"] = to_json(options.initial);
+    json["results"] = Json::array();
+    for (const StrategyResult& alignment : alignments) {
+      json["results"].push_back(to_json(alignment, HistoryDetail::kPoses));
+    }
+    write_document(json, common);
+    print(pair, options, alignments, saved);
+    if (!common.report_path.empty()) {
+      write_report(make_report(pair, options.initial, alignments, json), common);
+    }
+    return kDone;
+  }
+
+ private:
+  void check() const {
+    constexpr std::size_t kFewest = 10;
+    constexpr std::size_t kMost = 10000;
+    refuse_if(frames < kFewest || frames > kMost, "--frames", fmt::format("{}", frames),
+              fmt::format("{} to {}", kFewest, kMost));
+  }
+
+  DemoPair make_pair() const {
 #ifdef CAIRN_HAS_SIMULATED_SESSIONS
-  if (!synthetic) return simulated_demo(frames, common);
+    if (!synthetic) return simulated_demo(frames, common);
 #endif
-  return synthetic_demo(common);
-}
-
-Json DemoArguments::options_json() const {
-  const bool simulates = kCanSimulate && !synthetic;
-  return {{"synthetic", !simulates},
-          {"frames", simulates ? Json(frames) : Json(nullptr)},
-          {"displacement", displacement}};
-}
-
-report::Report DemoArguments::make_report(const DemoPair& pair, const Rigid3& initial,
-                                          const std::vector<StrategyResult>& alignments,
-                                          const Json& json) const {
-  ReportedPair shown;
-  shown.source_name = "Second session";
-  shown.target_name = "first session";
-  shown.source = &pair.source;
-  shown.target = &pair.target;
-  shown.initial = initial;
-  shown.truth = pair.target_from_source;
-  shown.results = alignments;
-  // Its table is for a terminal; the sentences before are for all.
-  std::string story = pair.story.substr(0, pair.story.find("\n\n"));
-  if (story.ends_with(':')) story.back() = '.';
-  shown.story = std::move(story);
-  report::Report report = begin_report("Two sessions of one desk", common);
-  report.subtitle = subtitle_of(alignments, LengthUnit::kMetres);
-  set_provenance(report, json);
-  add_pair(report, shown);
-  return report;
-}
-
-std::string DemoArguments::save_to_folder(const DemoPair& pair, const Rigid3& initial) const {
-  const std::filesystem::path folder = save;
-  std::string names = "source.map target.map truth.txt initial.txt";
-  save_map(pair.source, folder / "source.map", common);
-  save_map(pair.target, folder / "target.map", common);
-  write_pose(folder / "truth.txt", pair.target_from_source);
-  write_pose(folder / "initial.txt", initial);
-  for (const NamedTrajectory& named : pair.trajectories) {
-    write_file(folder / named.file, [&](const ByteSink& sink) {
-      write_trajectory(named.trajectory, TrajectoryFormat::kTum, sink);
-    });
-    names += " " + named.file;
+    return synthetic_demo(common);
   }
-  return names;
-}
 
-void DemoArguments::print(const DemoPair& pair, const IcpOptions& options,
-                          const std::vector<StrategyResult>& alignments,
-                          const std::string& saved) const {
-  const Console console = common.console();
-  const PoseError start =
-      pose_error(options.initial, pair.target_from_source, pair.source.landmarks().positions);
-  console.print(pair.story);
-  const StrategyResult& searched = alignments.back();
-  console.print(
-      "Pose of the second session in the first, found without an initial pose:\n"
-      "\n"
-      "{}: {}\n",
-      status_of(searched.alignment), searched.alignment.reason);
-  if (searched.error) {
-    console.print("Its error is {:.2f} mm and {:.3f} degrees.\n", 1e3 * searched.error->translation,
-                  degrees(searched.error->rotation_rad));
+  Json options_json() const {
+    const bool simulates = kCanSimulate && !synthetic;
+    return {{"synthetic", !simulates},
+            {"frames", simulates ? Json(frames) : Json(nullptr)},
+            {"displacement", displacement}};
   }
-  console.print(
-      "\n"
-      "The paper's ICP, from an initial pose {:.2f} m and {:.1f} degrees off and "
-      "without a verdict:\n"
-      "\n",
-      start.translation, degrees(start.rotation_rad));
-  const std::vector<StrategyResult> by_icp(alignments.begin(), alignments.end() - 1);
-  console.print(alignment_table(by_icp, LengthUnit::kMetres));
-  console.print(
-      "error    difference from the true pose; a lower score does not always mean a smaller error\n"
-      "\n"
-      "Confidence none is plain ICP: it matches each landmark to the nearest one. The others match "
-      "it to\n"
-      "the most confident of the k nearest: smallest covariance, most observations, closest "
-      "observer.\n");
-  if (!saved.empty()) console.print("\nSaved to {}: {}\n", save, saved);
-}
 
-int DemoArguments::run() {
-  const Rigid3 offset = parse_pose(displacement, "--displacement");
-  check();
-  if (!save.empty()) make_folder(save);  // where the document may go, too
-  require_outputs(common);
-  const DemoPair pair = make_pair();
-  IcpOptions options;
-  options.overlap_radius = 0.05;
-  options.trace = !common.report_path.empty();
-  options.initial = displaced(pair.target_from_source, offset, pair.source);
-  std::vector<StrategyResult> alignments = align_by_all(
-      pair.source, pair.target, parse_strategies("none,covariance,observations,distance"),
-      by_icp_alone(options, {}), pair.target_from_source, common);
-  AlignOptions everywhere;
-  everywhere.trace = options.trace;
-  everywhere.seed = common.seed;
-  everywhere.overlap_radius = options.overlap_radius;
-  std::vector<StrategyResult> searched =
-      align_by_all(pair.source, pair.target, parse_strategies("none"), everywhere,
-                   pair.target_from_source, common);
-  alignments.push_back(std::move(searched.front()));
+  report::Report make_report(const DemoPair& pair, const Rigid3& initial,
+                             const std::vector<StrategyResult>& alignments,
+                             const Json& json) const {
+    ReportedPair shown;
+    shown.source_name = "Second session";
+    shown.target_name = "first session";
+    shown.source = &pair.source;
+    shown.target = &pair.target;
+    shown.initial = initial;
+    shown.truth = pair.target_from_source;
+    shown.results = alignments;
+    // Its table is for a terminal; the sentences before are for all.
+    std::string story = pair.story.substr(0, pair.story.find("\n\n"));
+    if (story.ends_with(':')) story.back() = '.';
+    shown.story = std::move(story);
+    report::Report report = begin_report("Two sessions of one desk", common);
+    report.subtitle = subtitle_of(alignments, LengthUnit::kMetres);
+    set_provenance(report, json);
+    add_pair(report, shown);
+    return report;
+  }
 
-  std::string saved;
-  if (!save.empty()) saved = save_to_folder(pair, options.initial);
-  Json json = document("demo", common, Json::object(), options_json(), kAlignmentVersion);
-  json.update(pair.description);
-  json["truth"] = to_json(pair.target_from_source);
-  json["initial"] = to_json(options.initial);
-  json["results"] = Json::array();
-  for (const StrategyResult& alignment : alignments) {
-    json["results"].push_back(to_json(alignment, HistoryDetail::kPoses));
+  std::string save_to_folder(const DemoPair& pair, const Rigid3& initial) const {
+    const std::filesystem::path folder = save;
+    std::string names = "source.map target.map truth.txt initial.txt";
+    save_map(pair.source, folder / "source.map", common);
+    save_map(pair.target, folder / "target.map", common);
+    write_pose(folder / "truth.txt", pair.target_from_source);
+    write_pose(folder / "initial.txt", initial);
+    for (const NamedTrajectory& named : pair.trajectories) {
+      write_file(folder / named.file, [&](const ByteSink& sink) {
+        write_trajectory(named.trajectory, TrajectoryFormat::kTum, sink);
+      });
+      names += " " + named.file;
+    }
+    return names;
   }
-  write_document(json, common);
-  print(pair, options, alignments, saved);
-  if (!common.report_path.empty()) {
-    write_report(make_report(pair, options.initial, alignments, json), common);
+
+  void print(const DemoPair& pair, const IcpOptions& options,
+             const std::vector<StrategyResult>& alignments, const std::string& saved) const {
+    const Console console = common.console();
+    const PoseError start =
+        pose_error(options.initial, pair.target_from_source, pair.source.landmarks().positions);
+    console.print(pair.story);
+    const StrategyResult& searched = alignments.back();
+    console.print(
+        "Pose of the second session in the first, found without an initial pose:\n"
+        "\n"
+        "{}: {}\n",
+        status_of(searched.alignment), searched.alignment.reason);
+    if (searched.error) {
+      console.print("Its error is {:.2f} mm and {:.3f} degrees.\n",
+                    1e3 * searched.error->translation, degrees(searched.error->rotation_rad));
+    }
+    console.print(
+        "\n"
+        "The paper's ICP, from an initial pose {:.2f} m and {:.1f} degrees off and "
+        "without a verdict:\n"
+        "\n",
+        start.translation, degrees(start.rotation_rad));
+    const std::vector<StrategyResult> by_icp(alignments.begin(), alignments.end() - 1);
+    console.print(alignment_table(by_icp, LengthUnit::kMetres));
+    console.print(
+        "error    difference from the true pose; a lower score does not always mean a smaller "
+        "error\n"
+        "\n"
+        "Confidence none is plain ICP: it matches each landmark to the nearest one. The others "
+        "match "
+        "it to\n"
+        "the most confident of the k nearest: smallest covariance, most observations, closest "
+        "observer.\n");
+    if (!saved.empty()) console.print("\nSaved to {}: {}\n", save, saved);
   }
-  return kDone;
-}
+};
 
 }  // namespace
 

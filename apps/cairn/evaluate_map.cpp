@@ -38,107 +38,6 @@ struct Calibration {
   CovarianceCalibration result;
 };
 
-struct EvaluateMapArguments {
-  CommonArguments common;
-  std::string input;
-  std::string camera;
-  std::string truth_map;
-  std::string truth_trajectory;
-  std::string truth_depth;
-  std::size_t min_observations = 2;
-  double max_time_difference_s = 0.02;
-  double inlier_px = kInlierPx;
-
-  void add_to(const Command& command);
-  int run();
-
- private:
-  void check_options() const;
-  std::vector<std::optional<Eigen::Vector3d>> true_positions(
-      const LandmarkMap& map, const std::optional<LoadedMap>& truth) const;
-  Calibration calibrate(const LandmarkMap& map, const std::optional<LoadedMap>& truth) const;
-  void print(const LoadedMap& loaded, const LandmarkMap& kept, const MapConsistency& consistency,
-             const std::optional<Calibration>& calibration) const;
-};
-
-void EvaluateMapArguments::add_to(const Command& command) {
-  command.add_text("map", input, "Map to evaluate: " + all_formats().titles_text()).required();
-  command.add_text("--camera", camera,
-                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
-                   "CAMERA");
-  command.add_text(
-      "--truth-map", truth_map,
-      "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
-      "covariances",
-      "MAP");
-  command.add_text(
-      "--truth-trajectory", truth_trajectory,
-      "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
-      "(TUM format)",
-      "FILE");
-#ifdef CAIRN_HAS_ODOMETRY
-  command.add_text(
-      "--truth-depth", truth_depth,
-      "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
-      "images, as written by cairn simulate --no-depth-noise",
-      "FOLDER");
-#endif
-  add_number(command, "--max-time-difference", max_time_difference_s,
-             "Largest time difference between a frame and its true pose, seconds");
-  add_number(command, "--min-observations", min_observations,
-             "Leave out landmarks with fewer observations");
-  add_number(command, "--inlier-px", inlier_px, "Largest reprojection error of an inlier, pixels");
-  common.add_csv_to(command, "landmark");
-  common.add_to(command);
-  command.footer(
-      "Example: print the reprojection errors, then evaluate the covariances\n"
-      "  cairn evaluate map desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"\n"
-      "  cairn evaluate map desk.map --truth-map true.map --csv landmarks.csv");
-}
-
-void EvaluateMapArguments::check_options() const {
-  refuse_if(!kFinitePositive.contains(inlier_px), "--inlier-px", fmt::format("{}", inlier_px),
-            "a positive number");
-  refuse_if(!(max_time_difference_s > 0.0), "--max-time-difference",
-            fmt::format("{}", max_time_difference_s), "a positive number");
-  refuse_if(!truth_trajectory.empty() && truth_map.empty(), "--truth-trajectory",
-            "given without --truth-map", "both, because a trajectory has no landmarks");
-  refuse_if(!truth_depth.empty() && !truth_map.empty(), "--truth-depth", "given with --truth-map",
-            "one of them");
-  require_outputs(common);
-}
-
-std::vector<std::optional<Eigen::Vector3d>> EvaluateMapArguments::true_positions(
-    const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
-#ifdef CAIRN_HAS_ODOMETRY
-  if (!truth) {
-    return true_positions_from_depth(map, truth_depth, SequenceOptions().depth_units_per_metre);
-  }
-#endif
-  KeyframePoses poses;
-  if (truth_trajectory.empty()) {
-    poses = keyframe_poses(map, truth->map);
-  } else {
-    poses = keyframe_poses(map, read_trajectory(truth_trajectory, common.console().log()),
-                           max_time_difference_s);
-  }
-  return true_positions_in_first_keyframe(map, truth->map, poses);
-}
-
-Calibration EvaluateMapArguments::calibrate(const LandmarkMap& map,
-                                            const std::optional<LoadedMap>& truth) const {
-  Calibration calibration;
-  calibration.landmarks = estimates_in_first_keyframe(map, true_positions(map, truth));
-  calibration.result = calibrate_covariances(calibration.landmarks);
-  reject_if(!calibration.result.all, truth_map.empty() ? truth_depth : truth_map,
-            fmt::format("no landmark can be judged: of {}, {} without a true position in their "
-                        "first keyframe, {} without covariance, {} with a singular one",
-                        map.landmark_count(), calibration.result.without_truth,
-                        calibration.result.without_covariance, calibration.result.singular),
-            "landmarks and frames with the ids of " + input);
-  return calibration;
-}
-
 // ---- Output
 
 Json json_of(const ReprojectionStatistics& reprojection) {
@@ -282,89 +181,181 @@ std::string calibration_text(const CovarianceCalibration& calibration, const std
   return text;
 }
 
-void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kept,
-                                 const MapConsistency& consistency,
-                                 const std::optional<Calibration>& calibration) const {
-  const Console console = common.console();
-  const std::string unit = unit_symbol(kept.info().length_unit);
-  console.print("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
-                kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
-                kept.observation_count());
-  Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
-               fmt::format("below {:g} px", inlier_px)});
-  if (const auto& reprojection = consistency.reprojection) {
-    add_statistics(table, "reprojection", "px", 3, reprojection->px, reprojection->inlier_share);
-    for (const auto& [octave, statistics] : consistency.by_octave) {
-      add_statistics(table, fmt::format("  octave {}", octave), "px", 3, statistics.px,
-                     statistics.inlier_share);
+struct EvaluateMapArguments {
+  CommonArguments common;
+  std::string input;
+  std::string camera;
+  std::string truth_map;
+  std::string truth_trajectory;
+  std::string truth_depth;
+  std::size_t min_observations = 2;
+  double max_time_difference_s = 0.02;
+  double inlier_px = kInlierPx;
+
+  void add_to(const Command& command) {
+    command.add_text("map", input, "Map to evaluate: " + all_formats().titles_text()).required();
+    command.add_text("--camera", camera,
+                     fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                     "CAMERA");
+    command.add_text(
+        "--truth-map", truth_map,
+        "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
+        "covariances",
+        "MAP");
+    command.add_text(
+        "--truth-trajectory", truth_trajectory,
+        "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
+        "(TUM format)",
+        "FILE");
+#ifdef CAIRN_HAS_ODOMETRY
+    command.add_text(
+        "--truth-depth", truth_depth,
+        "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
+        "images, as written by cairn simulate --no-depth-noise",
+        "FOLDER");
+#endif
+    add_number(command, "--max-time-difference", max_time_difference_s,
+               "Largest time difference between a frame and its true pose, seconds");
+    add_number(command, "--min-observations", min_observations,
+               "Leave out landmarks with fewer observations");
+    add_number(command, "--inlier-px", inlier_px,
+               "Largest reprojection error of an inlier, pixels");
+    common.add_csv_to(command, "landmark");
+    common.add_to(command);
+    command.footer(
+        "Example: print the reprojection errors, then evaluate the covariances\n"
+        "  cairn evaluate map desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"\n"
+        "  cairn evaluate map desk.map --truth-map true.map --csv landmarks.csv");
+  }
+
+  int run() {
+    check_options();
+    const auto given_camera =
+        camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
+    const LoadedMap loaded = load_map(input, common);
+    const auto truth =
+        truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
+
+    LandmarkMap map = with_landmarks(loaded.map, landmarks_observed(loaded.map, min_observations));
+    reject_if(map.landmark_count() == 0, input,
+              fmt::format("has no landmarks with {} or more observations", min_observations),
+              "landmarks, or a smaller --min-observations");
+    if (given_camera) map = with_camera(map, *given_camera);
+    const MapConsistency consistency = map_consistency(map, inlier_px);
+    if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {
+      const std::string& pixels = consistency.missing_for_reprojection;
+      const std::string& depths = consistency.missing_for_depth;
+      throw Error(ErrorKind::kInput, input,
+                  pixels.empty()     ? "no observation is in a frame with a camera"
+                  : pixels == depths ? fmt::format("the map has no {}", pixels)
+                                     : fmt::format("the map has no {} and no {}", pixels, depths),
+                  "one of them, --camera for reprojection errors, or --truth-map");
     }
-  }
-  if (consistency.depth) add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
-  if (consistency.reprojection || consistency.depth) console.print(table.text());
-  if (consistency.depth_bias) {
-    console.print("measured depths are {} {} {} than those of the map, on average\n",
-                  fixed(std::abs(*consistency.depth_bias), 5), unit,
-                  *consistency.depth_bias < 0.0 ? "shorter" : "longer");
-  }
-  if (consistency.observations_behind > 0) {
-    console.print("observations of landmarks behind their camera: {}\n",
-                  consistency.observations_behind);
-  }
-  if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
-    console.print("no reprojection errors: the map has no {}{}\n", missing,
-                  missing.starts_with("cameras") ? "; add --camera" : "");
-  }
-  if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
-    console.print("no depth errors: the map has no {}\n", missing);
-  }
-  if (calibration) console.print("\n" + calibration_text(calibration->result, unit));
-}
+    const auto calibration =
+        truth || !truth_depth.empty() ? std::optional(calibrate(map, truth)) : std::nullopt;
 
-int EvaluateMapArguments::run() {
-  check_options();
-  const auto given_camera =
-      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
-  const LoadedMap loaded = load_map(input, common);
-  const auto truth = truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
-
-  LandmarkMap map = with_landmarks(loaded.map, landmarks_observed(loaded.map, min_observations));
-  reject_if(map.landmark_count() == 0, input,
-            fmt::format("has no landmarks with {} or more observations", min_observations),
-            "landmarks, or a smaller --min-observations");
-  if (given_camera) map = with_camera(map, *given_camera);
-  const MapConsistency consistency = map_consistency(map, inlier_px);
-  if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {
-    const std::string& pixels = consistency.missing_for_reprojection;
-    const std::string& depths = consistency.missing_for_depth;
-    throw Error(ErrorKind::kInput, input,
-                pixels.empty()     ? "no observation is in a frame with a camera"
-                : pixels == depths ? fmt::format("the map has no {}", pixels)
-                                   : fmt::format("the map has no {} and no {}", pixels, depths),
-                "one of them, --camera for reprojection errors, or --truth-map");
+    Json inputs = {{"map", loaded.description}};
+    inputs["map"]["kept_landmarks"] = map.landmark_count();
+    if (truth) inputs["truth_map"] = truth->description;
+    if (!truth_trajectory.empty()) {
+      inputs["truth_trajectory"] = describe_file(truth_trajectory, common);
+    }
+    Json json = document("evaluate_map", common, std::move(inputs),
+                         {{"camera", text_or_null(camera)},
+                          {"truth_depth", text_or_null(truth_depth)},
+                          {"min_observations", min_observations},
+                          {"inlier_px", inlier_px},
+                          {"max_time_difference_s", max_time_difference_s}});
+    json["length_unit"] = to_string(map.info().length_unit);
+    json.update(json_of(consistency));
+    json["calibration"] = calibration ? json_of(calibration->result) : Json(nullptr);
+    write_document(json, common);
+    if (!common.csv_path.empty()) write_rows(rows_of(map, consistency, calibration), common);
+    print(loaded, map, consistency, calibration);
+    return kDone;
   }
-  const auto calibration =
-      truth || !truth_depth.empty() ? std::optional(calibrate(map, truth)) : std::nullopt;
 
-  Json inputs = {{"map", loaded.description}};
-  inputs["map"]["kept_landmarks"] = map.landmark_count();
-  if (truth) inputs["truth_map"] = truth->description;
-  if (!truth_trajectory.empty()) {
-    inputs["truth_trajectory"] = describe_file(truth_trajectory, common);
+ private:
+  void check_options() const {
+    refuse_if(!kFinitePositive.contains(inlier_px), "--inlier-px", fmt::format("{}", inlier_px),
+              "a positive number");
+    refuse_if(!(max_time_difference_s > 0.0), "--max-time-difference",
+              fmt::format("{}", max_time_difference_s), "a positive number");
+    refuse_if(!truth_trajectory.empty() && truth_map.empty(), "--truth-trajectory",
+              "given without --truth-map", "both, because a trajectory has no landmarks");
+    refuse_if(!truth_depth.empty() && !truth_map.empty(), "--truth-depth", "given with --truth-map",
+              "one of them");
+    require_outputs(common);
   }
-  Json json = document("evaluate_map", common, std::move(inputs),
-                       {{"camera", text_or_null(camera)},
-                        {"truth_depth", text_or_null(truth_depth)},
-                        {"min_observations", min_observations},
-                        {"inlier_px", inlier_px},
-                        {"max_time_difference_s", max_time_difference_s}});
-  json["length_unit"] = to_string(map.info().length_unit);
-  json.update(json_of(consistency));
-  json["calibration"] = calibration ? json_of(calibration->result) : Json(nullptr);
-  write_document(json, common);
-  if (!common.csv_path.empty()) write_rows(rows_of(map, consistency, calibration), common);
-  print(loaded, map, consistency, calibration);
-  return kDone;
-}
+
+  std::vector<std::optional<Eigen::Vector3d>> true_positions(
+      const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
+#ifdef CAIRN_HAS_ODOMETRY
+    if (!truth) {
+      return true_positions_from_depth(map, truth_depth, SequenceOptions().depth_units_per_metre);
+    }
+#endif
+    KeyframePoses poses;
+    if (truth_trajectory.empty()) {
+      poses = keyframe_poses(map, truth->map);
+    } else {
+      poses = keyframe_poses(map, read_trajectory(truth_trajectory, common.console().log()),
+                             max_time_difference_s);
+    }
+    return true_positions_in_first_keyframe(map, truth->map, poses);
+  }
+
+  Calibration calibrate(const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
+    Calibration calibration;
+    calibration.landmarks = estimates_in_first_keyframe(map, true_positions(map, truth));
+    calibration.result = calibrate_covariances(calibration.landmarks);
+    reject_if(!calibration.result.all, truth_map.empty() ? truth_depth : truth_map,
+              fmt::format("no landmark can be judged: of {}, {} without a true position in their "
+                          "first keyframe, {} without covariance, {} with a singular one",
+                          map.landmark_count(), calibration.result.without_truth,
+                          calibration.result.without_covariance, calibration.result.singular),
+              "landmarks and frames with the ids of " + input);
+    return calibration;
+  }
+
+  void print(const LoadedMap& loaded, const LandmarkMap& kept, const MapConsistency& consistency,
+             const std::optional<Calibration>& calibration) const {
+    const Console console = common.console();
+    const std::string unit = unit_symbol(kept.info().length_unit);
+    console.print("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
+                  kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
+                  kept.observation_count());
+    Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
+                 fmt::format("below {:g} px", inlier_px)});
+    if (const auto& reprojection = consistency.reprojection) {
+      add_statistics(table, "reprojection", "px", 3, reprojection->px, reprojection->inlier_share);
+      for (const auto& [octave, statistics] : consistency.by_octave) {
+        add_statistics(table, fmt::format("  octave {}", octave), "px", 3, statistics.px,
+                       statistics.inlier_share);
+      }
+    }
+    if (consistency.depth)
+      add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
+    if (consistency.reprojection || consistency.depth) console.print(table.text());
+    if (consistency.depth_bias) {
+      console.print("measured depths are {} {} {} than those of the map, on average\n",
+                    fixed(std::abs(*consistency.depth_bias), 5), unit,
+                    *consistency.depth_bias < 0.0 ? "shorter" : "longer");
+    }
+    if (consistency.observations_behind > 0) {
+      console.print("observations of landmarks behind their camera: {}\n",
+                    consistency.observations_behind);
+    }
+    if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
+      console.print("no reprojection errors: the map has no {}{}\n", missing,
+                    missing.starts_with("cameras") ? "; add --camera" : "");
+    }
+    if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
+      console.print("no depth errors: the map has no {}\n", missing);
+    }
+    if (calibration) console.print("\n" + calibration_text(calibration->result, unit));
+  }
+};
 
 }  // namespace
 
