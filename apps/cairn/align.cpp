@@ -32,7 +32,6 @@
 #include "support/documents.hpp"
 #include "support/hints.hpp"
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

@@ -20,7 +20,6 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/map_lists.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

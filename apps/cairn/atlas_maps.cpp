@@ -18,7 +18,6 @@
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/map_lists.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -25,7 +25,6 @@
 #include "support/atlas_arguments.hpp"
 #include "support/console.hpp"
 #include "support/map_lists.hpp"
-#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

@@ -18,7 +18,6 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

@@ -27,7 +27,6 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 #include "support/saved_results.hpp"
 
 namespace cairn::cli {

@@ -33,7 +33,6 @@
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 #include "support/reports.hpp"
 #include "support/trial_results.hpp"
 
@@ -242,9 +241,8 @@ struct SweepArguments {
   int run() {
     const Shard part = shard();
     require_outputs(common);
-    if (check_only && !(common.json_path.empty() && common.report_path.empty())) {
-      throw Error(ErrorKind::kMisuse, "--check", "given with --json or --report", "--check alone");
-    }
+    refuse_if(check_only && !(common.json_path.empty() && common.report_path.empty()), "--check",
+              "given with --json or --report", "--check alone");
     const std::string yaml = read_file(study_path);
     const Study study = parse_study(yaml, study_path);
     check_pairs(study, study_path);

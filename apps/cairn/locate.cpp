@@ -23,7 +23,6 @@
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

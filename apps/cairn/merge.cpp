@@ -26,7 +26,6 @@
 #include "support/documents.hpp"
 #include "support/link_documents.hpp"
 #include "support/map_lists.hpp"
-#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {

@@ -25,7 +25,6 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
-#include "support/refusals.hpp"
 #include "support/reports.hpp"
 #include "support/saved_results.hpp"
 

@@ -24,7 +24,6 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -171,10 +170,8 @@ struct SimulateArguments {
     if (!path_is_file()) path_options.kind = path_kind(path);
     environment_options.kind = environment_kind(environment);
     if (duration_s) {
-      if (!(*duration_s > 0.0)) {
-        throw Error(ErrorKind::kMisuse, "--duration", fmt::format("{}", *duration_s),
-                    "more than 0 seconds");
-      }
+      refuse_if(!(*duration_s > 0.0), "--duration", fmt::format("{}", *duration_s),
+                "more than 0 seconds");
       frames = static_cast<std::size_t>(
           std::clamp(std::round(*duration_s * path_options.rate_hz), 1.0, 1e7));
     }

@@ -104,13 +104,10 @@ AlignOptions complete(const AlignKeywords& call, const LandmarkMap& source,
                 "initial beside it");
   }
   if (call.gravity) options.gravity = gravity_prior(source, target);
-  if (!options.scale && source.info().length_unit != target.info().length_unit) {
-    throw Error(
-        ErrorKind::kMisuse, "source",
-        fmt::format("lengths in {} units, but of the target in {}",
-                    to_string(source.info().length_unit), to_string(target.info().length_unit)),
-        "maps of one scale, or scale=True");
-  }
+  refuse_if(!options.scale && source.info().length_unit != target.info().length_unit, "source",
+            fmt::format("lengths in {} units, but of the target in {}",
+                        to_string(source.info().length_unit), to_string(target.info().length_unit)),
+            "maps of one scale, or scale=True");
   options.validate();
   return options;
 }
@@ -220,16 +217,12 @@ const Keywords<IcpKeywords>& icp_keywords() {
 PointSet points_of(py::handle given, const char* name, const IcpKeywords& call,
                    const std::vector<double>& confidences) {
   if (!py::isinstance<LandmarkMap>(given)) {
-    if (call.confidence) {
-      throw Error(ErrorKind::kMisuse, "confidence", std::string(name) + " is an array of positions",
-                  "source_confidences and target_confidences");
-    }
+    refuse_if(call.confidence, "confidence", std::string(name) + " is an array of positions",
+              "source_confidences and target_confidences");
     return {positions_of(given, name), confidences};
   }
-  if (!confidences.empty()) {
-    throw Error(ErrorKind::kMisuse, std::string(name) + "_confidences",
-                std::string(name) + " is a LandmarkMap", "confidence, the name of a metric");
-  }
+  refuse_if(!confidences.empty(), std::string(name) + "_confidences",
+            std::string(name) + " is a LandmarkMap", "confidence, the name of a metric");
   const auto map = given.cast<SharedMap>();
   return unlocked([&] { return point_set(*map, call.confidence, call.points); });
 }

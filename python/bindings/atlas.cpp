@@ -159,9 +159,8 @@ const Keywords<OpenKeywords>& salvage_keywords() {
 }
 
 AtlasStoreOptions store_options(OpenKeywords given) {
-  if (!(given.wait_s >= 0.0 && given.wait_s <= 1e6)) {
-    throw Error(ErrorKind::kMisuse, "wait_s", fmt::format("{}", given.wait_s), "0 to 1e6 seconds");
-  }
+  refuse_if(!(given.wait_s >= 0.0 && given.wait_s <= 1e6), "wait_s",
+            fmt::format("{}", given.wait_s), "0 to 1e6 seconds");
   given.options.wait = std::chrono::milliseconds(std::llround(1e3 * given.wait_s));
   set_author(given.options);
   return given.options;
@@ -169,10 +168,8 @@ AtlasStoreOptions store_options(OpenKeywords given) {
 
 std::string location_of(const py::object& location) {
   auto path = py::module_::import("os").attr("fsencode")(location).cast<std::string>();
-  if (path.empty() || path.find('\0') != std::string::npos) {
-    throw Error(ErrorKind::kMisuse, "location", path.empty() ? "empty" : printable(path),
-                "the path of a file, or postgresql://...");
-  }
+  refuse_if(path.empty() || path.find('\0') != std::string::npos, "location",
+            path.empty() ? "empty" : printable(path), "the path of a file, or postgresql://...");
   return path;
 }
 

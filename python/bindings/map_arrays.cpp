@@ -139,10 +139,8 @@ void fill_frames(MapTables& tables, const GivenArrays& given) {
   }
   if (!image_names.is_none()) {
     frames.image_names = encoded_each(image_names, "image_names");
-    if (frames.image_names.size() != count) {
-      throw Error(ErrorKind::kMisuse, "image_names",
-                  fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
-    }
+    refuse_if(frames.image_names.size() != count, "image_names",
+              fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
   }
 }
 
@@ -175,10 +173,8 @@ void fill_observations(MapTables& tables, const GivenArrays& given) {
     return given.refuse({"keypoints", "depths", "octaves", "sigmas_px"}, "observations",
                         "observed_landmarks");
   }
-  if (landmarks.is_none() || frames.is_none() || pixels.is_none()) {
-    throw Error(ErrorKind::kMisuse, "observed_landmarks, observing_frames, pixels", "not all given",
-                "all three or none");
-  }
+  refuse_if(landmarks.is_none() || frames.is_none() || pixels.is_none(),
+            "observed_landmarks, observing_frames, pixels", "not all given", "all three or none");
   const auto of = integer_array(landmarks, "observed_landmarks", {-1});
   const auto size = of.shape(0);
   const auto by = integer_array(frames, "observing_frames", {size});

@@ -20,7 +20,6 @@
 #include "cairn/geometry/limits.hpp"
 
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -304,9 +304,7 @@ void check_files(const CLI::App& verb) {
 // A check of CLI11's: refuses what is no value.
 auto refuse_none(const std::string& name) {
   return [option = long_name(name)](const std::string& word) {
-    if (word.empty() || word.starts_with("--")) {
-      throw Error(ErrorKind::kMisuse, option, printable(word), "a value");
-    }
+    refuse_if(word.empty() || word.starts_with("--"), option, printable(word), "a value");
     return std::string();
   };
 }

@@ -21,7 +21,6 @@
 #include "cairn/report/report.hpp"
 
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -200,10 +199,8 @@ void require_one_stdout(std::initializer_list<std::pair<const char*, const std::
   const char* taken = nullptr;
   for (const auto& [option, path] : outputs) {
     if (*path != "-") continue;
-    if (taken != nullptr) {
-      throw Error(ErrorKind::kMisuse, option, fmt::format("stdout is taken by {}", taken),
-                  "a file for one of them");
-    }
+    refuse_if(taken != nullptr, option, fmt::format("stdout is taken by {}", taken),
+              "a file for one of them");
     taken = option;
   }
 }

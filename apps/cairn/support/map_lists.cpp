@@ -16,8 +16,6 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"
 
-#include "support/refusals.hpp"
-
 namespace cairn::cli {
 namespace {
 

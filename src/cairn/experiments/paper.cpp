@@ -117,10 +117,8 @@ double relative_success_score(const PaperResults& results) {
                    [](const auto& experiment) { return experiment.initial == Displacement{}; });
   const auto& reference =
       run_of(results, static_cast<std::size_t>(identity - published.begin()), 0).score;
-  if (!reference) {
-    throw Error(ErrorKind::kMisuse, "PaperOptions.success_score",
-                "base ICP from the undisplaced start found no pose that could give it", "a score");
-  }
+  refuse_if(!reference, "PaperOptions.success_score",
+            "base ICP from the undisplaced start found no pose that could give it", "a score");
   return success_score_above(*reference);
 }
 

@@ -249,11 +249,10 @@ std::size_t detail::sound_size(std::string_view table, std::string_view header,
 std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name) {
   const std::vector<std::string_view> columns = runs_columns();
   const std::vector<detail::CsvRow> rows = detail::parse_csv(text, name);
-  if (rows.empty() ||
-      !std::equal(rows[0].cells.begin(), rows[0].cells.end(), columns.begin(), columns.end())) {
-    throw Error(ErrorKind::kInput, fmt::format("{}:1", name), "no header of a table of runs",
-                fmt::format("{}", fmt::join(columns, ",")));
-  }
+  reject_if(rows.empty() || !std::equal(rows[0].cells.begin(), rows[0].cells.end(), columns.begin(),
+                                        columns.end()),
+            fmt::format("{}:1", name), "no header of a table of runs",
+            fmt::format("{}", fmt::join(columns, ",")));
   std::vector<TrialResult> runs;
   runs.reserve(rows.size() - 1);
   for (std::size_t i = 1; i < rows.size(); ++i) {

@@ -331,11 +331,10 @@ RegistrationResult icp(const PointSet& source, const PointSet& target, const Icp
   options.validate();
   check_points(source, "source");
   check_points(target, "target");
-  if (options.weight_by_source_confidence && source.confidences.empty() &&
-      !source.positions.empty()) {
-    throw Error(ErrorKind::kMisuse, "IcpOptions.weight_by_source_confidence",
-                "the source has no confidences", "one a point");
-  }
+  refuse_if(options.weight_by_source_confidence && source.confidences.empty() &&
+                !source.positions.empty(),
+            "IcpOptions.weight_by_source_confidence", "the source has no confidences",
+            "one a point");
   RegistrationResult result;
   result.target_from_source = options.initial;
   if (!source.positions.empty() && !target.positions.empty()) {

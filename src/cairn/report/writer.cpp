@@ -690,12 +690,10 @@ std::size_t position_of(std::string_view page, std::string_view mark) {
   const std::size_t position = page.find(mark);
   const bool once = position != std::string_view::npos &&
                     page.find(mark, position + mark.size()) == std::string_view::npos;
-  if (!once) {
-    throw Error(ErrorKind::kInput, "viewer page",
-                fmt::format("{} stands there {}", mark,
-                            position == std::string_view::npos ? "nowhere" : "more than once"),
-                "the mark once, where the report goes");
-  }
+  reject_if(!once, "viewer page",
+            fmt::format("{} stands there {}", mark,
+                        position == std::string_view::npos ? "nowhere" : "more than once"),
+            "the mark once, where the report goes");
   return position;
 }
 
@@ -736,9 +734,7 @@ void write_element(std::string_view name, const ByteSink& sink, const Produce& p
 void write_report(const Report& report, std::string_view page, const ByteSink& sink) {
   const std::size_t title = position_of(page, kTitleMark);
   const std::size_t data = position_of(page, kDataMark);
-  if (title > data) {
-    throw Error(ErrorKind::kInput, "viewer page", "its data come before its title", "the reverse");
-  }
+  reject_if(title > data, "viewer page", "its data come before its title", "the reverse");
   const Document document(report);
   sink(page.substr(0, title));
   sink(escaped(plain_text(report.title)));

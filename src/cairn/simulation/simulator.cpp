@@ -151,10 +151,8 @@ RenderedFrame RgbdSimulator::Optics::picture_at(const Trajectory& trajectory, do
 }
 
 RgbdFrame RgbdSimulator::frame(std::size_t index, const Executor& executor) const {
-  if (index >= trajectory_.size()) {
-    throw Error(ErrorKind::kMisuse, "RgbdSimulator::frame", fmt::format("frame {}", index),
-                fmt::format("less than {}", trajectory_.size()));
-  }
+  refuse_if(index >= trajectory_.size(), "RgbdSimulator::frame", fmt::format("frame {}", index),
+            fmt::format("less than {}", trajectory_.size()));
   const TimedPose& pose = trajectory_.poses()[index];
   RenderedFrame picture = optics_->picture_at(trajectory_, pose.timestamp_s, executor);
   if (options_.shutter_s > 0.0) {

@@ -137,17 +137,13 @@ void Database::execute(const std::string& sql) {
 
 std::int64_t Database::integer(std::string_view sql) {
   Statement statement = prepare(sql);
-  if (!statement.step()) {
-    throw Error(ErrorKind::kInput, name(), "no row for " + printable(sql), "one");
-  }
+  reject_if(!statement.step(), name(), "no row for " + printable(sql), "one");
   return statement.integer(0);
 }
 
 std::string Database::text(std::string_view sql) {
   Statement statement = prepare(sql);
-  if (!statement.step()) {
-    throw Error(ErrorKind::kInput, name(), "no row for " + printable(sql), "one");
-  }
+  reject_if(!statement.step(), name(), "no row for " + printable(sql), "one");
   return std::string(statement.text(0));
 }
 

@@ -93,12 +93,10 @@ ImageOf read_image(const std::filesystem::path& path) {
 
 template <class ImageOf>
 detail::codec::Rows rows_of(const std::filesystem::path& path, const ImageOf& image) {
-  if (image.empty() || !image.consistent()) {
-    throw Error(ErrorKind::kMisuse, path.string(),
-                fmt::format("{} x {} pixels with {} values", image.width, image.height,
-                            image.values.size()),
-                "an image with a value for each channel of each pixel");
-  }
+  refuse_if(
+      image.empty() || !image.consistent(), path.string(),
+      fmt::format("{} x {} pixels with {} values", image.width, image.height, image.values.size()),
+      "an image with a value for each channel of each pixel");
   return {.first = reinterpret_cast<const unsigned char*>(image.values.data()),
           .stride = row_bytes(image),
           .width = image.width,

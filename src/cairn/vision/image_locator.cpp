@@ -115,12 +115,10 @@ class ImageLocator::Parts {
         metric_(map.info().length_unit == LengthUnit::kMetres) {
     const LandmarkTable& landmarks = map.landmarks();
     const auto& column = landmarks.descriptors;
-    if (!column || column->kind != "ORB" || column->bytes_each != kDescriptorBytes) {
-      throw Error(
-          ErrorKind::kInput, "descriptors",
-          column ? fmt::format("{} of {} bytes", column->kind, column->bytes_each) : "none",
-          fmt::format("ORB of {} bytes: an image is compared with these", kDescriptorBytes));
-    }
+    reject_if(!column || column->kind != "ORB" || column->bytes_each != kDescriptorBytes,
+              "descriptors",
+              column ? fmt::format("{} of {} bytes", column->kind, column->bytes_each) : "none",
+              fmt::format("ORB of {} bytes: an image is compared with these", kDescriptorBytes));
     for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
       if (column->known[i] == 0) continue;
       indices_.push_back(i);

@@ -183,11 +183,9 @@ MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
   constexpr std::size_t kFramesAhead = 6;
   options.executor.in_order(keyframes.size(), kFramesAhead, prepare, add);
   result.map = with_content_uuid(mapping.finish(options.map));
-  if (result.map.landmark_count() == 0) {
-    throw Error(ErrorKind::kInput, "sequence",
-                fmt::format("no landmark in {} keyframes", keyframes.size()),
-                "images with texture and depth");
-  }
+  reject_if(result.map.landmark_count() == 0, "sequence",
+            fmt::format("no landmark in {} keyframes", keyframes.size()),
+            "images with texture and depth");
   return result;
 }
 
@@ -208,14 +206,11 @@ void MapAtPosesOptions::validate() const {
   features.validate();
   noise.validate();
   map.validate();
-  if (map.covariance != LandmarkCovariance::kRecursive) {
-    throw Error(ErrorKind::kMisuse, "MapAtPosesOptions.map.covariance", "marginal",
-                "recursive where poses are given");
-  }
-  if (!(max_time_difference_s > 0.0 && std::isfinite(max_time_difference_s))) {
-    throw Error(ErrorKind::kMisuse, "MapAtPosesOptions.max_time_difference_s",
-                fmt::format("{}", max_time_difference_s), "a positive number of seconds");
-  }
+  refuse_if(map.covariance != LandmarkCovariance::kRecursive, "MapAtPosesOptions.map.covariance",
+            "marginal", "recursive where poses are given");
+  refuse_if(!(max_time_difference_s > 0.0 && std::isfinite(max_time_difference_s)),
+            "MapAtPosesOptions.max_time_difference_s", fmt::format("{}", max_time_difference_s),
+            "a positive number of seconds");
 }
 
 MapAtPoses map_at_poses(std::span<const double> timestamps_s,

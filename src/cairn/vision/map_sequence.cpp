@@ -250,10 +250,8 @@ MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
 }
 
 PoseGraph pose_graph(const MappedSequence& mapped, std::span<const std::string> names) {
-  if (names.size() != mapped.maps.size()) {
-    throw Error(ErrorKind::kMisuse, "names", fmt::format("{} of them", names.size()),
-                fmt::format("{}, one a mini-map", mapped.maps.size()));
-  }
+  refuse_if(names.size() != mapped.maps.size(), "names", fmt::format("{} of them", names.size()),
+            fmt::format("{}, one a mini-map", mapped.maps.size()));
   std::string uuids;
   for (const LandmarkMap& map : mapped.maps) uuids += map.info().uuid.value_or(content_uuid(map));
   const std::string session = uuid_of(uuids);

@@ -560,11 +560,9 @@ struct Job {
 RenderedFrame Renderer::render(const Camera& camera, const RayTable& rays,
                                const Rigid3& world_from_camera, const Executor& executor) const {
   const std::size_t count = std::size_t{camera.width} * camera.height;
-  if (count == 0 || rays.x.size() != count || rays.y.size() != count) {
-    throw Error(ErrorKind::kMisuse, "Renderer::render",
-                fmt::format("{} rays for {} pixels", rays.x.size(), count),
-                "the camera's own ray_table");
-  }
+  refuse_if(count == 0 || rays.x.size() != count || rays.y.size() != count, "Renderer::render",
+            fmt::format("{} rays for {} pixels", rays.x.size(), count),
+            "the camera's own ray_table");
   Job job{state_->shading,
           state_->light,
           state_->surface_of_triangle,

@@ -299,9 +299,7 @@ void PostgresConnection::execute(const std::string& sql) {
 }
 
 void PostgresConnection::begin(Transaction::Kind kind) {
-  if (open_ != nullptr) {
-    throw Error(ErrorKind::kMisuse, name, "a transaction within another", "one at a time");
-  }
+  refuse_if(open_ != nullptr, name, "a transaction within another", "one at a time");
   if (kind == Transaction::Kind::kWrite) return wait_to_write();
   guarded(*this, [&] {
     if (kind == Transaction::Kind::kRead) {

@@ -54,11 +54,9 @@ void require_regular_file(const fs::path& path, const std::string& name, Access 
     throw Error(ErrorKind::kInput, name, "no such file", "an SQLite database");
   }
   if (failure) throw Error(ErrorKind::kInput, name, failure.message(), "an SQLite database");
-  if (status.type() != fs::file_type::regular) {
-    throw Error(ErrorKind::kInput, name,
-                status.type() == fs::file_type::directory ? "is a folder" : "is no regular file",
-                "an SQLite database");
-  }
+  reject_if(status.type() != fs::file_type::regular, name,
+            status.type() == fs::file_type::directory ? "is a folder" : "is no regular file",
+            "an SQLite database");
 }
 
 std::uint64_t size_of(const fs::path& path) {
@@ -180,10 +178,8 @@ void SqliteConnection::fail(int code, std::string_view doing) const {
 
 SqliteConnection::SqliteConnection(const fs::path& path, const OpenOptions& options)
     : Connection(path.string()), stop_(options.stop), untrusted_(options.untrusted) {
-  if (options.immutable && options.access != Access::kRead) {
-    throw Error(ErrorKind::kMisuse, "OpenOptions.immutable", "true with write access",
-                "read access: nobody may write what is immutable");
-  }
+  refuse_if(options.immutable && options.access != Access::kRead, "OpenOptions.immutable",
+            "true with write access", "read access: nobody may write what is immutable");
   require_regular_file(path, name, options.access);
 
   int flags = SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
