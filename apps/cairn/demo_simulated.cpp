@@ -12,7 +12,6 @@
 #include "demo_pair.hpp"
 #include "support/console.hpp"
 #include "support/interrupt.hpp"
-#include "support/statistics.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -28,7 +28,6 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/statistics.hpp"
 
 #ifdef CAIRN_HAS_ODOMETRY
 #include "support/depth_truth.hpp"

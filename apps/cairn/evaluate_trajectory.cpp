@@ -19,7 +19,6 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/statistics.hpp"
 
 namespace cairn::cli {
 namespace {

@@ -21,7 +21,6 @@
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
 #include "support/reports.hpp"
-#include "support/trial_results.hpp"
 
 namespace cairn::cli {
 namespace {

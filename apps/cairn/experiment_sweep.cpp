@@ -34,7 +34,6 @@
 #include "support/experiment_reports.hpp"
 #include "support/interrupt.hpp"
 #include "support/reports.hpp"
-#include "support/trial_results.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -290,15 +289,8 @@ struct SweepArguments {
  private:
   Shard shard() const {
     if (shard_text.empty()) return {};
-    const std::size_t slash = shard_text.find('/');
-    const auto index = parse_unsigned(std::string_view(shard_text).substr(0, slash));
-    const auto count = slash == std::string::npos
-                           ? std::nullopt
-                           : parse_unsigned(std::string_view(shard_text).substr(slash + 1));
-    if (!index || !count || *index < 1 || *index > *count) {
-      throw Error(ErrorKind::kMisuse, "--shard", printable(shard_text), "i/n with i from 1 to n");
-    }
-    return {*index, *count};
+    const auto [index, count] = parse_part(shard_text, "--shard", "i/n with i from 1 to n");
+    return {index, count};
   }
 
   int check(const StudyPlan& plan, const Shard& part,

@@ -28,8 +28,9 @@
 namespace cairn::cli {
 namespace {
 
-Json to_json(const ErrorStatistics& q) {
-  return {{"lowest", q.lowest}, {"median", q.median}, {"mean", q.mean}, {"highest", q.highest}};
+Json quantiles_json(const std::optional<ErrorStatistics>& q) {
+  if (!q) return nullptr;
+  return {{"lowest", q->lowest}, {"median", q->median}, {"mean", q->mean}, {"highest", q->highest}};
 }
 
 // What the verb finds out beside what the map itself says. `kept`: with two or more observations,
@@ -273,9 +274,6 @@ Json to_json(const ConventionCheck& check) {
 }
 
 void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) {
-  const auto quantiles_json = [](const std::optional<ErrorStatistics>& q) {
-    return q ? to_json(*q) : Json(nullptr);
-  };
   json["observed_twice_or_more"] =
       map.has_observations() ? Json(findings.kept.size()) : Json(nullptr);
   json["unobserved"] = cli::to_json(findings.unobserved);

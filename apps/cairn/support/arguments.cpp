@@ -207,6 +207,15 @@ std::uint64_t parse_whole(const std::string& word, const std::string& option,
   return *number;
 }
 
+std::pair<std::uint64_t, std::uint64_t> parse_part(std::string_view word, std::string_view option,
+                                                   std::string_view expected) {
+  const std::size_t slash = std::min(word.find('/'), word.size());
+  const auto index = parse_unsigned(word.substr(0, slash));
+  const auto count = parse_unsigned(word.substr(std::min(slash + 1, word.size())));
+  refuse_if(!index || !count || *index < 1 || *index > *count, option, printable(word), expected);
+  return {*index, *count};
+}
+
 void CommonArguments::add_to(const Command& command) {
   command
       .add_text("--json", json_path, "Write the result as JSON to FILE, or to stdout for -",
