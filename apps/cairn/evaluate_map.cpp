@@ -19,8 +19,8 @@
 #include "cairn/formats/trajectory_file.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/vision/image.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
+#include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
 #endif
 
@@ -29,13 +29,10 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 
-#ifdef CAIRN_HAS_ODOMETRY
-#include "support/depth_truth.hpp"
-#endif
-
 namespace cairn::cli {
 namespace {
 
+#ifdef CAIRN_HAS_ODOMETRY
 // Between the four pixels around, where they show one surface: there inverse depth is linear.
 std::optional<double> depth_between_pixels(const StoredDepthImage& depth, const Pixel& at) {
   const int x = static_cast<int>(std::floor(at.u));
@@ -109,6 +106,7 @@ std::vector<std::optional<Eigen::Vector3d>> true_positions_from_depth(
   }
   return positions;
 }
+#endif
 
 // Landmarks against the truth, each in its first keyframe.
 struct Calibration {
