@@ -57,7 +57,7 @@ void add_verdict_keywords(Keywords<AlignKeywords>& keywords) {
                  {"one_to_one", "scale_where_free", "deformation", "judge"});
 }
 
-Keywords<AlignKeywords> make_align_keywords() {
+Keywords<AlignKeywords> align_keywords() {
   Keywords<AlignKeywords> keywords("align");
   keywords
       .add(
@@ -80,18 +80,10 @@ Keywords<AlignKeywords> make_align_keywords() {
   return keywords;
 }
 
-const Keywords<AlignKeywords>& align_keywords() {
-  static const auto table = make_align_keywords();
-  return table;
-}
-
-const Keywords<AlignKeywords>& judge_keywords() {
-  static const auto table = [] {
-    Keywords<AlignKeywords> keywords("judge");
-    add_verdict_keywords(keywords);
-    return keywords;
-  }();
-  return table;
+Keywords<AlignKeywords> judge_keywords() {
+  Keywords<AlignKeywords> keywords("judge");
+  add_verdict_keywords(keywords);
+  return keywords;
 }
 
 AlignOptions complete(const AlignKeywords& call, const LandmarkMap& source,
@@ -186,32 +178,29 @@ struct IcpKeywords {
   std::vector<double> target_confidences;
 };
 
-const Keywords<IcpKeywords>& icp_keywords() {
-  static const auto table = [] {
-    Keywords<IcpKeywords> keywords("icp");
-    const auto numbers = [](std::vector<double> IcpKeywords::*member, const char* name) {
-      return [member, name](IcpKeywords& call, py::handle value) {
-        if (value.is_none()) return;
-        const auto array = real_array(value, name, {-1});
-        (call.*member).assign(array.data(), array.data() + array.size());
-      };
+Keywords<IcpKeywords> icp_keywords() {
+  Keywords<IcpKeywords> keywords("icp");
+  const auto numbers = [](std::vector<double> IcpKeywords::*member, const char* name) {
+    return [member, name](IcpKeywords& call, py::handle value) {
+      if (value.is_none()) return;
+      const auto array = real_array(value, name, {-1});
+      (call.*member).assign(array.data(), array.data() + array.size());
     };
-    keywords
-        .add("initial", py::none(),
-             [](IcpKeywords& call, py::handle value) {
-               if (!value.is_none()) call.options.initial = rigid_of(value, "initial");
-             })
-        .add("confidence", py::none(),
-             [](IcpKeywords& call, py::handle value) { set_confidence(call.confidence, value); })
-        .add("source_confidences", py::none(),
-             numbers(&IcpKeywords::source_confidences, "source_confidences"))
-        .add("target_confidences", py::none(),
-             numbers(&IcpKeywords::target_confidences, "target_confidences"))
-        .add("min_observations", [](auto& c) -> auto& { return c.points.min_observations; })
-        .add_table(IcpOptions::table, [](auto& c) -> auto& { return c.options; });
-    return keywords;
-  }();
-  return table;
+  };
+  keywords
+      .add("initial", py::none(),
+           [](IcpKeywords& call, py::handle value) {
+             if (!value.is_none()) call.options.initial = rigid_of(value, "initial");
+           })
+      .add("confidence", py::none(),
+           [](IcpKeywords& call, py::handle value) { set_confidence(call.confidence, value); })
+      .add("source_confidences", py::none(),
+           numbers(&IcpKeywords::source_confidences, "source_confidences"))
+      .add("target_confidences", py::none(),
+           numbers(&IcpKeywords::target_confidences, "target_confidences"))
+      .add("min_observations", [](auto& c) -> auto& { return c.points.min_observations; })
+      .add_table(IcpOptions::table, [](auto& c) -> auto& { return c.options; });
+  return keywords;
 }
 
 PointSet points_of(py::handle given, const char* name, const IcpKeywords& call,
