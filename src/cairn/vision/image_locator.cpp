@@ -89,10 +89,7 @@ double probability_of(const Candidate& candidate) {
 }  // namespace
 
 constexpr OptionField kLocateFields[] = {
-    {"features",
-     option_at<&LocateOptions::features, &FeatureOptions::count>,
-     {},
-     "--features",
+    {"features", option_at<&LocateOptions::features, &FeatureOptions::count>, kAny, "--features",
      "Number of corners to detect in an image"},
     {"min_probability", option_at<&LocateOptions::min_probability>, kProbability,
      "--min-probability", "Least probability of a located image, at least 0.5 and below 1"},

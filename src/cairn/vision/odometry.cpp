@@ -73,10 +73,7 @@ void OdometryOptions::validate() const {
 constexpr OptionField kMapFields[] = {
     {"min_observations", option_at<&MapOptions::min_observations>, kAtLeastOne,
      "--min-observations", "Leave out landmarks with fewer observations"},
-    {"descriptors",
-     option_at<&MapOptions::descriptors>,
-     {},
-     "!--no-descriptors",
+    {"descriptors", option_at<&MapOptions::descriptors>, kAny, "!--no-descriptors",
      "Leave out the landmarks' descriptors"},
     {"descriptors_each", option_at<&MapOptions::descriptors_each>, within(1, kMostDescriptorsEach),
      "--descriptors-each",
