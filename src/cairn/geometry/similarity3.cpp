@@ -13,19 +13,25 @@
 namespace cairn {
 
 Similarity3::Similarity3(double scale, const Rigid3& rigid) : scale_(scale), rigid_(rigid) {
-  refuse_if(!(scale > 0.0) || !std::isfinite(scale), "Similarity3",
-            "scale is " + std::to_string(scale), "a positive finite number");
+  if (!(scale > 0.0) || !std::isfinite(scale)) {
+    throw Error(ErrorKind::kMisuse, "Similarity3", "scale is " + std::to_string(scale),
+                "a positive finite number");
+  }
 }
 
 Similarity3 Similarity3::from_matrix(const Matrix4d& matrix, double tolerance) {
   const double determinant = matrix.topLeftCorner<3, 3>().determinant();
-  refuse_if(!(determinant > 0.0) || !std::isfinite(determinant), "Similarity3",
-            "the determinant of the upper left part is " + std::to_string(determinant),
-            "a positive finite number");
+  if (!(determinant > 0.0) || !std::isfinite(determinant)) {
+    throw Error(ErrorKind::kMisuse, "Similarity3",
+                "the determinant of the upper left part is " + std::to_string(determinant),
+                "a positive finite number");
+  }
   // RᵀR may differ from I by the tolerance; what is taken for a rigid motion must be one after rounding, too.
   double scale = std::cbrt(determinant);
-  refuse_if(scale > kLargestCoordinate || scale < 1.0 / kLargestCoordinate, "Similarity3",
-            fmt::format("the scale is {:.6g}", scale), "a scale from 1e-9 to 1e9");
+  if (scale > kLargestCoordinate || scale < 1.0 / kLargestCoordinate) {
+    throw Error(ErrorKind::kMisuse, "Similarity3", fmt::format("the scale is {:.6g}", scale),
+                "a scale from 1e-9 to 1e9");
+  }
   if (std::abs(scale * scale - 1.0) <= 0.99 * tolerance) scale = 1.0;
   Matrix4d rigid = matrix;
   rigid.topLeftCorner<3, 3>() /= scale;
