@@ -14,7 +14,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/storage/detail/connection.hpp"
 
 namespace cairn::postgres {
 

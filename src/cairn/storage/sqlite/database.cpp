@@ -9,7 +9,6 @@
 #include <sqlite3.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/storage/detail/connection.hpp"
 
 namespace cairn::sqlite {
 namespace {
