@@ -29,7 +29,7 @@ Json place_json(const std::optional<ChangedPlace>& place) {
   return {{"position", to_json(place->centre)},
           {"low", to_json(place->low)},
           {"high", to_json(place->high)},
-          {"size", to_json(place->high - place->low)},
+          {"size", to_json(Eigen::Vector3d(place->high - place->low))},
           {"landmarks", place->landmarks.size()}};
 }
 

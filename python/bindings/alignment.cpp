@@ -206,7 +206,8 @@ Keywords<IcpKeywords> icp_keywords() {
 PointSet points_of(py::handle given, const char* name, const IcpKeywords& call,
                    const std::vector<double>& confidences) {
   if (!py::isinstance<LandmarkMap>(given)) {
-    refuse_if(call.confidence, "confidence", std::string(name) + " is an array of positions",
+    refuse_if(call.confidence.has_value(), "confidence",
+              std::string(name) + " is an array of positions",
               "source_confidences and target_confidences");
     return {positions_of(given, name), confidences};
   }
