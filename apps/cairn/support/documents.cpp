@@ -196,10 +196,10 @@ std::string stdout_formats_text() {
 }
 
 void require_one_stdout(std::initializer_list<std::pair<const char*, const std::string*>> outputs) {
-  const char* taken = nullptr;
+  std::string taken;
   for (const auto& [option, path] : outputs) {
     if (*path != "-") continue;
-    refuse_if(taken != nullptr, option, fmt::format("stdout is taken by {}", taken),
+    refuse_if(!taken.empty(), option, fmt::format("stdout is taken by {}", taken),
               "a file for one of them");
     taken = option;
   }
