@@ -2,28 +2,77 @@
 // Verbs of atlas that take back or look back: remove, split, unlink, log, undo, diff, verify, compact, salvage.
 #include <algorithm>
 #include <iterator>
-#include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/alignment.hpp"
 #include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/merging/changes.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
-#include "support/change_documents.hpp"
 #include "support/console.hpp"
+#include "support/documents.hpp"
 #include "support/map_lists.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
+
+Json place_json(const std::optional<ChangedPlace>& place) {
+  if (!place) return nullptr;
+  return {{"position", to_json(place->centre)},
+          {"low", to_json(place->low)},
+          {"high", to_json(place->high)},
+          {"size", to_json(Eigen::Vector3d(place->high - place->low))},
+          {"landmarks", place->landmarks.size()}};
+}
+
+std::string place_text(const ChangedPlace& place, const std::string& unit) {
+  const Eigen::Vector3d size = place.high - place.low;
+  return fmt::format("{} {} {}, {} x {} x {} {}, {} landmarks", fixed(place.centre.x(), 2),
+                     fixed(place.centre.y(), 2), fixed(place.centre.z(), 2), fixed(size.x(), 2),
+                     fixed(size.y(), 2), fixed(size.z(), 2), unit, place.landmarks.size());
+}
+
+// Changes as documents have them.
+Json changes_json(const ChangeResult& result) {
+  Json json = {{"comparable_first", result.comparable_first},
+               {"comparable_second", result.comparable_second},
+               {"found_again", result.repeated},
+               {"changes", Json::array()}};
+  for (const Change& change : result.changes) {
+    json["changes"].push_back(
+        {{"kind", to_string(change.kind)},
+         {"confidence", change.confidence},
+         {"before", place_json(change.before)},
+         {"after", place_json(change.after)},
+         {"after_from_before", change.after_from_before
+                                   ? to_json(Similarity3(*change.after_from_before).matrix())
+                                   : Json(nullptr)}});
+  }
+  return json;
+}
+
+// A line of each change, for people; empty if there are none.
+std::string changes_text(const ChangeResult& result, LengthUnit unit) {
+  const std::string symbol = unit_symbol(unit);
+  std::string text;
+  for (const Change& change : result.changes) {
+    text +=
+        fmt::format("{:<8} {:>7}  ", to_string(change.kind), probability_text(change.confidence));
+    if (change.before) text += "at " + place_text(*change.before, symbol);
+    if (change.before && change.after) text += "; now ";
+    if (change.after) text += "at " + place_text(*change.after, symbol);
+    text += "\n";
+  }
+  return text;
+}
 
 struct RemoveArguments : AtlasArguments {
   std::vector<std::string> maps;
@@ -242,7 +291,7 @@ struct DiffArguments : AtlasArguments {
     json["first"] = first;
     json["second"] = second;
     json["frame"] = state.nodes.at(frame).name;
-    json.update(to_json(result));
+    json.update(changes_json(result));
     write_document(json, common);
     const Console console = common.console();
     if (result.comparable_first + result.comparable_second == 0) {

@@ -2,7 +2,6 @@
 // Verbs of atlas that make a map of maps: init, add, link, optimize, merge.
 #include <algorithm>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,7 +18,6 @@
 #include "support/arguments.hpp"
 #include "support/atlas_arguments.hpp"
 #include "support/map_lists.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -105,21 +103,6 @@ struct AddArguments : AtlasArguments {
   }
 };
 
-// "2/8": the second of eight parts.
-void parse_shard(const std::string& text, AtlasLinkOptions& options) {
-  if (text.empty()) return;
-  const std::size_t slash = text.find('/');
-  const auto number = parse_unsigned(std::string_view(text).substr(0, slash));
-  const auto count = slash == std::string::npos
-                         ? std::nullopt
-                         : parse_unsigned(std::string_view(text).substr(slash + 1));
-  if (!number || !count || *number < 1 || *number > *count) {
-    throw Error(ErrorKind::kMisuse, "--shard", printable(text), "I/N with I from 1 to N, as 2/8");
-  }
-  options.shard = *number - 1;
-  options.shards = *count;
-}
-
 struct LinkArguments : AtlasArguments {
   AtlasLinkOptions options;
   std::vector<std::string> manual;
@@ -193,7 +176,11 @@ struct LinkArguments : AtlasArguments {
     if (!manual.empty()) return link_by_hand();
     refuse_if(!pose.empty() || !reason.empty(), pose.empty() ? "--reason" : "--pose",
               "given without --manual", "--manual TARGET SOURCE");
-    parse_shard(shard, options);
+    if (!shard.empty()) {
+      const auto [number, count] = parse_part(shard, "--shard", "I/N with I from 1 to N, as 2/8");
+      options.shard = number - 1;
+      options.shards = count;
+    }
     with_option_names({AlignOptions::table}, [&] { options.validate(); });
     Atlas atlas = open();
     const AtlasState before = atlas.state();

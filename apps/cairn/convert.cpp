@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,7 +27,6 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -88,10 +86,8 @@ FrameRange parse_frames(const std::string& text) {
   const auto begin = parse_unsigned(text.substr(0, colon));
   const auto end =
       colon == std::string::npos ? std::nullopt : parse_unsigned(text.substr(colon + 1));
-  if (!begin || !end || *begin >= *end) {
-    throw Error(ErrorKind::kMisuse, "--frames", printable(text),
-                "A:B, two frame ids with A below B");
-  }
+  refuse_if(!begin || !end || *begin >= *end, "--frames", printable(text),
+            "A:B, two frame ids with A below B");
   return {FrameId{*begin}, FrameId{*end}};
 }
 

@@ -1,144 +1,118 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
 #include <fmt/format.h>
 
+#include "cairn/core/detail/time_association.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/covariance_calibration.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
+#include "cairn/map/landmark_map.hpp"
 #include "cairn/map/operations.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
+#include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
 #endif
-#include "cairn/formats/trajectory_file.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
-#ifdef CAIRN_HAS_ODOMETRY
-#include "support/depth_truth.hpp"
-#endif
 #include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/refusals.hpp"
-#include "support/statistics.hpp"
 
 namespace cairn::cli {
 namespace {
+
+#ifdef CAIRN_HAS_ODOMETRY
+// Between the four pixels around, where they show one surface: there inverse depth is linear.
+std::optional<double> depth_between_pixels(const StoredDepthImage& depth, const Pixel& at) {
+  const int x = static_cast<int>(std::floor(at.u));
+  const int y = static_cast<int>(std::floor(at.v));
+  if (x < 0 || y < 0 || x + 1 >= static_cast<int>(depth.width) ||
+      y + 1 >= static_cast<int>(depth.height)) {
+    return std::nullopt;
+  }
+  const double right = at.u - x;
+  const double down = at.v - y;
+  double inverse = 0.0;
+  double nearest = 1e9;
+  double farthest = 0.0;
+  for (int row = 0; row < 2; ++row) {
+    for (int column = 0; column < 2; ++column) {
+      const double z =
+          depth.at(static_cast<std::size_t>(x + column), static_cast<std::size_t>(y + row));
+      if (z <= 0.0) return std::nullopt;
+      nearest = std::min(nearest, z);
+      farthest = std::max(farthest, z);
+      inverse += (column == 1 ? right : 1.0 - right) * (row == 1 ? down : 1.0 - down) / z;
+    }
+  }
+  constexpr double kOneSurface = 1.03;
+  if (farthest > kOneSurface * nearest) return std::nullopt;
+  return 1.0 / inverse;
+}
+
+// True positions of a map's landmarks in their first keyframes, from the exact depth images that a
+// simulation gives: a landmark is what its first observation's pixel shows. One a landmark; nothing
+// where the depth images have no frame of that time, or another surface begins beside the pixel.
+// @param folder a sequence in TUM layout, of the camera that took the map's images
+// @throws Error (input) naming what is missing
+std::vector<std::optional<Eigen::Vector3d>> true_positions_from_depth(
+    const LandmarkMap& map, const std::string& folder, double depth_units_per_metre) {
+  const auto refuse = [](const std::string& what, const std::string& expected) {
+    throw Error(ErrorKind::kInput, "map", what, expected);
+  };
+  if (map.frames().timestamps_s.empty())
+    refuse("has no timestamps of its frames", "a map with timestamps");
+  if (map.frames().cameras.empty()) refuse("has no cameras of its frames", "a map with cameras");
+  if (!map.has_observations()) refuse("has no observations", "a map with observations");
+  const RgbdSequence sequence(folder);
+  std::vector<double> map_times;
+  for (const auto& time : map.frames().timestamps_s) map_times.push_back(time.value_or(-1.0));
+  std::vector<double> sequence_times;
+  for (const SequenceFrame& frame : sequence.frames()) sequence_times.push_back(frame.timestamp_s);
+  constexpr double kSameTime = 1e-3;
+  std::vector<StoredDepthImage> depths(map.frame_count());
+  for (const auto& [frame, at] : detail::associate_times(map_times, sequence_times, kSameTime)) {
+    if (const auto& path = sequence.frames()[at].depth) depths[frame] = read_depth_image(*path);
+  }
+
+  std::vector<std::optional<Eigen::Vector3d>> positions(map.landmark_count());
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const LandmarkIndex landmark{i};
+    const auto keyframe = first_keyframe(map, landmark);
+    if (!keyframe || depths[keyframe->value].empty() || !map.frames().cameras[keyframe->value]) {
+      continue;
+    }
+    const auto frames = map.observing_frames(landmark);
+    const auto at = static_cast<std::size_t>(
+        std::distance(frames.begin(), std::find(frames.begin(), frames.end(), *keyframe)));
+    const Pixel& pixel = map.observed_pixels(landmark)[at];
+    const auto depth = depth_between_pixels(depths[keyframe->value], pixel);
+    const Camera& camera = map.cameras()[map.frames().cameras[keyframe->value]->value];
+    const auto ray = unproject(camera, pixel);
+    if (!depth || !ray) continue;
+    const double metres = *depth / depth_units_per_metre;
+    positions[i] = Eigen::Vector3d(ray->x() * metres, ray->y() * metres, metres);
+  }
+  return positions;
+}
+#endif
 
 // Landmarks against the truth, each in its first keyframe.
 struct Calibration {
   std::vector<LandmarkEstimate> landmarks;
   CovarianceCalibration result;
 };
-
-struct EvaluateMapArguments {
-  CommonArguments common;
-  std::string input;
-  std::string camera;
-  std::string truth_map;
-  std::string truth_trajectory;
-  std::string truth_depth;
-  std::size_t min_observations = 2;
-  double max_time_difference_s = 0.02;
-  double inlier_px = kInlierPx;
-
-  void add_to(const Command& command);
-  int run();
-
- private:
-  void check_options() const;
-  std::vector<std::optional<Eigen::Vector3d>> true_positions(
-      const LandmarkMap& map, const std::optional<LoadedMap>& truth) const;
-  Calibration calibrate(const LandmarkMap& map, const std::optional<LoadedMap>& truth) const;
-  void print(const LoadedMap& loaded, const LandmarkMap& kept, const MapConsistency& consistency,
-             const std::optional<Calibration>& calibration) const;
-};
-
-void EvaluateMapArguments::add_to(const Command& command) {
-  command.add_text("map", input, "Map to evaluate: " + all_formats().titles_text()).required();
-  command.add_text("--camera", camera,
-                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
-                   "CAMERA");
-  command.add_text(
-      "--truth-map", truth_map,
-      "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
-      "covariances",
-      "MAP");
-  command.add_text(
-      "--truth-trajectory", truth_trajectory,
-      "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
-      "(TUM format)",
-      "FILE");
-#ifdef CAIRN_HAS_ODOMETRY
-  command.add_text(
-      "--truth-depth", truth_depth,
-      "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
-      "images, as written by cairn simulate --no-depth-noise",
-      "FOLDER");
-#endif
-  add_number(command, "--max-time-difference", max_time_difference_s,
-             "Largest time difference between a frame and its true pose, seconds");
-  add_number(command, "--min-observations", min_observations,
-             "Leave out landmarks with fewer observations");
-  add_number(command, "--inlier-px", inlier_px, "Largest reprojection error of an inlier, pixels");
-  common.add_csv_to(command, "landmark");
-  common.add_to(command);
-  command.footer(
-      "Example: print the reprojection errors, then evaluate the covariances\n"
-      "  cairn evaluate map desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"\n"
-      "  cairn evaluate map desk.map --truth-map true.map --csv landmarks.csv");
-}
-
-void EvaluateMapArguments::check_options() const {
-  refuse_if(!kFinitePositive.contains(inlier_px), "--inlier-px", fmt::format("{}", inlier_px),
-            "a positive number");
-  refuse_if(!(max_time_difference_s > 0.0), "--max-time-difference",
-            fmt::format("{}", max_time_difference_s), "a positive number");
-  refuse_if(!truth_trajectory.empty() && truth_map.empty(), "--truth-trajectory",
-            "given without --truth-map", "both, because a trajectory has no landmarks");
-  refuse_if(!truth_depth.empty() && !truth_map.empty(), "--truth-depth", "given with --truth-map",
-            "one of them");
-  require_outputs(common);
-}
-
-std::vector<std::optional<Eigen::Vector3d>> EvaluateMapArguments::true_positions(
-    const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
-#ifdef CAIRN_HAS_ODOMETRY
-  if (!truth) {
-    return true_positions_from_depth(map, truth_depth, SequenceOptions().depth_units_per_metre);
-  }
-#endif
-  KeyframePoses poses;
-  if (truth_trajectory.empty()) {
-    poses = keyframe_poses(map, truth->map);
-  } else {
-    poses = keyframe_poses(map, read_trajectory(truth_trajectory, common.console().log()),
-                           max_time_difference_s);
-  }
-  return true_positions_in_first_keyframe(map, truth->map, poses);
-}
-
-Calibration EvaluateMapArguments::calibrate(const LandmarkMap& map,
-                                            const std::optional<LoadedMap>& truth) const {
-  Calibration calibration;
-  calibration.landmarks = estimates_in_first_keyframe(map, true_positions(map, truth));
-  calibration.result = calibrate_covariances(calibration.landmarks);
-  reject_if(!calibration.result.all, truth_map.empty() ? truth_depth : truth_map,
-            fmt::format("no landmark can be judged: of {}, {} without a true position in their "
-                        "first keyframe, {} without covariance, {} with a singular one",
-                        map.landmark_count(), calibration.result.without_truth,
-                        calibration.result.without_covariance, calibration.result.singular),
-            "landmarks and frames with the ids of " + input);
-  return calibration;
-}
 
 // ---- Output
 
@@ -283,89 +257,181 @@ std::string calibration_text(const CovarianceCalibration& calibration, const std
   return text;
 }
 
-void EvaluateMapArguments::print(const LoadedMap& loaded, const LandmarkMap& kept,
-                                 const MapConsistency& consistency,
-                                 const std::optional<Calibration>& calibration) const {
-  const Console console = common.console();
-  const std::string unit = unit_symbol(kept.info().length_unit);
-  console.print("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
-                kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
-                kept.observation_count());
-  Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
-               fmt::format("below {:g} px", inlier_px)});
-  if (const auto& reprojection = consistency.reprojection) {
-    add_statistics(table, "reprojection", "px", 3, reprojection->px, reprojection->inlier_share);
-    for (const auto& [octave, statistics] : consistency.by_octave) {
-      add_statistics(table, fmt::format("  octave {}", octave), "px", 3, statistics.px,
-                     statistics.inlier_share);
+struct EvaluateMapArguments {
+  CommonArguments common;
+  std::string input;
+  std::string camera;
+  std::string truth_map;
+  std::string truth_trajectory;
+  std::string truth_depth;
+  std::size_t min_observations = 2;
+  double max_time_difference_s = 0.02;
+  double inlier_px = kInlierPx;
+
+  void add_to(const Command& command) {
+    command.add_text("map", input, "Map to evaluate: " + all_formats().titles_text()).required();
+    command.add_text("--camera", camera,
+                     fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                     "CAMERA");
+    command.add_text(
+        "--truth-map", truth_map,
+        "Map with the true positions of the landmarks and frames of the same ids; evaluates the "
+        "covariances",
+        "MAP");
+    command.add_text(
+        "--truth-trajectory", truth_trajectory,
+        "With --truth-map: true poses of the frames, by timestamp, instead of the true map's "
+        "(TUM format)",
+        "FILE");
+#ifdef CAIRN_HAS_ODOMETRY
+    command.add_text(
+        "--truth-depth", truth_depth,
+        "Instead of --truth-map: sequence in TUM layout with the exact depth of the map's "
+        "images, as written by cairn simulate --no-depth-noise",
+        "FOLDER");
+#endif
+    add_number(command, "--max-time-difference", max_time_difference_s,
+               "Largest time difference between a frame and its true pose, seconds");
+    add_number(command, "--min-observations", min_observations,
+               "Leave out landmarks with fewer observations");
+    add_number(command, "--inlier-px", inlier_px,
+               "Largest reprojection error of an inlier, pixels");
+    common.add_csv_to(command, "landmark");
+    common.add_to(command);
+    command.footer(
+        "Example: print the reprojection errors, then evaluate the covariances\n"
+        "  cairn evaluate map desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"\n"
+        "  cairn evaluate map desk.map --truth-map true.map --csv landmarks.csv");
+  }
+
+  int run() {
+    check_options();
+    const auto given_camera =
+        camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
+    const LoadedMap loaded = load_map(input, common);
+    const auto truth =
+        truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
+
+    LandmarkMap map = with_landmarks(loaded.map, landmarks_observed(loaded.map, min_observations));
+    reject_if(map.landmark_count() == 0, input,
+              fmt::format("has no landmarks with {} or more observations", min_observations),
+              "landmarks, or a smaller --min-observations");
+    if (given_camera) map = with_camera(map, *given_camera);
+    const MapConsistency consistency = map_consistency(map, inlier_px);
+    if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {
+      const std::string& pixels = consistency.missing_for_reprojection;
+      const std::string& depths = consistency.missing_for_depth;
+      throw Error(ErrorKind::kInput, input,
+                  pixels.empty()     ? "no observation is in a frame with a camera"
+                  : pixels == depths ? fmt::format("the map has no {}", pixels)
+                                     : fmt::format("the map has no {} and no {}", pixels, depths),
+                  "one of them, --camera for reprojection errors, or --truth-map");
     }
-  }
-  if (consistency.depth) add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
-  if (consistency.reprojection || consistency.depth) console.print(table.text());
-  if (consistency.depth_bias) {
-    console.print("measured depths are {} {} {} than those of the map, on average\n",
-                  fixed(std::abs(*consistency.depth_bias), 5), unit,
-                  *consistency.depth_bias < 0.0 ? "shorter" : "longer");
-  }
-  if (consistency.observations_behind > 0) {
-    console.print("observations of landmarks behind their camera: {}\n",
-                  consistency.observations_behind);
-  }
-  if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
-    console.print("no reprojection errors: the map has no {}{}\n", missing,
-                  missing.starts_with("cameras") ? "; add --camera" : "");
-  }
-  if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
-    console.print("no depth errors: the map has no {}\n", missing);
-  }
-  if (calibration) console.print("\n" + calibration_text(calibration->result, unit));
-}
+    const auto calibration =
+        truth || !truth_depth.empty() ? std::optional(calibrate(map, truth)) : std::nullopt;
 
-int EvaluateMapArguments::run() {
-  check_options();
-  const auto given_camera =
-      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
-  const LoadedMap loaded = load_map(input, common);
-  const auto truth = truth_map.empty() ? std::nullopt : std::optional(load_map(truth_map, common));
-
-  LandmarkMap map = with_landmarks(loaded.map, landmarks_observed(loaded.map, min_observations));
-  reject_if(map.landmark_count() == 0, input,
-            fmt::format("has no landmarks with {} or more observations", min_observations),
-            "landmarks, or a smaller --min-observations");
-  if (given_camera) map = with_camera(map, *given_camera);
-  const MapConsistency consistency = map_consistency(map, inlier_px);
-  if (!consistency.reprojection && !consistency.depth && !truth && truth_depth.empty()) {
-    const std::string& pixels = consistency.missing_for_reprojection;
-    const std::string& depths = consistency.missing_for_depth;
-    throw Error(ErrorKind::kInput, input,
-                pixels.empty()     ? "no observation is in a frame with a camera"
-                : pixels == depths ? fmt::format("the map has no {}", pixels)
-                                   : fmt::format("the map has no {} and no {}", pixels, depths),
-                "one of them, --camera for reprojection errors, or --truth-map");
+    Json inputs = {{"map", loaded.description}};
+    inputs["map"]["kept_landmarks"] = map.landmark_count();
+    if (truth) inputs["truth_map"] = truth->description;
+    if (!truth_trajectory.empty()) {
+      inputs["truth_trajectory"] = describe_file(truth_trajectory, common);
+    }
+    Json json = document("evaluate_map", common, std::move(inputs),
+                         {{"camera", text_or_null(camera)},
+                          {"truth_depth", text_or_null(truth_depth)},
+                          {"min_observations", min_observations},
+                          {"inlier_px", inlier_px},
+                          {"max_time_difference_s", max_time_difference_s}});
+    json["length_unit"] = to_string(map.info().length_unit);
+    json.update(json_of(consistency));
+    json["calibration"] = calibration ? json_of(calibration->result) : Json(nullptr);
+    write_document(json, common);
+    if (!common.csv_path.empty()) write_rows(rows_of(map, consistency, calibration), common);
+    print(loaded, map, consistency, calibration);
+    return kDone;
   }
-  const auto calibration =
-      truth || !truth_depth.empty() ? std::optional(calibrate(map, truth)) : std::nullopt;
 
-  Json inputs = {{"map", loaded.description}};
-  inputs["map"]["kept_landmarks"] = map.landmark_count();
-  if (truth) inputs["truth_map"] = truth->description;
-  if (!truth_trajectory.empty()) {
-    inputs["truth_trajectory"] = describe_file(truth_trajectory, common);
+ private:
+  void check_options() const {
+    refuse_if(!kFinitePositive.contains(inlier_px), "--inlier-px", fmt::format("{}", inlier_px),
+              "a positive number");
+    refuse_if(!(max_time_difference_s > 0.0), "--max-time-difference",
+              fmt::format("{}", max_time_difference_s), "a positive number");
+    refuse_if(!truth_trajectory.empty() && truth_map.empty(), "--truth-trajectory",
+              "given without --truth-map", "both, because a trajectory has no landmarks");
+    refuse_if(!truth_depth.empty() && !truth_map.empty(), "--truth-depth", "given with --truth-map",
+              "one of them");
+    require_outputs(common);
   }
-  Json json = document("evaluate_map", common, std::move(inputs),
-                       {{"camera", text_or_null(camera)},
-                        {"truth_depth", text_or_null(truth_depth)},
-                        {"min_observations", min_observations},
-                        {"inlier_px", inlier_px},
-                        {"max_time_difference_s", max_time_difference_s}});
-  json["length_unit"] = to_string(map.info().length_unit);
-  json.update(json_of(consistency));
-  json["calibration"] = calibration ? json_of(calibration->result) : Json(nullptr);
-  write_document(json, common);
-  if (!common.csv_path.empty()) write_rows(rows_of(map, consistency, calibration), common);
-  print(loaded, map, consistency, calibration);
-  return kDone;
-}
+
+  std::vector<std::optional<Eigen::Vector3d>> true_positions(
+      const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
+#ifdef CAIRN_HAS_ODOMETRY
+    if (!truth) {
+      return true_positions_from_depth(map, truth_depth, SequenceOptions().depth_units_per_metre);
+    }
+#endif
+    KeyframePoses poses;
+    if (truth_trajectory.empty()) {
+      poses = keyframe_poses(map, truth->map);
+    } else {
+      poses = keyframe_poses(map, read_trajectory(truth_trajectory, common.console().log()),
+                             max_time_difference_s);
+    }
+    return true_positions_in_first_keyframe(map, truth->map, poses);
+  }
+
+  Calibration calibrate(const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
+    Calibration calibration;
+    calibration.landmarks = estimates_in_first_keyframe(map, true_positions(map, truth));
+    calibration.result = calibrate_covariances(calibration.landmarks);
+    reject_if(!calibration.result.all, truth_map.empty() ? truth_depth : truth_map,
+              fmt::format("no landmark can be judged: of {}, {} without a true position in their "
+                          "first keyframe, {} without covariance, {} with a singular one",
+                          map.landmark_count(), calibration.result.without_truth,
+                          calibration.result.without_covariance, calibration.result.singular),
+              "landmarks and frames with the ids of " + input);
+    return calibration;
+  }
+
+  void print(const LoadedMap& loaded, const LandmarkMap& kept, const MapConsistency& consistency,
+             const std::optional<Calibration>& calibration) const {
+    const Console console = common.console();
+    const std::string unit = unit_symbol(kept.info().length_unit);
+    console.print("{}: {} of {} landmarks, {} frames, {} observations\n\n", loaded.path,
+                  kept.landmark_count(), loaded.map.landmark_count(), kept.frame_count(),
+                  kept.observation_count());
+    Table table({"error", "unit", "count", "median", "mean", "rms", "95 %",
+                 fmt::format("below {:g} px", inlier_px)});
+    if (const auto& reprojection = consistency.reprojection) {
+      add_statistics(table, "reprojection", "px", 3, reprojection->px, reprojection->inlier_share);
+      for (const auto& [octave, statistics] : consistency.by_octave) {
+        add_statistics(table, fmt::format("  octave {}", octave), "px", 3, statistics.px,
+                       statistics.inlier_share);
+      }
+    }
+    if (consistency.depth)
+      add_statistics(table, "depth", unit, 5, *consistency.depth, std::nullopt);
+    if (consistency.reprojection || consistency.depth) console.print(table.text());
+    if (consistency.depth_bias) {
+      console.print("measured depths are {} {} {} than those of the map, on average\n",
+                    fixed(std::abs(*consistency.depth_bias), 5), unit,
+                    *consistency.depth_bias < 0.0 ? "shorter" : "longer");
+    }
+    if (consistency.observations_behind > 0) {
+      console.print("observations of landmarks behind their camera: {}\n",
+                    consistency.observations_behind);
+    }
+    if (const auto& missing = consistency.missing_for_reprojection; !missing.empty()) {
+      console.print("no reprojection errors: the map has no {}{}\n", missing,
+                    missing.starts_with("cameras") ? "; add --camera" : "");
+    }
+    if (const auto& missing = consistency.missing_for_depth; !missing.empty()) {
+      console.print("no depth errors: the map has no {}\n", missing);
+    }
+    if (calibration) console.print("\n" + calibration_text(calibration->result, unit));
+  }
+};
 
 }  // namespace
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -23,10 +21,17 @@
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
 #include "support/reports.hpp"
-#include "support/trial_results.hpp"
 
 namespace cairn::cli {
 namespace {
+
+// What is to be said of the truth if its inverse fits poses.
+std::optional<std::string> swapped_truth(const PaperResults& results) {
+  const auto swapped = std::count_if(results.runs.begin(), results.runs.end(),
+                                     [](const TrialResult& run) { return run.fits_inverse; });
+  if (swapped == 0) return std::nullopt;
+  return swapped_truth_text(fmt::format("{} of {} poses", swapped, results.runs.size()));
+}
 
 struct PaperArguments {
   CommonArguments common;
@@ -37,193 +42,186 @@ struct PaperArguments {
   std::vector<std::string> images;
   PaperOptions options;
 
-  void add_to(const Command& command);
-  int run();
+  void add_to(const Command& command) {
+    command.add_text("source", source, "Map to move: " + all_formats().titles_text()).required();
+    command.add_text("target", target, "Map to align it to").required();
+    command.add_text("-o,--output", output, "New folder for the results", "FOLDER").required();
+    command.add_text(
+        "--truth", truth,
+        "True target_from_source, 16 numbers or the JSON of an alignment; the runs start from it, "
+        "displaced, and have pose errors",
+        "FILE");
+    add_options(command, PaperOptions::table, &options);
+    command
+        .add_words("--images", images,
+                   "RGB-D sequences of source and target; adds the paper's Figure 1",
+                   "FOLDER FOLDER")
+        .words(2);
+    common.add_report_to(command, "one configuration in 3D at each iteration, figures and tables");
+    common.add_to(command);
+    common.add_threads_to(command);
+    command.footer(
+        "Each run starts from the true pose, or from the maps as they lie without --truth, "
+        "displaced\n"
+        "as in the paper: turned about the target's origin, then moved.\n"
+        "Writes runs.csv, timings.csv, experiment.json, summary.md and tables/.\n"
+        "\n"
+        "Example: run the experiments on two maps with a known true pose\n"
+        "  cairn experiment paper second.map first.map --truth truth.txt -o results");
+  }
+
+  int run() {
+    with_option_names({PaperOptions::table, IcpOptions::table}, [&] { options.validate(); });
+    require_outputs(common);
+    MapPair pair;
+    if (!truth.empty()) pair.truth = read_pose_file(truth);
+    LoadedMap source_map = load_map(source, common, true);
+    LoadedMap target_map = load_map(target, common, true);
+    for (LoadedMap* const loaded : {&source_map, &target_map}) {
+      require_metres(loaded->map, loaded->path);
+      loaded->description["kept_landmarks"] =
+          landmarks_observed(loaded->map, options.points.min_observations).size();
+    }
+    detail::OutputFolder folder = result_folder(output);
+    const std::string unfinished = folder.unfinished().string();
+    pair.name = std::filesystem::path(source).stem().string() + "_to_" +
+                std::filesystem::path(target).stem().string();
+    pair.source = std::move(source_map.map);
+    pair.target = std::move(target_map.map);
+    options.execution = common.execution("180 alignments");
+    const Stopwatch watch;
+    const PaperResults results = run_paper_experiments(pair, options);
+    const double seconds = watch.seconds();
+
+    const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);
+    write_all(unfinished, results, tables);
+    std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
+    if (!images.empty()) {
+      common.console().remark(write_common_view(unfinished, pair, results, images[0], images[1]));
+    }
+    Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
+    if (pair.truth)
+      inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*pair.truth)}};
+    Json json = describe(std::move(inputs), results, tables);
+    write_text(unfinished, "experiment.json", to_text(json));
+    folder.commit();
+    write_document(json, common);
+    if (!common.report_path.empty()) {
+      json.erase("runs");
+      json.erase("tables");
+      report::Report report = begin_report("", common);
+      set_provenance(report, json);
+      add_paper(report,
+                {.results = &results,
+                 .tolerance = options.tolerance,
+                 .source_name = file_name(source),
+                 .target_name = file_name(target),
+                 .pair = &pair,
+                 .align = options.align,
+                 .points = options.points,
+                 .sections = std::move(sections)},
+                common);
+      write_report(report, common);
+    }
+    print(results, tables.front(), seconds);
+    return kDone;
+  }
 
  private:
-  Json options_json() const;
-  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const;
+  Json options_json() const {
+    Json json = {{"start", truth.empty() ? "as_read" : "truth"}};
+    json.update(options_of(PaperOptions::table, &options));
+    return json;
+  }
+
+  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const {
+    std::string text = fmt::format(
+        "# The paper's experiments on {} and {}\n\n"
+        "A run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by its "
+        "pose within {:g} degrees and {:g} m.\n",
+        source, target, results.success_score, kPublishedSuccessScore,
+        options.tolerance.rotation_deg, options.tolerance.translation_m);
+    if (const auto swapped = swapped_truth(results)) text += fmt::format("\n{}.\n", *swapped);
+    return text + markdown_of(tables);
+  }
+
   void write_all(const std::string& folder, const PaperResults& results,
-                 const std::vector<ResultTable>& tables) const;
-  Json describe(Json inputs, const PaperResults& results,
-                const std::vector<ResultTable>& tables) const;
-  void print(const PaperResults& results, const ResultTable& successes, double seconds) const;
-};
-
-void PaperArguments::add_to(const Command& command) {
-  command.add_text("source", source, "Map to move: " + all_formats().titles_text()).required();
-  command.add_text("target", target, "Map to align it to").required();
-  command.add_text("-o,--output", output, "New folder for the results", "FOLDER").required();
-  command.add_text(
-      "--truth", truth,
-      "True target_from_source, 16 numbers or the JSON of an alignment; the runs start from it, "
-      "displaced, and have pose errors",
-      "FILE");
-  add_options(command, PaperOptions::table, &options);
-  command
-      .add_words("--images", images,
-                 "RGB-D sequences of source and target; adds the paper's Figure 1", "FOLDER FOLDER")
-      .words(2);
-  common.add_report_to(command, "one configuration in 3D at each iteration, figures and tables");
-  common.add_to(command);
-  common.add_threads_to(command);
-  command.footer(
-      "Each run starts from the true pose, or from the maps as they lie without --truth, "
-      "displaced\n"
-      "as in the paper: turned about the target's origin, then moved.\n"
-      "Writes runs.csv, timings.csv, experiment.json, summary.md and tables/.\n"
-      "\n"
-      "Example: run the experiments on two maps with a known true pose\n"
-      "  cairn experiment paper second.map first.map --truth truth.txt -o results");
-}
-
-// What is to be said of the truth if its inverse fits poses.
-std::optional<std::string> swapped_truth(const PaperResults& results) {
-  const auto swapped = std::count_if(results.runs.begin(), results.runs.end(),
-                                     [](const TrialResult& run) { return run.fits_inverse; });
-  if (swapped == 0) return std::nullopt;
-  return swapped_truth_text(fmt::format("{} of {} poses", swapped, results.runs.size()));
-}
-
-Json PaperArguments::options_json() const {
-  Json json = {{"start", truth.empty() ? "as_read" : "truth"}};
-  json.update(options_of(PaperOptions::table, &options));
-  return json;
-}
-
-std::string PaperArguments::summary(const PaperResults& results,
-                                    const std::vector<ResultTable>& tables) const {
-  std::string text = fmt::format(
-      "# The paper's experiments on {} and {}\n\n"
-      "A run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by its "
-      "pose within {:g} degrees and {:g} m.\n",
-      source, target, results.success_score, kPublishedSuccessScore, options.tolerance.rotation_deg,
-      options.tolerance.translation_m);
-  if (const auto swapped = swapped_truth(results)) text += fmt::format("\n{}.\n", *swapped);
-  return text + markdown_of(tables);
-}
-
-void PaperArguments::print(const PaperResults& results, const ResultTable& successes,
-                           double seconds) const {
-  const Console console = common.console();
-  std::vector<std::string> header;
-  for (const auto& column : successes.columns) header.push_back(column.name);
-  Table table(header);
-  for (const auto& row : successes.rows) {
-    std::vector<std::string> cells;
-    for (const auto& cell : row) cells.push_back(std::get<std::string>(cell));
-    table.add_row(std::move(cells));
-  }
-  console.print(
-      fmt::format("{}: {} runs in {:.1f} s\n\n{}\nscore      below {:.6g} m^2 (the paper's, on its "
-                  "own pair: {:g})\n",
-                  output, results.runs.size(), seconds, table.text(), results.success_score,
-                  kPublishedSuccessScore));
-  console.print(
-      fmt::format("agreement  within {:g} degrees and {:g} m of the pose that most runs agree on\n",
-                  options.tolerance.rotation_deg, options.tolerance.translation_m));
-  if (results.has_truth) console.print("true pose  within the same of the truth\n");
-  console.print(fmt::format("starts     {}\n", start_text(results)));
-  if (const auto swapped = swapped_truth(results)) {
-    console.print(fmt::format("truth      {}\n", *swapped));
-    console.remark(*swapped);
-  }
-}
-
-void PaperArguments::write_all(const std::string& folder, const PaperResults& results,
-                               const std::vector<ResultTable>& tables) const {
-  write_runs(folder, results.runs);
-  write_tables(folder, tables);
-  write_tables(folder, {paper_durations(results)});
-  if (!results.searches.empty()) {
-    std::vector<TrialResult> runs;
-    for (const QuadrantSearch& search : results.searches) {
-      runs.insert(runs.end(), search.runs.begin(), search.runs.end());
+                 const std::vector<ResultTable>& tables) const {
+    write_runs(folder, results.runs);
+    write_tables(folder, tables);
+    write_tables(folder, {paper_durations(results)});
+    if (!results.searches.empty()) {
+      std::vector<TrialResult> runs;
+      for (const QuadrantSearch& search : results.searches) {
+        runs.insert(runs.end(), search.runs.begin(), search.runs.end());
+      }
+      write_runs(folder, runs, "xy_search_");
     }
-    write_runs(folder, runs, "xy_search_");
+    write_text(folder, "summary.md", summary(results, tables));
   }
-  write_text(folder, "summary.md", summary(results, tables));
-}
 
-Json PaperArguments::describe(Json inputs, const PaperResults& results,
-                              const std::vector<ResultTable>& tables) const {
-  Json json = document("experiment", common, std::move(inputs), options_json());
-  json["experiment"] = "paper";
-  json["success_score_m2"] = results.success_score;
-  json["agreement"] =
-      results.agreement ? Json{{"target_from_source",
-                                to_json(*results.runs[results.agreement->pose].target_from_source)},
-                               {"pose", results.agreement->pose},
-                               {"agrees", results.agreement->agrees}}
-                        : Json(nullptr);
-  json["tables"] = Json::array();
-  for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
-  json["runs"] = Json::array();
-  for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
-  return json;
-}
+  Json describe(Json inputs, const PaperResults& results,
+                const std::vector<ResultTable>& tables) const {
+    Json json = document("experiment", common, std::move(inputs), options_json());
+    json["experiment"] = "paper";
+    json["success_score_m2"] = results.success_score;
+    json["agreement"] =
+        results.agreement
+            ? Json{{"target_from_source",
+                    to_json(*results.runs[results.agreement->pose].target_from_source)},
+                   {"pose", results.agreement->pose},
+                   {"agrees", results.agreement->agrees}}
+            : Json(nullptr);
+    json["tables"] = Json::array();
+    for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
+    json["runs"] = Json::array();
+    for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
+    return json;
+  }
 
-int PaperArguments::run() {
-  with_option_names({PaperOptions::table, IcpOptions::table}, [&] { options.validate(); });
-  require_outputs(common);
-  MapPair pair;
-  if (!truth.empty()) pair.truth = read_pose_file(truth);
-  LoadedMap source_map = load_map(source, common, true);
-  LoadedMap target_map = load_map(target, common, true);
-  for (LoadedMap* const loaded : {&source_map, &target_map}) {
-    require_metres(loaded->map, loaded->path);
-    loaded->description["kept_landmarks"] =
-        landmarks_observed(loaded->map, options.points.min_observations).size();
+  void print(const PaperResults& results, const ResultTable& successes, double seconds) const {
+    const Console console = common.console();
+    std::vector<std::string> header;
+    for (const auto& column : successes.columns) header.push_back(column.name);
+    Table table(header);
+    for (const auto& row : successes.rows) {
+      std::vector<std::string> cells;
+      for (const auto& cell : row) cells.push_back(std::get<std::string>(cell));
+      table.add_row(std::move(cells));
+    }
+    console.print(fmt::format(
+        "{}: {} runs in {:.1f} s\n\n{}\nscore      below {:.6g} m^2 (the paper's, on its "
+        "own pair: {:g})\n",
+        output, results.runs.size(), seconds, table.text(), results.success_score,
+        kPublishedSuccessScore));
+    console.print(fmt::format(
+        "agreement  within {:g} degrees and {:g} m of the pose that most runs agree on\n",
+        options.tolerance.rotation_deg, options.tolerance.translation_m));
+    if (results.has_truth) console.print("true pose  within the same of the truth\n");
+    console.print(fmt::format("starts     {}\n", start_text(results)));
+    if (const auto swapped = swapped_truth(results)) {
+      console.print(fmt::format("truth      {}\n", *swapped));
+      console.remark(*swapped);
+    }
   }
-  detail::OutputFolder folder = result_folder(output);
-  const std::string unfinished = folder.unfinished().string();
-  pair.name = std::filesystem::path(source).stem().string() + "_to_" +
-              std::filesystem::path(target).stem().string();
-  pair.source = std::move(source_map.map);
-  pair.target = std::move(target_map.map);
-  options.execution = common.execution("180 alignments");
-  const Stopwatch watch;
-  const PaperResults results = run_paper_experiments(pair, options);
-  const double seconds = watch.seconds();
-
-  const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);
-  write_all(unfinished, results, tables);
-  std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
-  if (!images.empty()) {
-    common.console().remark(write_common_view(unfinished, pair, results, images[0], images[1]));
-  }
-  Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
-  if (pair.truth) inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*pair.truth)}};
-  Json json = describe(std::move(inputs), results, tables);
-  write_text(unfinished, "experiment.json", to_text(json));
-  folder.commit();
-  write_document(json, common);
-  if (!common.report_path.empty()) {
-    json.erase("runs");
-    json.erase("tables");
-    report::Report report = begin_report("", common);
-    set_provenance(report, json);
-    add_paper(report,
-              {.results = &results,
-               .tolerance = options.tolerance,
-               .source_name = file_name(source),
-               .target_name = file_name(target),
-               .pair = &pair,
-               .align = options.align,
-               .points = options.points,
-               .sections = std::move(sections)},
-              common);
-    write_report(report, common);
-  }
-  print(results, tables.front(), seconds);
-  return kDone;
-}
+};
 
 }  // namespace
 
 void add_experiment_paper(const Command& experiment) {
   add_verb<PaperArguments>(experiment, "paper",
                            "Run the paper's 45 configurations with base ICP and three confidences");
+}
+
+void add_experiment(const Command& program) {
+  const Command experiment = program.add_group(
+      "experiment", "Align maps from many initial poses: the paper's experiments, or a study");
+  add_experiment_paper(experiment);
+  add_experiment_sweep(experiment);
+  add_experiment_merge(experiment);
+  experiment.footer(
+      "Example: run the paper's 45 configurations on two maps of one place\n"
+      "  cairn experiment paper later.map earlier.map -o results");
 }
 
 }  // namespace cairn::cli

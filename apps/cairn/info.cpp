@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -29,36 +28,9 @@
 namespace cairn::cli {
 namespace {
 
-struct InfoArguments {
-  CommonArguments common;
-  std::string input;
-  std::string camera;
-  MapLoading loading;
-
-  void add_to(const Command& command);
-  int run() const;
-
- private:
-  bool describe_graph() const;
-};
-
-void InfoArguments::add_to(const Command& command) {
-  command
-      .add_text("map", input,
-                "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
-      .required();
-  command.add_text("--camera", camera,
-                   fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
-                   "CAMERA");
-  loading.add_to(command);
-  common.add_to(command);
-  command.footer(
-      "Example: print what a map holds and its reprojection errors\n"
-      "  cairn info desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"");
-}
-
-Json to_json(const ErrorStatistics& q) {
-  return {{"lowest", q.lowest}, {"median", q.median}, {"mean", q.mean}, {"highest", q.highest}};
+Json quantiles_json(const std::optional<ErrorStatistics>& q) {
+  if (!q) return nullptr;
+  return {{"lowest", q->lowest}, {"median", q->median}, {"mean", q->mean}, {"highest", q->highest}};
 }
 
 // What the verb finds out beside what the map itself says. `kept`: with two or more observations,
@@ -143,128 +115,124 @@ class Properties {
   void add(const std::string& name, std::string value) {
     lines_.emplace_back(name, std::move(value));
   }
-  void add_counts();
-  void add_columns();
-  void add_frame_of_reference();
-  void add_poses();
-  void add_origin();
+
+  void add_counts() {
+    const auto& frame_ids = map_.frames().ids;
+    if (frame_ids.empty()) {
+      add("frames", "0");
+    } else {
+      const auto [first, last] = std::minmax_element(frame_ids.begin(), frame_ids.end());
+      add("frames", fmt::format("{}, ids {} to {}", frame_ids.size(), first->value, last->value));
+    }
+    add("cameras", std::to_string(map_.cameras().size()));
+    if (!map_.rigs().empty()) {
+      std::size_t mounted = 0;
+      for (const Rig& rig : map_.rigs()) mounted += rig.mounts.size();
+      add("rigs", fmt::format("{}, of {} cameras", map_.rigs().size(), mounted));
+    }
+    add("landmarks", std::to_string(map_.landmark_count()));
+    if (map_.has_observations()) {
+      add("observations", std::to_string(map_.observation_count()));
+      std::string often = std::to_string(findings_.kept.size());
+      if (const auto& q = findings_.observations_each) {
+        often += fmt::format(", {} to {} each, mean {:.2f}", q->lowest, q->highest, q->mean);
+      }
+      add("observed twice or more", often);
+    } else {
+      add("observations", "unknown");
+    }
+  }
+
+  void add_columns() {
+    if (map_.has_covariances()) add("covariances", "yes");
+    if (!map_.landmarks().colors.empty()) add("colours", "yes");
+    if (const auto& descriptors = map_.landmarks().descriptors) {
+      std::string text =
+          fmt::format("{}, {} bytes each", descriptors->kind, descriptors->bytes_each);
+      if (descriptors->has_further()) {
+        std::size_t all = 0;
+        std::size_t described = 0;
+        std::size_t most = 0;
+        for (std::size_t i = 0; i < map_.landmark_count(); ++i) {
+          const std::size_t count = descriptors->count(i);
+          all += count;
+          described += count > 0 ? 1 : 0;
+          most = std::max(most, count);
+        }
+        text += fmt::format("; {} landmarks have {}, up to {} each", described, all, most);
+      }
+      add("descriptors", text);
+    }
+    std::string columns;
+    for (const NamedColumn& column : map_.landmarks().columns) {
+      columns += (columns.empty() ? "" : ", ") + column.name;
+    }
+    if (!columns.empty()) add("columns", columns);
+  }
+
+  void add_frame_of_reference() {
+    if (!findings_.extent.isEmpty()) {
+      const Eigen::Vector3d& low = findings_.extent.min();
+      const Eigen::Vector3d& high = findings_.extent.max();
+      add("extent", fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f} {}",
+                                low.x(), high.x(), low.y(), high.y(), low.z(), high.z(),
+                                unit_symbol(map_.info().length_unit)));
+    }
+    add("length unit", to_string(map_.info().length_unit));
+    if (map_.info().world_frame) add("world frame", *map_.info().world_frame);
+    if (const auto& down = map_.info().gravity) {
+      add("gravity", fmt::format("{:.4g} {:.4g} {:.4g}", down->x(), down->y(), down->z()));
+    }
+    if (const auto& georeference = map_.info().georeference) {
+      add("georeference", place_text(georeference->origin));
+      if (!georeference->is_enu()) {
+        add("metres per unit", fmt::format("{:.6g}", georeference->scale));
+      }
+      if (!findings_.extent.isEmpty()) {
+        const Eigen::Vector3d centre = findings_.extent.center();
+        add("centre on the Earth", place_text(georeference->geodetic(centre)));
+      }
+    }
+  }
+
+  void add_poses() {
+    if (const auto& gnss = map_.frames().gnss; !gnss.empty()) {
+      const auto known = gnss.known();
+      add("GNSS positions", fmt::format("of {} of {} frames",
+                                        std::count(known.begin(), known.end(), 1), gnss.size()));
+    }
+    if (const auto poses = keyframe_uncertainties(map_)) {
+      const std::string unit(unit_symbol(map_.info().length_unit));
+      const auto text = [&](const KeyframeUncertainty& one) {
+        return fmt::format("{:.2g} deg and {:.2g} {}", degrees(one.angle_rad), one.length, unit);
+      };
+      add("pose uncertainty", fmt::format("up to {}, of keyframe {} to the first",
+                                          text(poses->of_worst), poses->worst.value));
+      if (poses->of_step.angle_rad > 0.0) {
+        add("grows most", fmt::format("by {}, between keyframes {} and {}", text(poses->of_step),
+                                      poses->step.first.value, poses->step.second.value));
+      }
+    }
+  }
+
+  void add_origin() {
+    if (const auto& points = map_.info().control_points; !points.empty()) {
+      std::size_t views = 0;
+      for (const ControlPoint& point : points) views += point.views.size();
+      add("control points", fmt::format("{}, {} views", points.size(), views));
+    }
+    if (map_.info().uuid) add("uuid", *map_.info().uuid);
+    for (const std::string& step : map_.info().provenance) add("provenance", step);
+    if (const auto& q = findings_.reprojection_px) {
+      add("reprojection", fmt::format("median {:.3g} px, mean {:.3g} px, worst {:.3g} px",
+                                      q->median, q->mean, q->highest));
+    }
+  }
 
   const LandmarkMap& map_;
   const Findings& findings_;
   std::vector<std::pair<std::string, std::string>> lines_;
 };
-
-void Properties::add_counts() {
-  const auto& frame_ids = map_.frames().ids;
-  if (frame_ids.empty()) {
-    add("frames", "0");
-  } else {
-    const auto [first, last] = std::minmax_element(frame_ids.begin(), frame_ids.end());
-    add("frames", fmt::format("{}, ids {} to {}", frame_ids.size(), first->value, last->value));
-  }
-  add("cameras", std::to_string(map_.cameras().size()));
-  if (!map_.rigs().empty()) {
-    std::size_t mounted = 0;
-    for (const Rig& rig : map_.rigs()) mounted += rig.mounts.size();
-    add("rigs", fmt::format("{}, of {} cameras", map_.rigs().size(), mounted));
-  }
-  add("landmarks", std::to_string(map_.landmark_count()));
-  if (map_.has_observations()) {
-    add("observations", std::to_string(map_.observation_count()));
-    std::string often = std::to_string(findings_.kept.size());
-    if (const auto& q = findings_.observations_each) {
-      often += fmt::format(", {} to {} each, mean {:.2f}", q->lowest, q->highest, q->mean);
-    }
-    add("observed twice or more", often);
-  } else {
-    add("observations", "unknown");
-  }
-}
-
-void Properties::add_columns() {
-  if (map_.has_covariances()) add("covariances", "yes");
-  if (!map_.landmarks().colors.empty()) add("colours", "yes");
-  if (const auto& descriptors = map_.landmarks().descriptors) {
-    std::string text = fmt::format("{}, {} bytes each", descriptors->kind, descriptors->bytes_each);
-    if (descriptors->has_further()) {
-      std::size_t all = 0;
-      std::size_t described = 0;
-      std::size_t most = 0;
-      for (std::size_t i = 0; i < map_.landmark_count(); ++i) {
-        const std::size_t count = descriptors->count(i);
-        all += count;
-        described += count > 0 ? 1 : 0;
-        most = std::max(most, count);
-      }
-      text += fmt::format("; {} landmarks have {}, up to {} each", described, all, most);
-    }
-    add("descriptors", text);
-  }
-  std::string columns;
-  for (const NamedColumn& column : map_.landmarks().columns) {
-    columns += (columns.empty() ? "" : ", ") + column.name;
-  }
-  if (!columns.empty()) add("columns", columns);
-}
-
-void Properties::add_frame_of_reference() {
-  if (!findings_.extent.isEmpty()) {
-    const Eigen::Vector3d& low = findings_.extent.min();
-    const Eigen::Vector3d& high = findings_.extent.max();
-    add("extent", fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f} {}",
-                              low.x(), high.x(), low.y(), high.y(), low.z(), high.z(),
-                              unit_symbol(map_.info().length_unit)));
-  }
-  add("length unit", to_string(map_.info().length_unit));
-  if (map_.info().world_frame) add("world frame", *map_.info().world_frame);
-  if (const auto& down = map_.info().gravity) {
-    add("gravity", fmt::format("{:.4g} {:.4g} {:.4g}", down->x(), down->y(), down->z()));
-  }
-  if (const auto& georeference = map_.info().georeference) {
-    add("georeference", place_text(georeference->origin));
-    if (!georeference->is_enu()) {
-      add("metres per unit", fmt::format("{:.6g}", georeference->scale));
-    }
-    if (!findings_.extent.isEmpty()) {
-      const Eigen::Vector3d centre = findings_.extent.center();
-      add("centre on the Earth", place_text(georeference->geodetic(centre)));
-    }
-  }
-}
-
-void Properties::add_poses() {
-  if (const auto& gnss = map_.frames().gnss; !gnss.empty()) {
-    const auto known = gnss.known();
-    add("GNSS positions",
-        fmt::format("of {} of {} frames", std::count(known.begin(), known.end(), 1), gnss.size()));
-  }
-  if (const auto poses = keyframe_uncertainties(map_)) {
-    const std::string unit(unit_symbol(map_.info().length_unit));
-    const auto text = [&](const KeyframeUncertainty& one) {
-      return fmt::format("{:.2g} deg and {:.2g} {}", degrees(one.angle_rad), one.length, unit);
-    };
-    add("pose uncertainty", fmt::format("up to {}, of keyframe {} to the first",
-                                        text(poses->of_worst), poses->worst.value));
-    if (poses->of_step.angle_rad > 0.0) {
-      add("grows most", fmt::format("by {}, between keyframes {} and {}", text(poses->of_step),
-                                    poses->step.first.value, poses->step.second.value));
-    }
-  }
-}
-
-void Properties::add_origin() {
-  if (const auto& points = map_.info().control_points; !points.empty()) {
-    std::size_t views = 0;
-    for (const ControlPoint& point : points) views += point.views.size();
-    add("control points", fmt::format("{}, {} views", points.size(), views));
-  }
-  if (map_.info().uuid) add("uuid", *map_.info().uuid);
-  for (const std::string& step : map_.info().provenance) add("provenance", step);
-  if (const auto& q = findings_.reprojection_px) {
-    add("reprojection", fmt::format("median {:.3g} px, mean {:.3g} px, worst {:.3g} px", q->median,
-                                    q->mean, q->highest));
-  }
-}
 
 void print(const Console& console, const LoadedMap& loaded, const Findings& findings) {
   const LandmarkMap& map = loaded.map;
@@ -311,9 +279,6 @@ Json to_json(const ConventionCheck& check) {
 }
 
 void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) {
-  const auto quantiles_json = [](const std::optional<ErrorStatistics>& q) {
-    return q ? to_json(*q) : Json(nullptr);
-  };
   json["observed_twice_or_more"] =
       map.has_observations() ? Json(findings.kept.size()) : Json(nullptr);
   json["unobserved"] = cli::to_json(findings.unobserved);
@@ -347,7 +312,6 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();
-  json["rigs"] = map.rigs().size();
   json["columns"] = Json::array();
   for (const NamedColumn& column : map.landmarks().columns) json["columns"].push_back(column.name);
   json["extent"] = nullptr;
@@ -363,74 +327,98 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["warnings"] = findings.warnings;
 }
 
-// Prints what a pose graph holds, if the input is one. @return false for what is read as a map
-bool InfoArguments::describe_graph() const {
-  const std::string first = beginning_of(input);
-  const bool has_g2o = is_g2o(first);
-  if (!has_g2o && !is_pose_graph_text(first)) return false;
-  FileReader file(input);
-  const Console console = common.console();
-  G2oGraph g2o;
-  if (has_g2o) g2o = read_g2o(file, console.log());
-  const PoseGraph graph = has_g2o ? pose_graph(g2o) : read_pose_graph(file);
-  const auto neighbours =
-      std::count_if(graph.links.begin(), graph.links.end(),
-                    [](const Link& link) { return link.kind == LinkKind::kOdometry; });
-  Eigen::AlignedBox3d extent;
-  for (const PoseNode& node : graph.nodes) extent.extend(node.world_from_node.translation());
-  Json json = document("info_pose_graph", common, {{"graph", describe_file(input, common)}},
-                       Json::object());
-  json["format"] = has_g2o ? "g2o" : "cairn.pose_graph";
-  json["vertices"] = graph.nodes.size();
-  json["edges"] = graph.links.size();
-  json["odometry_edges"] = neighbours;
-  json["fixed"] = has_g2o ? Json(g2o.fixed.size()) : Json(nullptr);
-  json["extent"] = graph.nodes.empty()
-                       ? Json(nullptr)
-                       : Json{{"low", cli::to_json(Eigen::Vector3d(extent.min()))},
-                              {"high", cli::to_json(Eigen::Vector3d(extent.max()))}};
-  json["length_unit"] = nullptr;
-  write_document(json, common);
-  const auto line = [&](std::string_view name, std::string_view value) {
-    console.print("  {:<22}  {}\n", name, value);
-  };
-  console.print(input + "\n");
-  line("pose graph", has_g2o ? "g2o" : "JSON of Cairn");
-  line("vertices", std::to_string(graph.nodes.size()));
-  line("edges", fmt::format("{}, {} of them {}", graph.links.size(), neighbours,
-                            has_g2o ? "between consecutive ids" : "odometry"));
-  if (has_g2o) line("fixed vertices", std::to_string(g2o.fixed.size()));
-  if (!graph.nodes.empty()) {
-    const Eigen::Vector3d& low = extent.min();
-    const Eigen::Vector3d& high = extent.max();
-    line("extent", fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f}",
-                               low.x(), high.x(), low.y(), high.y(), low.z(), high.z()));
-  }
-  line("length unit", "not stated: that of its maps, metres unless their scale is free");
-  return true;
-}
+struct InfoArguments {
+  CommonArguments common;
+  std::string input;
+  std::string camera;
+  MapLoading loading;
 
-int InfoArguments::run() const {
-  loading.validate();
-  require_folder_of(common.json_path);
-  if (describe_graph()) return kDone;
-  const auto given_camera =
-      camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
-  LoadedMap loaded = load_map(input, common, MapLoading{.convention = "format"});
-  if (given_camera) loaded.map = with_camera(loaded.map, *given_camera);
-  const ConventionCheck conventions = check_conventions(loaded.map);
-  if (conventions.verdict == ConventionVerdict::kOther && loading.convention == "data") {
-    loaded.map = reread(std::move(loaded.map), conventions.best.reading);
+  void add_to(const Command& command) {
+    command
+        .add_text(
+            "map", input,
+            "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
+        .required();
+    command.add_text("--camera", camera,
+                     fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
+                     "CAMERA");
+    loading.add_to(command);
+    common.add_to(command);
+    command.footer(
+        "Example: print what a map holds and its reprojection errors\n"
+        "  cairn info desk.map --camera \"PINHOLE 640 480 517.3 516.5 318.6 255.3\"");
   }
-  Findings findings = examine(loaded.map);
-  findings.conventions = conventions;
-  Json json = document("info", common, {{"map", loaded.description}},
-                       {{"camera", text_or_null(camera)}, {"convention", loading.convention}});
-  add_findings(json, loaded.map, findings);
-  write_document(json, common);
-  print(common.console(), loaded, findings);
-  return kDone;
-}
+
+  int run() const {
+    loading.validate();
+    require_folder_of(common.json_path);
+    if (describe_graph()) return kDone;
+    const auto given_camera =
+        camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
+    LoadedMap loaded = load_map(input, common, MapLoading{.convention = "format"});
+    if (given_camera) loaded.map = with_camera(loaded.map, *given_camera);
+    const ConventionCheck conventions = check_conventions(loaded.map);
+    if (conventions.verdict == ConventionVerdict::kOther && loading.convention == "data") {
+      loaded.map = reread(std::move(loaded.map), conventions.best.reading);
+    }
+    Findings findings = examine(loaded.map);
+    findings.conventions = conventions;
+    Json json = document("info", common, {{"map", loaded.description}},
+                         {{"camera", text_or_null(camera)}, {"convention", loading.convention}});
+    add_findings(json, loaded.map, findings);
+    write_document(json, common);
+    print(common.console(), loaded, findings);
+    return kDone;
+  }
+
+ private:
+  // Prints what a pose graph holds, if the input is one. @return false for what is read as a map
+  bool describe_graph() const {
+    const std::string first = beginning_of(input);
+    const bool has_g2o = is_g2o(first);
+    if (!has_g2o && !is_pose_graph_text(first)) return false;
+    FileReader file(input);
+    const Console console = common.console();
+    G2oGraph g2o;
+    if (has_g2o) g2o = read_g2o(file, console.log());
+    const PoseGraph graph = has_g2o ? pose_graph(g2o) : read_pose_graph(file);
+    const auto neighbours =
+        std::count_if(graph.links.begin(), graph.links.end(),
+                      [](const Link& link) { return link.kind == LinkKind::kOdometry; });
+    Eigen::AlignedBox3d extent;
+    for (const PoseNode& node : graph.nodes) extent.extend(node.world_from_node.translation());
+    Json json = document("info_pose_graph", common, {{"graph", describe_file(input, common)}},
+                         Json::object());
+    json["format"] = has_g2o ? "g2o" : "cairn.pose_graph";
+    json["vertices"] = graph.nodes.size();
+    json["edges"] = graph.links.size();
+    json["odometry_edges"] = neighbours;
+    json["fixed"] = has_g2o ? Json(g2o.fixed.size()) : Json(nullptr);
+    json["extent"] = graph.nodes.empty()
+                         ? Json(nullptr)
+                         : Json{{"low", cli::to_json(Eigen::Vector3d(extent.min()))},
+                                {"high", cli::to_json(Eigen::Vector3d(extent.max()))}};
+    json["length_unit"] = nullptr;
+    write_document(json, common);
+    const auto line = [&](std::string_view name, std::string_view value) {
+      console.print("  {:<22}  {}\n", name, value);
+    };
+    console.print(input + "\n");
+    line("pose graph", has_g2o ? "g2o" : "JSON of Cairn");
+    line("vertices", std::to_string(graph.nodes.size()));
+    line("edges", fmt::format("{}, {} of them {}", graph.links.size(), neighbours,
+                              has_g2o ? "between consecutive ids" : "odometry"));
+    if (has_g2o) line("fixed vertices", std::to_string(g2o.fixed.size()));
+    if (!graph.nodes.empty()) {
+      const Eigen::Vector3d& low = extent.min();
+      const Eigen::Vector3d& high = extent.max();
+      line("extent", fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} to {:.2f}",
+                                 low.x(), high.x(), low.y(), high.y(), low.z(), high.z()));
+    }
+    line("length unit", "not stated: that of its maps, metres unless their scale is free");
+    return true;
+  }
+};
 
 }  // namespace
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,109 +23,11 @@
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct LocateArguments {
-  CommonArguments common;
-  std::string map;
-  std::vector<std::string> images;
-  std::string camera;
-  std::string depth;
-  std::string trajectory;
-  std::optional<double> depth_units;
-  LocateOptions options;
-
-  void add_to(const Command& command);
-  int run();
-
- private:
-  LoadedMap load_world() const;
-  CameraFile load_camera_of(const LandmarkMap& of_map) const;
-  DepthImage read_depth(double units) const;
-  Json describe(const LoadedMap& loaded, const Camera& used) const;
-  void write_trajectory(const std::vector<ImageLocation>& found) const;
-};
-
-void LocateArguments::add_to(const Command& command) {
-  command
-      .add_text("map", map,
-                "Map with ORB descriptors: " + all_formats().titles_text() +
-                    "; or an atlas, whose placed maps count as one")
-      .required();
-  command
-      .add_words("images", images, "Images to locate, JPEG or PNG; each is located separately",
-                 "IMAGE")
-      .required();
-  command.add_text(
-      "--camera", camera,
-      fmt::format("Camera of the images: {} (default: the map's only camera)", kCameraHelp),
-      "CAMERA");
-  command.add_text(
-      "--depth", depth,
-      "Depth image (PNG, 16 bit) of the same view, for a single image; makes the pose more "
-      "accurate",
-      "FILE");
-  add_number(command, "--depth-units", depth_units,
-             "Depth image units per metre (default: from the camera file, else 5000)");
-  add_options(command, LocateOptions::table, &options);
-  command.add_text(
-      "--trajectory", trajectory,
-      "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
-      "are the images' names if all are numbers, else 0, 1, ...",
-      "FILE");
-  common.add_to(command);
-  common.add_threads_to(command);
-  common.add_seed_to(command);
-  command.footer(
-      "Example: find the pose of an image in a map\n"
-      "  cairn locate desk.map image.png --camera fr1\n"
-      "The exit code is 0 if every image is located, else 4.");
-}
-
-// The map; or the maps of an atlas that have poses, as one.
-LoadedMap LocateArguments::load_world() const {
-#ifdef CAIRN_HAS_ATLAS
-  if (is_postgres_url(map) || is_atlas_file(map)) {
-    Atlas atlas = Atlas::open(map, {.read_only = true});
-    const AtlasState state = atlas.state();
-    const std::string shown = without_password(map);
-    LoadedMap loaded{shown, {}, describe_file(shown, common)};
-    loaded.map = merged_world(atlas, state, common.seed, common.execution("merging"));
-    return loaded;
-  }
-#endif
-  return load_map(map, common);
-}
-
-CameraFile LocateArguments::load_camera_of(const LandmarkMap& of_map) const {
-  if (!camera.empty()) return load_camera(camera);
-  if (of_map.cameras().size() == 1) return {of_map.cameras().front(), std::nullopt};
-  throw Error(ErrorKind::kMisuse, "--camera",
-              fmt::format("not given, and the map has {} cameras", of_map.cameras().size()),
-              kCameraHelp);
-}
-
-DepthImage LocateArguments::read_depth(double units) const {
-  const StoredDepthImage stored = read_depth_image(depth);
-  DepthImage metres(stored.width, stored.height);
-  for (std::size_t i = 0; i < stored.values.size(); ++i) {
-    metres.values[i] = static_cast<float>(stored.values[i] / units);
-  }
-  return metres;
-}
-
-Json LocateArguments::describe(const LoadedMap& loaded, const Camera& used) const {
-  Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
-  for (const std::string& image : images) inputs["images"].push_back(describe_file(image, common));
-  Json json = {{"camera", to_json(used)}, {"depth", text_or_null(depth)}};
-  json.update(options_of(LocateOptions::table, &options));
-  return document("locate", common, std::move(inputs), std::move(json));
-}
 
 Json json_of(const std::string& image, const ImageLocation& found) {
   Json json = {{"image", image},
@@ -181,58 +82,147 @@ std::vector<std::string> stamps_of(const std::vector<std::string>& images) {
   return times.size() == images.size() ? times : numbers;
 }
 
-void LocateArguments::write_trajectory(const std::vector<ImageLocation>& found) const {
-  const std::vector<std::string> stamps = stamps_of(images);
-  std::string text = "# timestamp tx ty tz qx qy qz qw\n";
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    if (!found[i].world_from_camera) continue;
-    const Eigen::Vector3d& at = found[i].world_from_camera->translation();
-    const Eigen::Quaterniond turn = found[i].world_from_camera->quaternion();
-    text += fmt::format("{} {} {} {} {} {} {} {}\n", stamps[i], at.x(), at.y(), at.z(), turn.x(),
-                        turn.y(), turn.z(), turn.w());
-  }
-  write_text(text, trajectory);
-}
+struct LocateArguments {
+  CommonArguments common;
+  std::string map;
+  std::vector<std::string> images;
+  std::string camera;
+  std::string depth;
+  std::string trajectory;
+  std::optional<double> depth_units;
+  LocateOptions options;
 
-int LocateArguments::run() {
-  with_option_names({FeatureOptions::table, LocateOptions::table}, [&] { options.validate(); });
-  refuse_if(!depth.empty() && images.size() != 1, "--depth",
-            fmt::format("given for {} images", images.size()), "one image");
-  require_outputs(common);
-  require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
-  if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
-  options.seed = common.seed;
-  const LoadedMap loaded = load_world();
-  const CameraFile file = load_camera_of(loaded.map);
-  const double units = depth_units.value_or(
-      file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));
-  refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
-  std::optional<ImageLocator> locator;
-  const std::string descriptors = map + ": descriptors";
-  with_option_names({{"descriptors", descriptors}},
-                    [&] { locator.emplace(loaded.map, file.camera, options); });
-  const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
-  std::vector<ImageLocation> found(images.size());
-  common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const GrayImage image = read_gray_image(images[i]);
-      with_option_names({{"image", images[i]}, {"depth image", depth}},
-                        [&] { found[i] = locator->locate(image, depth_m); });
-    }
-  });
-  Json json = describe(loaded, file.camera);
-  json["results"] = Json::array();
-  bool all = true;
-  const Console console = common.console();
-  for (std::size_t i = 0; i < images.size(); ++i) {
-    json["results"].push_back(json_of(images[i], found[i]));
-    console.print(text_of(images[i], found[i], loaded.map.info().length_unit));
-    all = all && found[i].located;
+  void add_to(const Command& command) {
+    command
+        .add_text("map", map,
+                  "Map with ORB descriptors: " + all_formats().titles_text() +
+                      "; or an atlas, whose placed maps count as one")
+        .required();
+    command
+        .add_words("images", images, "Images to locate, JPEG or PNG; each is located separately",
+                   "IMAGE")
+        .required();
+    command.add_text(
+        "--camera", camera,
+        fmt::format("Camera of the images: {} (default: the map's only camera)", kCameraHelp),
+        "CAMERA");
+    command.add_text(
+        "--depth", depth,
+        "Depth image (PNG, 16 bit) of the same view, for a single image; makes the pose more "
+        "accurate",
+        "FILE");
+    add_number(command, "--depth-units", depth_units,
+               "Depth image units per metre (default: from the camera file, else 5000)");
+    add_options(command, LocateOptions::table, &options);
+    command.add_text(
+        "--trajectory", trajectory,
+        "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
+        "are the images' names if all are numbers, else 0, 1, ...",
+        "FILE");
+    common.add_to(command);
+    common.add_threads_to(command);
+    common.add_seed_to(command);
+    command.footer(
+        "Example: find the pose of an image in a map\n"
+        "  cairn locate desk.map image.png --camera fr1\n"
+        "The exit code is 0 if every image is located, else 4.");
   }
-  write_document(json, common);
-  if (!trajectory.empty()) write_trajectory(found);
-  return all ? ExitCode::kDone : ExitCode::kNoTrustworthyAlignment;
-}
+
+  int run() {
+    with_option_names({FeatureOptions::table, LocateOptions::table}, [&] { options.validate(); });
+    refuse_if(!depth.empty() && images.size() != 1, "--depth",
+              fmt::format("given for {} images", images.size()), "one image");
+    require_outputs(common);
+    require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
+    if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
+    options.seed = common.seed;
+    const LoadedMap loaded = load_world();
+    const CameraFile file = load_camera_of(loaded.map);
+    const double units = depth_units.value_or(
+        file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));
+    refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
+    std::optional<ImageLocator> locator;
+    const std::string descriptors = map + ": descriptors";
+    with_option_names({{"descriptors", descriptors}},
+                      [&] { locator.emplace(loaded.map, file.camera, options); });
+    const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
+    std::vector<ImageLocation> found(images.size());
+    common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const GrayImage image = read_gray_image(images[i]);
+        with_option_names({{"image", images[i]}, {"depth image", depth}},
+                          [&] { found[i] = locator->locate(image, depth_m); });
+      }
+    });
+    Json json = describe(loaded, file.camera);
+    json["results"] = Json::array();
+    bool all = true;
+    const Console console = common.console();
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      json["results"].push_back(json_of(images[i], found[i]));
+      console.print(text_of(images[i], found[i], loaded.map.info().length_unit));
+      all = all && found[i].located;
+    }
+    write_document(json, common);
+    if (!trajectory.empty()) write_trajectory(found);
+    return all ? ExitCode::kDone : ExitCode::kNoTrustworthyAlignment;
+  }
+
+ private:
+  // The map; or the maps of an atlas that have poses, as one.
+  LoadedMap load_world() const {
+#ifdef CAIRN_HAS_ATLAS
+    if (is_postgres_url(map) || is_atlas_file(map)) {
+      Atlas atlas = Atlas::open(map, {.read_only = true});
+      const AtlasState state = atlas.state();
+      const std::string shown = without_password(map);
+      LoadedMap loaded{shown, {}, describe_file(shown, common)};
+      loaded.map = merged_world(atlas, state, common.seed, common.execution("merging"));
+      return loaded;
+    }
+#endif
+    return load_map(map, common);
+  }
+
+  CameraFile load_camera_of(const LandmarkMap& of_map) const {
+    if (!camera.empty()) return load_camera(camera);
+    if (of_map.cameras().size() == 1) return {of_map.cameras().front(), std::nullopt};
+    throw Error(ErrorKind::kMisuse, "--camera",
+                fmt::format("not given, and the map has {} cameras", of_map.cameras().size()),
+                kCameraHelp);
+  }
+
+  DepthImage read_depth(double units) const {
+    const StoredDepthImage stored = read_depth_image(depth);
+    DepthImage metres(stored.width, stored.height);
+    for (std::size_t i = 0; i < stored.values.size(); ++i) {
+      metres.values[i] = static_cast<float>(stored.values[i] / units);
+    }
+    return metres;
+  }
+
+  Json describe(const LoadedMap& loaded, const Camera& used) const {
+    Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
+    for (const std::string& image : images)
+      inputs["images"].push_back(describe_file(image, common));
+    Json json = {{"camera", to_json(used)}, {"depth", text_or_null(depth)}};
+    json.update(options_of(LocateOptions::table, &options));
+    return document("locate", common, std::move(inputs), std::move(json));
+  }
+
+  void write_trajectory(const std::vector<ImageLocation>& found) const {
+    const std::vector<std::string> stamps = stamps_of(images);
+    std::string text = "# timestamp tx ty tz qx qy qz qw\n";
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      if (!found[i].world_from_camera) continue;
+      const Eigen::Vector3d& at = found[i].world_from_camera->translation();
+      const Eigen::Quaterniond turn = found[i].world_from_camera->quaternion();
+      text += fmt::format("{} {} {} {} {} {} {} {}\n", stamps[i], at.x(), at.y(), at.z(), turn.x(),
+                          turn.y(), turn.z(), turn.w());
+    }
+    write_text(text, trajectory);
+  }
+};
 
 }  // namespace
 

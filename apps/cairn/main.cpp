@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <new>
 #include <string>
-#include <string_view>
 #include <system_error>
 
 #include <fcntl.h>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>
@@ -28,7 +27,6 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -40,145 +38,6 @@ struct LandmarkCounts {
   std::size_t observed_again = 0;  // by two keyframes or more
   double mean_observations = 0.0;  // of those
 };
-
-struct MapArguments {
-  CommonArguments common;
-  std::string sequence;
-  std::string output;
-  std::string trajectory;
-  std::string camera;
-  std::optional<double> depth_units;
-  std::optional<double> readout;
-  SequenceOptions files;
-  std::string start_pose;
-  std::string start_from;
-  std::string poses;
-  std::string mini_map_length;
-  bool close_loops = false;
-  bool refine_intrinsics = false;
-  std::string covariance = "recursive";
-  MapOptions made;
-  bool skip_unreadable = false;
-  FeatureOptions features;
-
-  void add_to(const Command& command);
-  int run();
-
- private:
-  CameraFile load_camera() const;
-  double readout_s(const CameraFile& camera_file) const {
-    return readout.value_or(camera_file.readout_s.value_or(0.0));
-  }
-  template <class Options>
-  void set_shared(Options& options) const;
-  MapSequenceOptions options(const CameraFile& camera_file) const;
-  MappedSequence map(const CameraFile& camera_file) const;
-  void write(const MappedSequence& mapped) const;
-  void write_mini_maps(const MappedSequence& mapped) const;
-  void write_trajectory(const Trajectory& camera_path) const;
-  Json describe(std::size_t frames, const CameraFile& camera_file) const;
-  Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
-                const CameraFile& camera_file) const;
-  LoopClosedSequence map_closing_loops(const CameraFile& camera_file) const;
-  void print_loops(const LoopClosedSequence& closed) const;
-  void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const;
-  void run_odometry(const CameraFile& camera_file) const;
-
-  MapAtPosesOptions options_at_poses() const;
-  MapAtPoses map_at_given_poses(const Camera& model) const;
-  Json describe(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
-                const CameraFile& camera_file) const;
-  void print(const MapAtPoses& mapped, const LandmarkCounts& landmarks, double seconds) const;
-  void run_at_poses(const CameraFile& camera_file) const;
-};
-
-void MapArguments::add_to(const Command& command) {
-  command
-      .add_text("sequence", sequence,
-                "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that "
-                "they list")
-      .required();
-  command.add_text("-o,--output", output,
-                   "Map to write; its ending selects the format: " + all_formats().endings_text() +
-                       "; with --mini-map-length a folder. Required",
-                   "FILE");
-  command.add_text(
-      "--trajectory", trajectory,
-      "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy qz qw per line",
-      "FILE");
-  command.add_text("--camera", camera,
-                   fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
-                   "CAMERA");
-  add_number(command, "--depth-units", depth_units,
-             "Depth image units per metre (default: from the camera file, else 5000)");
-  const Option rolling = add_number(
-      command, "--readout", readout,
-      "Readout time of a rolling shutter, from the first image row to the last, seconds; 0: global "
-      "shutter (default: from the camera file, else 0). Not with --poses");
-  add_options(command, SequenceOptions::table, &files);
-  const Option pose =
-      command.add_text("--start-pose", start_pose,
-                       "Pose of the first camera, world_from_camera (default: the identity)",
-                       "\"tx ty tz qw qx qy qz\"");
-  const Option from =
-      command
-          .add_text("--start-from", start_from,
-                    "Take the first camera's pose from a trajectory in TUM format, at "
-                    "the time of the first frame",
-                    "FILE")
-          .excludes(pose);
-  const Option length = command.add_text(
-      "--mini-map-length", mini_map_length,
-      "Cut into mini-maps of this many metres of path or frames, each in its own frame", "1m|50f");
-  const Option loops = command.add_flag(
-      "--close-loops", close_loops,
-      "Close the loops of the session: cut it into mini-maps, align these with each other, and "
-      "adjust them as one map. --trajectory then writes every frame, corrected");
-  loops.excludes(length);
-  command
-      .add_flag("--refine-intrinsics", refine_intrinsics,
-                "With --close-loops: also adjust the camera's parameters")
-      .needs(loops);
-  command
-      .add_text("--poses", poses,
-                "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
-                "estimated, in that world",
-                "FILE")
-      .excludes(pose)
-      .excludes(from)
-      .excludes(rolling)
-      .excludes(length)
-      .excludes(loops);
-  command.add_text(
-      "--covariance", covariance,
-      "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
-      "(from the whole least-squares problem)");
-  add_options(command, MapOptions::table, &made);
-  add_options(command, FeatureOptions::table, &features);
-  command.add_flag("--skip-unreadable", skip_unreadable,
-                   "Skip missing and damaged images instead of refusing the sequence");
-  common.add_to(command);
-  common.add_threads_to(command);
-  common.add_seed_to(command);
-  command.footer(
-      "Example: map a TUM sequence in the frame of its ground truth, and evaluate the trajectory\n"
-      "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map --trajectory desk.tum \\\n"
-      "    --start-from rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
-      "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
-      "Example: map with known camera poses, from motion capture or another SLAM system\n"
-      "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map \\\n"
-      "    --poses rgbd_dataset_freiburg1_desk/groundtruth.txt");
-}
-
-CameraFile MapArguments::load_camera() const {
-  if (!camera.empty()) return cli::load_camera(camera);
-  const fs::path beside = fs::path(sequence) / "camera.yaml";
-  std::error_code ignored;
-  refuse_if(!fs::is_regular_file(beside, ignored), "--camera",
-            "not given, and there is no " + beside.string(), kCameraHelp);
-  FileReader file(beside);
-  return read_camera_file(file);
-}
 
 LandmarkCovariance parse_covariance(const std::string& text) {
   if (text == "recursive") return LandmarkCovariance::kRecursive;
@@ -225,109 +84,11 @@ std::function<void(const MappingProgress&)> progress_of(
   };
 }
 
-// Sets what mapping by odometry and at known poses have in common.
-template <class Options>
-void MapArguments::set_shared(Options& options) const {
-  options.map = made;
-  options.map.covariance = parse_covariance(covariance);
-  options.skip_unreadable = skip_unreadable;
-  options.executor = common.executor();
-  options.stop = interrupt_requests();
-  options.log = common.console().log();
-}
-
-MapSequenceOptions MapArguments::options(const CameraFile& camera_file) const {
-  MapSequenceOptions options;
-  options.odometry.features = features;
-  options.odometry.readout_s = readout_s(camera_file);
-  if (!start_pose.empty()) {
-    options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
-  }
-  if (!start_from.empty()) {
-    options.odometry.start = [truth = read_trajectory(start_from, common.console().log()),
-                              path = start_from](double time) {
-      const auto pose = interpolated(truth, time);
-      if (pose) return *pose;
-      throw Error(ErrorKind::kInput, path,
-                  fmt::format("no pose near {:.6f} s, when the map begins", time),
-                  "a trajectory that covers the sequence");
-    };
-  }
-  if (!mini_map_length.empty()) options.mini_maps = parse_length(mini_map_length);
-  set_shared(options);
-  options.progress = progress_of(common.console(), "frames", [](const MappingProgress& now) {
-    return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
-  });
-  with_option_names(
-      {FeatureOptions::table, MapOptions::table, {"OdometryOptions.readout_s", "--readout"}},
-      [&] { options.validate(); });
-  return options;
-}
-
-MappedSequence MapArguments::map(const CameraFile& camera_file) const {
-  const RgbdSequence images(sequence, files, common.console().log());
-  return map_sequence(images, camera_file.camera, options(camera_file));
-}
-
 std::string mini_map_name(std::size_t index) {
   return fmt::format("{:04}.map", index);
 }
 
 constexpr const char* kPoseGraphFile = "pose_graph.json";
-
-void MapArguments::write_mini_maps(const MappedSequence& mapped) const {
-  detail::OutputFolder folder(output);
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < mapped.maps.size(); ++i) names.push_back(mini_map_name(i));
-  const PoseGraph graph = pose_graph(mapped, names);
-  Json index = document("mini_maps", common, {{"sequence", sequence}}, {});
-  index["session"] = graph.nodes.empty() ? Json(nullptr) : Json(graph.nodes.front().session);
-  index["pose_graph"] = kPoseGraphFile;
-  index["mini_maps"] = Json::array();
-  for (std::size_t i = 0; i < mapped.maps.size(); ++i) {
-    const LandmarkMap& mini_map = mapped.maps[i];
-    write_map(mini_map, folder.unfinished() / names[i]);
-    index["mini_maps"].push_back(
-        {{"file", names[i]},
-         {"uuid", to_json(mini_map.info().uuid)},
-         {"world_from_map", to_json(graph.nodes[i].world_from_node.matrix())},
-         {"keyframes", mini_map.frame_count()},
-         {"landmarks", mini_map.landmark_count()},
-         {"first_timestamp", mini_map.frames().timestamps_s.front().value()},
-         {"last_timestamp", mini_map.frames().timestamps_s.back().value()}});
-  }
-  index["links"] = Json::array();
-  for (std::size_t i = 0; i < mapped.links.size(); ++i) {
-    index["links"].push_back(
-        {{"source", mini_map_name(i + 1)},
-         {"target", mini_map_name(i)},
-         {"target_from_source", to_json(mapped.links[i].target_from_source->rigid())},
-         {"covariance", to_json(*mapped.links[i].covariance)}});
-  }
-  write_file(folder.unfinished() / kPoseGraphFile,
-             [text = pose_graph_text(graph)](const ByteSink& sink) { sink(text); });
-  write_file(folder.unfinished() / "pose_graph.g2o",
-             [&](const ByteSink& sink) { write_g2o(g2o_graph(graph), sink); });
-  write_file(folder.unfinished() / "mini_maps.json",
-             [text = to_text(index)](const ByteSink& sink) { sink(text); });
-  folder.commit();
-}
-
-void MapArguments::write(const MappedSequence& mapped) const {
-  if (mini_map_length.empty()) {
-    save_map(mapped.maps.front(), output, common);
-  } else {
-    write_mini_maps(mapped);
-  }
-  write_trajectory(mapped.trajectory);
-}
-
-void MapArguments::write_trajectory(const Trajectory& camera_path) const {
-  if (trajectory.empty()) return;
-  write_file(trajectory, [&](const ByteSink& sink) {
-    cairn::write_trajectory(camera_path, TrajectoryFormat::kTum, sink);
-  });
-}
 
 LandmarkCounts count_landmarks(std::span<const LandmarkMap> maps) {
   LandmarkCounts counts;
@@ -354,130 +115,11 @@ Json counts_json(const LandmarkCounts& landmarks) {
           {"mean_observations", landmarks.mean_observations}};
 }
 
-// What was asked for.
-Json MapArguments::describe(std::size_t frames, const CameraFile& camera_file) const {
-  Json json = document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
-                       {{"camera", to_json(camera_file.camera)},
-                        {"depth_units_per_metre", files.depth_units_per_metre},
-                        {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
-                        {"max_time_difference_s", files.max_time_difference_s},
-                        {"start_pose", text_or_null(start_pose)},
-                        {"start_from", text_or_null(start_from)},
-                        {"poses", text_or_null(poses)},
-                        {"mini_map_length", text_or_null(mini_map_length)},
-                        {"close_loops", close_loops},
-                        {"refine_intrinsics", refine_intrinsics},
-                        {"covariance", covariance},
-                        {"features", features.count},
-                        {"skip_unreadable", skip_unreadable}});
-  json["options"].update(options_of(MapOptions::table, &made));
-  json["output"] = {{"path", output}, {"trajectory", text_or_null(trajectory)}};
-  return json;
-}
-
-Json MapArguments::describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
-                            const CameraFile& camera_file) const {
-  Json json = describe(mapped.frames, camera_file);
-  json["frames"] = {{"all", mapped.frames},
-                    {"tracked", mapped.tracked},
-                    {"waiting", mapped.waiting},
-                    {"lost", mapped.lost_frames()},
-                    {"unreadable", mapped.unreadable},
-                    {"without_depth", mapped.frames_without_depth}};
-  json["lost"] = Json::array();
-  for (const LostStretch& stretch : mapped.lost) {
-    json["lost"].push_back({{"first_timestamp", stretch.first_timestamp_s},
-                            {"last_timestamp", stretch.last_timestamp_s},
-                            {"frames", stretch.frames}});
-  }
-  json["maps"] = mapped.maps.size();
-  json["keyframes"] = mapped.keyframes;
-  json["landmarks"] = counts_json(landmarks);
-  json["mean_tracked_landmarks"] = mapped.mean_tracked_landmarks;
-  json["median_reprojection_error_px"] = to_json(mapped.median_reprojection_error);
-  json["path_length_m"] = mapped.trajectory.length();
-  return json;
-}
-
 std::string summary(std::size_t keyframes, const LandmarkCounts& landmarks) {
   return fmt::format(
       "{} keyframes, {} landmarks, {} of them observed by two or more keyframes ({:.1f} on "
       "average)\n",
       keyframes, landmarks.all, landmarks.observed_again, landmarks.mean_observations);
-}
-
-void MapArguments::print(const MappedSequence& mapped, const LandmarkCounts& landmarks,
-                         double seconds) const {
-  const Console console = common.console();
-  std::string text = fmt::format("{}: ", output);
-  if (!mini_map_length.empty()) text += fmt::format("{} mini-maps, ", mapped.maps.size());
-  text += summary(mapped.keyframes, landmarks);
-  text +=
-      fmt::format("{} of {} frames tracked over {:.2f} m, {:.0f} landmarks a frame", mapped.tracked,
-                  mapped.frames, mapped.trajectory.length(), mapped.mean_tracked_landmarks);
-  if (mapped.median_reprojection_error) {
-    text += fmt::format(", median reprojection error {:.2f} px", *mapped.median_reprojection_error);
-  }
-  text += fmt::format("; {:.1f} frames a second\n", static_cast<double>(mapped.frames) / seconds);
-  if (mapped.waiting > 0) {
-    text += fmt::format("{} frames came before the first with depth and texture enough\n",
-                        mapped.waiting);
-  }
-  if (mapped.frames_without_depth > 0) {
-    text +=
-        fmt::format("{} frames have no depth image near in time\n", mapped.frames_without_depth);
-  }
-  for (const LostStretch& stretch : mapped.lost) {
-    text += fmt::format("TRACKING WAS LOST in {} frames from {:.6f} to {:.6f} s: no poses there\n",
-                        stretch.frames, stretch.first_timestamp_s, stretch.last_timestamp_s);
-  }
-  console.print(text);
-}
-
-int MapArguments::run() {
-  // Not CLI11's own check, which would come before that of options it does not know.
-  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
-  require_folder_of(common.json_path);
-  if (!trajectory.empty()) require_folder_of(trajectory);
-  if (mini_map_length.empty()) {
-    require_map_path(output, "--output");
-  } else {
-    parse_length(mini_map_length);
-    std::error_code ignored;
-    if (fs::exists(output, ignored)) {
-      throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
-    }
-    require_folder_of(output);
-  }
-  std::error_code ignored;
-  if (!fs::exists(fs::path(sequence) / "rgb.txt", ignored)) {
-    if (const auto known = foreign_content(sequence)) {
-      throw Error(ErrorKind::kInput, sequence, known->what, known->advice);
-    }
-  }
-  const CameraFile camera_file = load_camera();
-  files.depth_units_per_metre =
-      depth_units.value_or(camera_file.depth_units_per_metre.value_or(files.depth_units_per_metre));
-  with_option_names(
-      {SequenceOptions::table, {"SequenceOptions.depth_units_per_metre", "--depth-units"}},
-      [&] { files.validate(); });
-  if (poses.empty()) {
-    run_odometry(camera_file);
-  } else {
-    run_at_poses(camera_file);
-  }
-  return kDone;
-}
-
-LoopClosedSequence MapArguments::map_closing_loops(const CameraFile& camera_file) const {
-  const RgbdSequence images(sequence, files, common.console().log());
-  const MapSequenceOptions mapping = options(camera_file);
-  MergeOptions closing;
-  closing.adjustment.refine_intrinsics = refine_intrinsics;
-  closing.seed = common.seed;
-  closing.log = common.console().log();
-  closing.execution = common.execution("closing loops");
-  return map_and_close_loops(images, camera_file.camera, mapping, closing);
 }
 
 Json loops_json(const LoopClosedSequence& closed) {
@@ -503,115 +145,454 @@ Json loops_json(const LoopClosedSequence& closed) {
   return json;
 }
 
-void MapArguments::print_loops(const LoopClosedSequence& closed) const {
-  const ClosedLoops& loops = closed.loops;
-  std::string text;
-  if (loops.closed == 0) {
-    text = fmt::format("no loop closed between {} mini-maps: the map is as without --close-loops\n",
-                       closed.mini_maps);
-  } else {
-    text = fmt::format(
-        "{} loops closed between {} mini-maps: keyframes moved by up to {:.1f} cm and {:.2f}°; "
-        "residuals {:.2f} px{}\n",
-        loops.closed, closed.mini_maps, 100.0 * loops.largest_shift_m,
-        loops.largest_turn_rad * 180.0 / std::numbers::pi, loops.adjustment.final_rms_px,
-        loops.adjustment.converged ? "" : ", not converged");
-    if (loops.odometry_refuted > 0) {
-      text += fmt::format("{} of {} steps of odometry disagree with the loops and were not used\n",
-                          loops.odometry_refuted, closed.mini_maps - 1);
+struct MapArguments {
+  CommonArguments common;
+  std::string sequence;
+  std::string output;
+  std::string trajectory;
+  std::string camera;
+  std::optional<double> depth_units;
+  std::optional<double> readout;
+  SequenceOptions files;
+  std::string start_pose;
+  std::string start_from;
+  std::string poses;
+  std::string mini_map_length;
+  bool close_loops = false;
+  bool refine_intrinsics = false;
+  std::string covariance = "recursive";
+  MapOptions made;
+  bool skip_unreadable = false;
+  FeatureOptions features;
+
+  void add_to(const Command& command) {
+    command
+        .add_text(
+            "sequence", sequence,
+            "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that "
+            "they list")
+        .required();
+    command.add_text(
+        "-o,--output", output,
+        "Map to write; its ending selects the format: " + all_formats().endings_text() +
+            "; with --mini-map-length a folder. Required",
+        "FILE");
+    command.add_text("--trajectory", trajectory,
+                     "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy "
+                     "qz qw per line",
+                     "FILE");
+    command.add_text("--camera", camera,
+                     fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
+                     "CAMERA");
+    add_number(command, "--depth-units", depth_units,
+               "Depth image units per metre (default: from the camera file, else 5000)");
+    const Option rolling =
+        add_number(command, "--readout", readout,
+                   "Readout time of a rolling shutter, from the first image row to the last, "
+                   "seconds; 0: global "
+                   "shutter (default: from the camera file, else 0). Not with --poses");
+    add_options(command, SequenceOptions::table, &files);
+    const Option pose =
+        command.add_text("--start-pose", start_pose,
+                         "Pose of the first camera, world_from_camera (default: the identity)",
+                         "\"tx ty tz qw qx qy qz\"");
+    const Option from =
+        command
+            .add_text("--start-from", start_from,
+                      "Take the first camera's pose from a trajectory in TUM format, at "
+                      "the time of the first frame",
+                      "FILE")
+            .excludes(pose);
+    const Option length = command.add_text(
+        "--mini-map-length", mini_map_length,
+        "Cut into mini-maps of this many metres of path or frames, each in its own frame",
+        "1m|50f");
+    const Option loops = command.add_flag(
+        "--close-loops", close_loops,
+        "Close the loops of the session: cut it into mini-maps, align these with each other, and "
+        "adjust them as one map. --trajectory then writes every frame, corrected");
+    loops.excludes(length);
+    command
+        .add_flag("--refine-intrinsics", refine_intrinsics,
+                  "With --close-loops: also adjust the camera's parameters")
+        .needs(loops);
+    command
+        .add_text("--poses", poses,
+                  "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
+                  "estimated, in that world",
+                  "FILE")
+        .excludes(pose)
+        .excludes(from)
+        .excludes(rolling)
+        .excludes(length)
+        .excludes(loops);
+    command.add_text(
+        "--covariance", covariance,
+        "Estimation of landmark covariances: recursive (one observation at a time) or marginal "
+        "(from the whole least-squares problem)");
+    add_options(command, MapOptions::table, &made);
+    add_options(command, FeatureOptions::table, &features);
+    command.add_flag("--skip-unreadable", skip_unreadable,
+                     "Skip missing and damaged images instead of refusing the sequence");
+    common.add_to(command);
+    common.add_threads_to(command);
+    common.add_seed_to(command);
+    command.footer(
+        "Example: map a TUM sequence in the frame of its ground truth, and evaluate the "
+        "trajectory\n"
+        "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map --trajectory desk.tum "
+        "\\\n"
+        "    --start-from rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
+        "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
+        "Example: map with known camera poses, from motion capture or another SLAM system\n"
+        "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map \\\n"
+        "    --poses rgbd_dataset_freiburg1_desk/groundtruth.txt");
+  }
+
+  int run() {
+    // Not CLI11's own check, which would come before that of options it does not know.
+    refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
+    require_folder_of(common.json_path);
+    if (!trajectory.empty()) require_folder_of(trajectory);
+    if (mini_map_length.empty()) {
+      require_map_path(output, "--output");
+    } else {
+      parse_length(mini_map_length);
+      std::error_code ignored;
+      if (fs::exists(output, ignored)) {
+        throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
+      }
+      require_folder_of(output);
     }
+    std::error_code ignored;
+    if (!fs::exists(fs::path(sequence) / "rgb.txt", ignored)) {
+      if (const auto known = foreign_content(sequence)) {
+        throw Error(ErrorKind::kInput, sequence, known->what, known->advice);
+      }
+    }
+    const CameraFile camera_file = load_camera();
+    files.depth_units_per_metre = depth_units.value_or(
+        camera_file.depth_units_per_metre.value_or(files.depth_units_per_metre));
+    with_option_names(
+        {SequenceOptions::table, {"SequenceOptions.depth_units_per_metre", "--depth-units"}},
+        [&] { files.validate(); });
+    if (poses.empty()) {
+      run_odometry(camera_file);
+    } else {
+      run_at_poses(camera_file);
+    }
+    return kDone;
   }
-  common.console().print(text);
-}
 
-void MapArguments::run_odometry(const CameraFile& camera_file) const {
-  const Stopwatch watch;
-  LoopClosedSequence closed;
-  if (close_loops) {
-    closed = map_closing_loops(camera_file);
-  } else {
-    closed.mapped = map(camera_file);
+ private:
+  CameraFile load_camera() const {
+    if (!camera.empty()) return cli::load_camera(camera);
+    const fs::path beside = fs::path(sequence) / "camera.yaml";
+    std::error_code ignored;
+    refuse_if(!fs::is_regular_file(beside, ignored), "--camera",
+              "not given, and there is no " + beside.string(), kCameraHelp);
+    FileReader file(beside);
+    return read_camera_file(file);
   }
-  const MappedSequence& mapped = closed.mapped;
-  const double seconds = watch.seconds();
-  reject_if(mapped.maps.empty(), sequence,
-            fmt::format("none of {} frames could be tracked", mapped.frames),
-            "frames with depth and texture");
-  write(mapped);
-  const LandmarkCounts landmarks = count_landmarks(mapped.maps);
-  Json json = describe(mapped, landmarks, camera_file);
-  json["loops"] = close_loops ? loops_json(closed) : Json(nullptr);
-  json["duration_s"] = seconds;
-  write_document(json, common);
-  print(mapped, landmarks, seconds);
-  if (close_loops) print_loops(closed);
-}
 
-MapAtPosesOptions MapArguments::options_at_poses() const {
-  MapAtPosesOptions options;
-  options.features = features;
-  set_shared(options);
-  options.progress = progress_of(common.console(), "keyframes", [](const MappingProgress& now) {
-    return fmt::format("{} landmarks observed", now.landmarks);
-  });
-  return options;
-}
-
-MapAtPoses MapArguments::map_at_given_poses(const Camera& model) const {
-  const Trajectory given = read_trajectory(poses, common.console().log());
-  const RgbdSequence images(sequence, files, common.console().log());
-  std::optional<MapAtPoses> mapped;
-  with_option_names({FeatureOptions::table,
-                     MapOptions::table,
-                     {"MapAtPosesOptions.map.covariance", "--covariance"},
-                     {"poses", poses},
-                     {"sequence", sequence}},
-                    [&] { mapped = map_at_poses(images, given, model, options_at_poses()); });
-  return std::move(*mapped);
-}
-
-Json MapArguments::describe(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
-                            const CameraFile& camera_file) const {
-  Json json = describe(mapped.frames, camera_file);
-  json["frames"] = {{"all", mapped.frames},
-                    {"without_pose", mapped.without_pose},
-                    {"without_depth", mapped.without_depth},
-                    {"unreadable", mapped.unreadable}};
-  json["maps"] = 1;
-  json["keyframes"] = mapped.map.frame_count();
-  json["landmarks"] = counts_json(landmarks);
-  json["path_length_m"] = mapped.trajectory.length();
-  return json;
-}
-
-void MapArguments::print(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
-                         double seconds) const {
-  std::string text = fmt::format("{}: {}", output, summary(mapped.map.frame_count(), landmarks));
-  text += fmt::format("{} of {} frames have a pose, over {:.2f} m; {:.1f} frames a second\n",
-                      mapped.trajectory.size(), mapped.frames, mapped.trajectory.length(),
-                      static_cast<double>(mapped.frames) / seconds);
-  if (mapped.without_pose > 0) {
-    text += fmt::format("{} frames have no pose near in time: left out\n", mapped.without_pose);
+  double readout_s(const CameraFile& camera_file) const {
+    return readout.value_or(camera_file.readout_s.value_or(0.0));
   }
-  if (mapped.without_depth > 0) {
-    text += fmt::format("{} frames have a pose but no depth image near in time\n",
-                        mapped.without_depth);
-  }
-  common.console().print(text);
-}
 
-void MapArguments::run_at_poses(const CameraFile& camera_file) const {
-  const Stopwatch watch;
-  const MapAtPoses mapped = map_at_given_poses(camera_file.camera);
-  const double seconds = watch.seconds();
-  save_map(mapped.map, output, common);
-  write_trajectory(mapped.trajectory);
-  const LandmarkCounts landmarks = count_landmarks({&mapped.map, 1});
-  Json json = describe(mapped, landmarks, camera_file);
-  json["duration_s"] = seconds;
-  write_document(json, common);
-  print(mapped, landmarks, seconds);
-}
+  // Sets what mapping by odometry and at known poses have in common.
+  template <class Options>
+  void set_shared(Options& options) const {
+    options.map = made;
+    options.map.covariance = parse_covariance(covariance);
+    options.skip_unreadable = skip_unreadable;
+    options.executor = common.executor();
+    options.stop = interrupt_requests();
+    options.log = common.console().log();
+  }
+
+  MapSequenceOptions options(const CameraFile& camera_file) const {
+    MapSequenceOptions options;
+    options.odometry.features = features;
+    options.odometry.readout_s = readout_s(camera_file);
+    if (!start_pose.empty()) {
+      options.odometry.start = [pose = parse_start_pose(start_pose)](double) { return pose; };
+    }
+    if (!start_from.empty()) {
+      options.odometry.start = [truth = read_trajectory(start_from, common.console().log()),
+                                path = start_from](double time) {
+        const auto pose = interpolated(truth, time);
+        if (pose) return *pose;
+        throw Error(ErrorKind::kInput, path,
+                    fmt::format("no pose near {:.6f} s, when the map begins", time),
+                    "a trajectory that covers the sequence");
+      };
+    }
+    if (!mini_map_length.empty()) options.mini_maps = parse_length(mini_map_length);
+    set_shared(options);
+    options.progress = progress_of(common.console(), "frames", [](const MappingProgress& now) {
+      return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
+    });
+    with_option_names(
+        {FeatureOptions::table, MapOptions::table, {"OdometryOptions.readout_s", "--readout"}},
+        [&] { options.validate(); });
+    return options;
+  }
+
+  MappedSequence map(const CameraFile& camera_file) const {
+    const RgbdSequence images(sequence, files, common.console().log());
+    return map_sequence(images, camera_file.camera, options(camera_file));
+  }
+
+  void write(const MappedSequence& mapped) const {
+    if (mini_map_length.empty()) {
+      save_map(mapped.maps.front(), output, common);
+    } else {
+      write_mini_maps(mapped);
+    }
+    write_trajectory(mapped.trajectory);
+  }
+
+  void write_mini_maps(const MappedSequence& mapped) const {
+    detail::OutputFolder folder(output);
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < mapped.maps.size(); ++i) names.push_back(mini_map_name(i));
+    const PoseGraph graph = pose_graph(mapped, names);
+    Json index = document("mini_maps", common, {{"sequence", sequence}}, {});
+    index["session"] = graph.nodes.empty() ? Json(nullptr) : Json(graph.nodes.front().session);
+    index["pose_graph"] = kPoseGraphFile;
+    index["mini_maps"] = Json::array();
+    for (std::size_t i = 0; i < mapped.maps.size(); ++i) {
+      const LandmarkMap& mini_map = mapped.maps[i];
+      write_map(mini_map, folder.unfinished() / names[i]);
+      index["mini_maps"].push_back(
+          {{"file", names[i]},
+           {"uuid", to_json(mini_map.info().uuid)},
+           {"world_from_map", to_json(graph.nodes[i].world_from_node.matrix())},
+           {"keyframes", mini_map.frame_count()},
+           {"landmarks", mini_map.landmark_count()},
+           {"first_timestamp", mini_map.frames().timestamps_s.front().value()},
+           {"last_timestamp", mini_map.frames().timestamps_s.back().value()}});
+    }
+    index["links"] = Json::array();
+    for (std::size_t i = 0; i < mapped.links.size(); ++i) {
+      index["links"].push_back(
+          {{"source", mini_map_name(i + 1)},
+           {"target", mini_map_name(i)},
+           {"target_from_source", to_json(mapped.links[i].target_from_source->rigid())},
+           {"covariance", to_json(*mapped.links[i].covariance)}});
+    }
+    write_file(folder.unfinished() / kPoseGraphFile,
+               [text = pose_graph_text(graph)](const ByteSink& sink) { sink(text); });
+    write_file(folder.unfinished() / "pose_graph.g2o",
+               [&](const ByteSink& sink) { write_g2o(g2o_graph(graph), sink); });
+    write_file(folder.unfinished() / "mini_maps.json",
+               [text = to_text(index)](const ByteSink& sink) { sink(text); });
+    folder.commit();
+  }
+
+  void write_trajectory(const Trajectory& camera_path) const {
+    if (trajectory.empty()) return;
+    write_file(trajectory, [&](const ByteSink& sink) {
+      cairn::write_trajectory(camera_path, TrajectoryFormat::kTum, sink);
+    });
+  }
+
+  // What was asked for.
+  Json describe(std::size_t frames, const CameraFile& camera_file) const {
+    Json json = document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
+                         {{"camera", to_json(camera_file.camera)},
+                          {"depth_units_per_metre", files.depth_units_per_metre},
+                          {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
+                          {"max_time_difference_s", files.max_time_difference_s},
+                          {"start_pose", text_or_null(start_pose)},
+                          {"start_from", text_or_null(start_from)},
+                          {"poses", text_or_null(poses)},
+                          {"mini_map_length", text_or_null(mini_map_length)},
+                          {"close_loops", close_loops},
+                          {"refine_intrinsics", refine_intrinsics},
+                          {"covariance", covariance},
+                          {"features", features.count},
+                          {"skip_unreadable", skip_unreadable}});
+    json["options"].update(options_of(MapOptions::table, &made));
+    json["output"] = {{"path", output}, {"trajectory", text_or_null(trajectory)}};
+    return json;
+  }
+
+  Json describe(const MappedSequence& mapped, const LandmarkCounts& landmarks,
+                const CameraFile& camera_file) const {
+    Json json = describe(mapped.frames, camera_file);
+    json["frames"] = {{"all", mapped.frames},
+                      {"tracked", mapped.tracked},
+                      {"waiting", mapped.waiting},
+                      {"lost", mapped.lost_frames()},
+                      {"unreadable", mapped.unreadable},
+                      {"without_depth", mapped.frames_without_depth}};
+    json["lost"] = Json::array();
+    for (const LostStretch& stretch : mapped.lost) {
+      json["lost"].push_back({{"first_timestamp", stretch.first_timestamp_s},
+                              {"last_timestamp", stretch.last_timestamp_s},
+                              {"frames", stretch.frames}});
+    }
+    json["maps"] = mapped.maps.size();
+    json["keyframes"] = mapped.keyframes;
+    json["landmarks"] = counts_json(landmarks);
+    json["mean_tracked_landmarks"] = mapped.mean_tracked_landmarks;
+    json["median_reprojection_error_px"] = to_json(mapped.median_reprojection_error);
+    json["path_length_m"] = mapped.trajectory.length();
+    return json;
+  }
+
+  LoopClosedSequence map_closing_loops(const CameraFile& camera_file) const {
+    const RgbdSequence images(sequence, files, common.console().log());
+    const MapSequenceOptions mapping = options(camera_file);
+    MergeOptions closing;
+    closing.adjustment.refine_intrinsics = refine_intrinsics;
+    closing.seed = common.seed;
+    closing.log = common.console().log();
+    closing.execution = common.execution("closing loops");
+    return map_and_close_loops(images, camera_file.camera, mapping, closing);
+  }
+
+  void print_loops(const LoopClosedSequence& closed) const {
+    const ClosedLoops& loops = closed.loops;
+    std::string text;
+    if (loops.closed == 0) {
+      text =
+          fmt::format("no loop closed between {} mini-maps: the map is as without --close-loops\n",
+                      closed.mini_maps);
+    } else {
+      text = fmt::format(
+          "{} loops closed between {} mini-maps: keyframes moved by up to {:.1f} cm and {:.2f}°; "
+          "residuals {:.2f} px{}\n",
+          loops.closed, closed.mini_maps, 100.0 * loops.largest_shift_m,
+          loops.largest_turn_rad * 180.0 / std::numbers::pi, loops.adjustment.final_rms_px,
+          loops.adjustment.converged ? "" : ", not converged");
+      if (loops.odometry_refuted > 0) {
+        text +=
+            fmt::format("{} of {} steps of odometry disagree with the loops and were not used\n",
+                        loops.odometry_refuted, closed.mini_maps - 1);
+      }
+    }
+    common.console().print(text);
+  }
+
+  void print(const MappedSequence& mapped, const LandmarkCounts& landmarks, double seconds) const {
+    const Console console = common.console();
+    std::string text = fmt::format("{}: ", output);
+    if (!mini_map_length.empty()) text += fmt::format("{} mini-maps, ", mapped.maps.size());
+    text += summary(mapped.keyframes, landmarks);
+    text += fmt::format("{} of {} frames tracked over {:.2f} m, {:.0f} landmarks a frame",
+                        mapped.tracked, mapped.frames, mapped.trajectory.length(),
+                        mapped.mean_tracked_landmarks);
+    if (mapped.median_reprojection_error) {
+      text +=
+          fmt::format(", median reprojection error {:.2f} px", *mapped.median_reprojection_error);
+    }
+    text += fmt::format("; {:.1f} frames a second\n", static_cast<double>(mapped.frames) / seconds);
+    if (mapped.waiting > 0) {
+      text += fmt::format("{} frames came before the first with depth and texture enough\n",
+                          mapped.waiting);
+    }
+    if (mapped.frames_without_depth > 0) {
+      text +=
+          fmt::format("{} frames have no depth image near in time\n", mapped.frames_without_depth);
+    }
+    for (const LostStretch& stretch : mapped.lost) {
+      text +=
+          fmt::format("TRACKING WAS LOST in {} frames from {:.6f} to {:.6f} s: no poses there\n",
+                      stretch.frames, stretch.first_timestamp_s, stretch.last_timestamp_s);
+    }
+    console.print(text);
+  }
+
+  void run_odometry(const CameraFile& camera_file) const {
+    const Stopwatch watch;
+    LoopClosedSequence closed;
+    if (close_loops) {
+      closed = map_closing_loops(camera_file);
+    } else {
+      closed.mapped = map(camera_file);
+    }
+    const MappedSequence& mapped = closed.mapped;
+    const double seconds = watch.seconds();
+    reject_if(mapped.maps.empty(), sequence,
+              fmt::format("none of {} frames could be tracked", mapped.frames),
+              "frames with depth and texture");
+    write(mapped);
+    const LandmarkCounts landmarks = count_landmarks(mapped.maps);
+    Json json = describe(mapped, landmarks, camera_file);
+    json["loops"] = close_loops ? loops_json(closed) : Json(nullptr);
+    json["duration_s"] = seconds;
+    write_document(json, common);
+    print(mapped, landmarks, seconds);
+    if (close_loops) print_loops(closed);
+  }
+
+  MapAtPosesOptions options_at_poses() const {
+    MapAtPosesOptions options;
+    options.features = features;
+    set_shared(options);
+    options.progress = progress_of(common.console(), "keyframes", [](const MappingProgress& now) {
+      return fmt::format("{} landmarks observed", now.landmarks);
+    });
+    return options;
+  }
+
+  MapAtPoses map_at_given_poses(const Camera& model) const {
+    const Trajectory given = read_trajectory(poses, common.console().log());
+    const RgbdSequence images(sequence, files, common.console().log());
+    std::optional<MapAtPoses> mapped;
+    with_option_names({FeatureOptions::table,
+                       MapOptions::table,
+                       {"MapAtPosesOptions.map.covariance", "--covariance"},
+                       {"poses", poses},
+                       {"sequence", sequence}},
+                      [&] { mapped = map_at_poses(images, given, model, options_at_poses()); });
+    return std::move(*mapped);
+  }
+
+  Json describe(const MapAtPoses& mapped, const LandmarkCounts& landmarks,
+                const CameraFile& camera_file) const {
+    Json json = describe(mapped.frames, camera_file);
+    json["frames"] = {{"all", mapped.frames},
+                      {"without_pose", mapped.without_pose},
+                      {"without_depth", mapped.without_depth},
+                      {"unreadable", mapped.unreadable}};
+    json["maps"] = 1;
+    json["keyframes"] = mapped.map.frame_count();
+    json["landmarks"] = counts_json(landmarks);
+    json["path_length_m"] = mapped.trajectory.length();
+    return json;
+  }
+
+  void print(const MapAtPoses& mapped, const LandmarkCounts& landmarks, double seconds) const {
+    std::string text = fmt::format("{}: {}", output, summary(mapped.map.frame_count(), landmarks));
+    text += fmt::format("{} of {} frames have a pose, over {:.2f} m; {:.1f} frames a second\n",
+                        mapped.trajectory.size(), mapped.frames, mapped.trajectory.length(),
+                        static_cast<double>(mapped.frames) / seconds);
+    if (mapped.without_pose > 0) {
+      text += fmt::format("{} frames have no pose near in time: left out\n", mapped.without_pose);
+    }
+    if (mapped.without_depth > 0) {
+      text += fmt::format("{} frames have a pose but no depth image near in time\n",
+                          mapped.without_depth);
+    }
+    common.console().print(text);
+  }
+
+  void run_at_poses(const CameraFile& camera_file) const {
+    const Stopwatch watch;
+    const MapAtPoses mapped = map_at_given_poses(camera_file.camera);
+    const double seconds = watch.seconds();
+    save_map(mapped.map, output, common);
+    write_trajectory(mapped.trajectory);
+    const LandmarkCounts landmarks = count_landmarks({&mapped.map, 1});
+    Json json = describe(mapped, landmarks, camera_file);
+    json["duration_s"] = seconds;
+    write_document(json, common);
+    print(mapped, landmarks, seconds);
+  }
+};
 
 }  // namespace
 

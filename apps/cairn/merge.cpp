@@ -4,9 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <memory>
-#include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,6 +16,9 @@
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
+#include "cairn/report/report.hpp"
+#include "cairn/report/sections.hpp"
 
 #include "commands.hpp"
 #include "support/adjustment.hpp"
@@ -24,8 +26,6 @@
 #include "support/documents.hpp"
 #include "support/link_documents.hpp"
 #include "support/map_lists.hpp"
-#include "support/merge_report.hpp"
-#include "support/refusals.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {
@@ -33,81 +33,72 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct MergeMapsArguments {
-  CommonArguments common;
-  std::vector<std::string> paths;
-  std::string output;
-  MergeOptions options;
+report::LinkUse use_of(const Link& link, bool used) {
+  if (link.connects()) {
+    return used ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
+  }
+  return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
+                                             : report::LinkUse::kRejected;
+}
 
-  void add_to(const Command& command);
-  int run();
+// "Placed 3 of 4 maps in the frame of monday: 61,204 landmarks became 44,910. Left out: cellar, attic."
+std::string answer_of(std::span<const MergeInput> maps, const MergeResult& result) {
+  std::size_t before = 0;
+  std::string frame;
+  std::vector<std::string> left_out;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    const MergedMap& map = result.maps[i];
+    if (map.fusion) before += map.fusion->landmarks;
+    if (map.placed && frame.empty()) frame = maps[i].name;
+    if (!map.placed) left_out.push_back(maps[i].name);
+  }
+  if (!result.map) return "No two maps are aligned; no map is written.";
+  std::string text = fmt::format("Placed {} of {} maps in the frame of {}: {} landmarks became {}.",
+                                 result.placed(), maps.size(), frame, with_commas(before),
+                                 with_commas(result.map->landmark_count()));
+  if (!left_out.empty()) text += fmt::format(" Left out: {}.", fmt::join(left_out, ", "));
+  return text;
+}
 
- private:
-  std::vector<ListedMap> listed() const;
-  Json options_json() const;
-  Json describe(const std::vector<LoadedMap>& loaded, const std::vector<std::string>& names,
-                const MergeResult& result) const;
-  void print(const MergeResult& result, const std::vector<LoadedMap>& loaded,
-             const std::vector<std::string>& names) const;
-};
-
-void MergeMapsArguments::add_to(const Command& command) {
-  command
-      .add_words("maps", paths,
-                 "Maps of one place: " + all_formats().titles_text() +
-                     "; or folders of .map and .cairn files",
-                 "MAP...")
-      .required();
-  command.add_text(
-      "-o,--output", output,
-      "Map to write; its ending selects the format: " + all_formats().endings_text() + ". Required",
-      "FILE");
-  add_options(command, LinkOptions::table, &options.links);
-  add_adjustment_to(command, options);
-  common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
-  common.add_to(command);
-  common.add_threads_to(command);
-  common.add_seed_to(command);
-  command.footer(
-      "Aligns every pair of maps without an initial pose and uses the pairs that are judged "
-      "aligned. The\n"
-      "result is in the frame of the first map that is placed. Names and leaves out maps that no "
-      "link\n"
-      "connects with the largest group; the exit code is then 4. For a folder of mini-maps made "
-      "by\n"
-      "'cairn map --mini-map-length', also uses the odometry links in its pose_graph.json.\n"
-      "Example: merge two sessions and a folder of mini-maps into one map\n"
-      "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
+// Title, answer, and the sections that a merge has.
+void add_merge(report::Report& report, std::span<const MergeInput> maps,
+               const MergeResult& result) {
+  report.subtitle = answer_of(maps, result);
+  std::optional<std::size_t> frame;
+  std::vector<report::NetworkMap> nodes;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    const MergedMap& merged = result.maps[i];
+    const LandmarkMap& map = *maps[i].map;
+    if (merged.placed && !frame) frame = i;
+    report::NetworkMap node{.name = maps[i].name, .map = &map, .reason = merged.reason};
+    if (merged.placed) {
+      node.frame = frame;
+      node.frame_from_map = *merged.world_from_map;
+    }
+    if (merged.fusion) node.fused = merged.fusion->fused;
+    node.landmarks = map.landmark_count();
+    node.keyframes = map.frame_count();
+    node.centre = node_extent(map.landmarks().positions).centre;
+    node.length_unit = map.info().length_unit;
+    nodes.push_back(std::move(node));
+  }
+  std::vector<report::NetworkEdge> edges;
+  for (std::size_t i = 0; i < result.links.size(); ++i) {
+    const Link& link = result.links[i];
+    edges.push_back({.target = link.target.value,
+                     .source = link.source.value,
+                     .use = use_of(link, result.used[i]),
+                     .kind = std::string(to_string(link.kind)),
+                     .probability = link.probability,
+                     .reason = link.reason,
+                     .target_from_source = link.target_from_source});
+  }
+  report::add_network(report, nodes, edges);
 }
 
 bool is_same_file(const std::string& a, const std::string& b) {
   std::error_code ignored;
   return fs::equivalent(a, b, ignored);
-}
-
-std::vector<ListedMap> MergeMapsArguments::listed() const {
-  std::vector<ListedMap> maps = listed_maps(paths);
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    const std::string& file = maps[i].file;
-    refuse_if(is_same_file(file, output), "--output", output + " is one of the maps",
-              "another file");
-    for (std::size_t j = 0; j < i; ++j) {
-      const std::string& other = maps[j].file;
-      if (!is_same_file(file, other)) continue;
-      throw Error(
-          ErrorKind::kMisuse, "maps",
-          other + (file == other ? " is given twice" : " and " + file + " are the same file"),
-          "each map once; a repeated map would count as independent evidence");
-    }
-  }
-  refuse_if(maps.size() < 2, "maps", fmt::format("{} given", maps.size()), "at least two maps");
-  return maps;
-}
-
-Json MergeMapsArguments::options_json() const {
-  Json json = options_of(LinkOptions::table, &options.links);
-  json.update(options_of(FusionOptions::table, static_cast<const FusionOptions*>(&options)));
-  return json;
 }
 
 Json link_json(const Link& link, bool used) {
@@ -180,34 +171,6 @@ std::size_t landmarks_before(const MergeResult& result) {
   return before;
 }
 
-Json MergeMapsArguments::describe(const std::vector<LoadedMap>& loaded,
-                                  const std::vector<std::string>& names,
-                                  const MergeResult& result) const {
-  Json descriptions = Json::array();
-  for (const LoadedMap& map : loaded) descriptions.push_back(map.description);
-  Json json = document("merge", common, {{"maps", std::move(descriptions)}}, options_json());
-  json["placed"] = result.placed();
-  json["maps"] = Json::array();
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    json["maps"].push_back(map_json(i, result, loaded, names));
-  }
-  json["links"] = Json::array();
-  for (std::size_t i = 0; i < result.links.size(); ++i) {
-    json["links"].push_back(link_json(result.links[i], result.used[i]));
-  }
-  json["output"] = nullptr;
-  if (result.map) {
-    json["output"] = {{"path", output},
-                      {"length_unit", to_string(result.map->info().length_unit)},
-                      {"frames", result.map->frame_count()},
-                      {"landmarks_before", landmarks_before(result)},
-                      {"landmarks", result.map->landmark_count()},
-                      {"observations", result.map->observation_count()}};
-  }
-  json["adjustment"] = adjustment_json(result.adjustment);
-  return json;
-}
-
 // The maps that are left out, and the links that are not used.
 std::string omission_text(const MergeResult& result, const std::vector<std::string>& names) {
   std::string text;
@@ -242,62 +205,151 @@ std::string omission_text(const MergeResult& result, const std::vector<std::stri
   return text;
 }
 
-void MergeMapsArguments::print(const MergeResult& result, const std::vector<LoadedMap>& loaded,
-                               const std::vector<std::string>& names) const {
-  std::string text = placement_text(result, names) + omission_text(result, names);
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto& fold = result.maps[i].fold;
-    if (fold) text += fold_text(*fold, loaded[i].map, names[i], names[fold->other]);
+struct MergeMapsArguments {
+  CommonArguments common;
+  std::vector<std::string> paths;
+  std::string output;
+  MergeOptions options;
+
+  void add_to(const Command& command) {
+    command
+        .add_words("maps", paths,
+                   "Maps of one place: " + all_formats().titles_text() +
+                       "; or folders of .map and .cairn files",
+                   "MAP...")
+        .required();
+    command.add_text("-o,--output", output,
+                     "Map to write; its ending selects the format: " +
+                         all_formats().endings_text() + ". Required",
+                     "FILE");
+    add_options(command, LinkOptions::table, &options.links);
+    add_adjustment_to(command, options);
+    common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
+    common.add_to(command);
+    common.add_threads_to(command);
+    common.add_seed_to(command);
+    command.footer(
+        "Aligns every pair of maps without an initial pose and uses the pairs that are judged "
+        "aligned. The\n"
+        "result is in the frame of the first map that is placed. Names and leaves out maps that no "
+        "link\n"
+        "connects with the largest group; the exit code is then 4. For a folder of mini-maps made "
+        "by\n"
+        "'cairn map --mini-map-length', also uses the odometry links in its pose_graph.json.\n"
+        "Example: merge two sessions and a folder of mini-maps into one map\n"
+        "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
   }
-  if (result.map) {
-    text += fmt::format("{} landmarks became {}", with_commas(landmarks_before(result)),
-                        with_commas(result.map->landmark_count()));
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      text += bend_text(result.maps[i].bend, names[i]);
+
+  int run() {
+    // What the command line says is checked before any file is read.
+    // Not CLI11's own check, which would come before that of options it does not know.
+    refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
+    require_map_path(output, "--output");
+    require_outputs(common);
+    with_option_names({AlignOptions::table}, [&] { options.validate(); });
+    const std::vector<ListedMap> maps = listed();
+    std::vector<std::string> names;
+    std::vector<LoadedMap> loaded;
+    std::vector<MergeInput> inputs;
+    loaded.reserve(maps.size());
+    for (const ListedMap& map : maps) {
+      names.push_back(map.name);
+      loaded.push_back(load_map(map.file, common));
+      inputs.push_back({map.name, &loaded.back().map, map.session});
     }
-    text += fmt::format("\n{}wrote {}\n", adjustment_text(result.adjustment), output);
-  } else {
-    text += fmt::format("{} is not written: no two maps are aligned\n", output);
-  }
-  common.console().print(text);
-}
+    options.stated = links_of_folders(paths, maps);
+    options.seed = common.seed;
+    options.log = common.console().log();
+    options.execution = common.execution("merging");
+    const MergeResult result = merge(inputs, options);
 
-int MergeMapsArguments::run() {
-  // What the command line says is checked before any file is read.
-  // Not CLI11's own check, which would come before that of options it does not know.
-  refuse_if(output.empty(), "--output", "not given", "the name of the map to write");
-  require_map_path(output, "--output");
-  require_outputs(common);
-  with_option_names({AlignOptions::table}, [&] { options.validate(); });
-  const std::vector<ListedMap> maps = listed();
-  std::vector<std::string> names;
-  std::vector<LoadedMap> loaded;
-  std::vector<MergeInput> inputs;
-  loaded.reserve(maps.size());
-  for (const ListedMap& map : maps) {
-    names.push_back(map.name);
-    loaded.push_back(load_map(map.file, common));
-    inputs.push_back({map.name, &loaded.back().map, map.session});
+    if (result.map) save_map(*result.map, output, common);
+    write_document(describe(loaded, names, result), common);
+    print(result, loaded, names);
+    if (!common.report_path.empty()) {
+      report::Report report = begin_report(file_name(output), common);
+      add_merge(report, inputs, result);
+      Json by_role = Json::object();
+      for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;
+      set_provenance(report, {{"inputs", by_role}, {"options", options_json()}});
+      write_report(report, common);
+    }
+    return result.placed() == names.size() ? kDone : kNoTrustworthyAlignment;
   }
-  options.stated = links_of_folders(paths, maps);
-  options.seed = common.seed;
-  options.log = common.console().log();
-  options.execution = common.execution("merging");
-  const MergeResult result = merge(inputs, options);
 
-  if (result.map) save_map(*result.map, output, common);
-  write_document(describe(loaded, names, result), common);
-  print(result, loaded, names);
-  if (!common.report_path.empty()) {
-    report::Report report = begin_report(file_name(output), common);
-    add_merge(report, inputs, result);
-    Json by_role = Json::object();
-    for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;
-    set_provenance(report, {{"inputs", by_role}, {"options", options_json()}});
-    write_report(report, common);
+ private:
+  std::vector<ListedMap> listed() const {
+    std::vector<ListedMap> maps = listed_maps(paths);
+    for (std::size_t i = 0; i < maps.size(); ++i) {
+      const std::string& file = maps[i].file;
+      refuse_if(is_same_file(file, output), "--output", output + " is one of the maps",
+                "another file");
+      for (std::size_t j = 0; j < i; ++j) {
+        const std::string& other = maps[j].file;
+        if (!is_same_file(file, other)) continue;
+        throw Error(
+            ErrorKind::kMisuse, "maps",
+            other + (file == other ? " is given twice" : " and " + file + " are the same file"),
+            "each map once; a repeated map would count as independent evidence");
+      }
+    }
+    refuse_if(maps.size() < 2, "maps", fmt::format("{} given", maps.size()), "at least two maps");
+    return maps;
   }
-  return result.placed() == names.size() ? kDone : kNoTrustworthyAlignment;
-}
+
+  Json options_json() const {
+    Json json = options_of(LinkOptions::table, &options.links);
+    json.update(options_of(FusionOptions::table, static_cast<const FusionOptions*>(&options)));
+    return json;
+  }
+
+  Json describe(const std::vector<LoadedMap>& loaded, const std::vector<std::string>& names,
+                const MergeResult& result) const {
+    Json descriptions = Json::array();
+    for (const LoadedMap& map : loaded) descriptions.push_back(map.description);
+    Json json = document("merge", common, {{"maps", std::move(descriptions)}}, options_json());
+    json["placed"] = result.placed();
+    json["maps"] = Json::array();
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      json["maps"].push_back(map_json(i, result, loaded, names));
+    }
+    json["links"] = Json::array();
+    for (std::size_t i = 0; i < result.links.size(); ++i) {
+      json["links"].push_back(link_json(result.links[i], result.used[i]));
+    }
+    json["output"] = nullptr;
+    if (result.map) {
+      json["output"] = {{"path", output},
+                        {"length_unit", to_string(result.map->info().length_unit)},
+                        {"frames", result.map->frame_count()},
+                        {"landmarks_before", landmarks_before(result)},
+                        {"landmarks", result.map->landmark_count()},
+                        {"observations", result.map->observation_count()}};
+    }
+    json["adjustment"] = adjustment_json(result.adjustment);
+    return json;
+  }
+
+  void print(const MergeResult& result, const std::vector<LoadedMap>& loaded,
+             const std::vector<std::string>& names) const {
+    std::string text = placement_text(result, names) + omission_text(result, names);
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const auto& fold = result.maps[i].fold;
+      if (fold) text += fold_text(*fold, loaded[i].map, names[i], names[fold->other]);
+    }
+    if (result.map) {
+      text += fmt::format("{} landmarks became {}", with_commas(landmarks_before(result)),
+                          with_commas(result.map->landmark_count()));
+      for (std::size_t i = 0; i < names.size(); ++i) {
+        text += bend_text(result.maps[i].bend, names[i]);
+      }
+      text += fmt::format("\n{}wrote {}\n", adjustment_text(result.adjustment), output);
+    } else {
+      text += fmt::format("{} is not written: no two maps are aligned\n", output);
+    }
+    common.console().print(text);
+  }
+};
 
 }  // namespace
 

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -25,180 +24,9 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
-
-struct SimulateArguments {
-  CommonArguments common;
-  std::string folder;
-  std::string environment = "desk";
-  std::string path = "sweep";
-  std::optional<std::size_t> frames;
-  std::optional<double> duration_s;
-  std::optional<std::uint64_t> layout;
-  PathOptions path_options;
-  EnvironmentOptions environment_options;
-  SimulatorOptions options;
-  std::string camera;
-  std::string color_format = "jpeg";
-  double depth_units_per_metre = 5000.0;
-
-  void add_to(const Command& command);
-  int run();
-
- private:
-  bool path_is_file() const { return path != "sweep" && path != "orbit" && path != "walk"; }
-  void check();
-  void refuse_existing() const;
-  Trajectory make_trajectory(const Environment& place) const;
-  void write(const RgbdSimulator& simulator, SequenceWriter& writer) const;
-  Json options_json() const;
-};
-
-void SimulateArguments::add_to(const Command& command) {
-  common.seed = 1;
-  command.add_text("folder", folder, "Folder for the sequence; created if it does not exist", "")
-      .required();
-  command.add_text("--environment", environment,
-                   fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME");
-  command.add_text("--path", path,
-                   "Path of the camera: sweep, orbit, walk, or a trajectory file in TUM format",
-                   "NAME|FILE");
-  const Option frame_option = add_number(
-      command, "--frames", frames, "Number of frames (default: 300, or the whole trajectory)");
-  add_number(command, "--duration", duration_s, "Duration in seconds, instead of --frames")
-      .excludes(frame_option);
-  add_options(command, PathOptions::table, &path_options);
-  add_number(command, "--layout", layout,
-             "Layout of the place: 1 as designed, others stretched or mirrored, with other "
-             "furniture. Places with one layout and different seeds look similar (default: the "
-             "seed; 1 with a trajectory file)");
-  add_options(command, EnvironmentOptions::table, &environment_options);
-  command.add_text(
-      "--camera", camera,
-      fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
-      "CAMERA");
-  add_options(command, SimulatorOptions::table, &options);
-  add_options(command, SensorOptions::table, &options.sensor);
-  command.add_text("--color-format", color_format, "png or jpeg (quality 95)", "FORMAT");
-  common.add_to(command);
-  common.add_threads_to(command);
-  common.add_seed_to(command);
-  command.footer(
-      "Example: simulate two sessions at one desk, with a tenth of the objects moved in the "
-      "second\n"
-      "  cairn simulate first --environment desk --duration 10\n"
-      "  cairn simulate second --environment desk --duration 10 --session 1 --changed 0.1\n"
-      "Both groundtruth.txt files are in one world frame.");
-}
-
-// The library names its own fields; people know the options.
-void SimulateArguments::check() {
-  if (!path_is_file()) path_options.kind = path_kind(path);
-  environment_options.kind = environment_kind(environment);
-  if (duration_s) {
-    if (!(*duration_s > 0.0)) {
-      throw Error(ErrorKind::kMisuse, "--duration", fmt::format("{}", *duration_s),
-                  "more than 0 seconds");
-    }
-    frames = static_cast<std::size_t>(
-        std::clamp(std::round(*duration_s * path_options.rate_hz), 1.0, 1e7));
-  }
-  if (frames || !path_is_file()) path_options.frames = frames.value_or(path_options.frames);
-  refuse_if(color_format != "png" && color_format != "jpeg", "--color-format",
-            printable(color_format), "png or jpeg");
-  environment_options.seed = common.seed;
-  // A given trajectory knows one plan alone.
-  environment_options.layout = layout ? layout : path_is_file() ? 1 : common.seed;
-  const SessionSeeds seeds = session_seeds(common.seed, environment_options.session);
-  path_options.seed = seeds.path;
-  options.seed = seeds.noise;
-  with_option_names({PathOptions::table,
-                     EnvironmentOptions::table,
-                     SensorOptions::table,
-                     SimulatorOptions::table,
-                     {"PathOptions.frames", "--frames"}},
-                    [&] {
-                      path_options.validate();
-                      environment_options.validate();
-                      options.validate();
-                    });
-}
-
-void SimulateArguments::refuse_existing() const {
-  if (SequenceWriter::is_unfinished(folder)) return;
-  for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
-    std::error_code ignored;  // writing explains it
-    refuse_if(std::filesystem::exists(std::filesystem::path(folder) / name, ignored), folder,
-              fmt::format("holds {} already", name), "a new folder");
-  }
-}
-
-Trajectory SimulateArguments::make_trajectory(const Environment& place) const {
-  if (!path_is_file()) return make_path(place, path_options);
-  FileReader file(path);
-  Trajectory result = resampled(read_trajectory(file, {}, common.console().log()),
-                                path_options.rate_hz, frames.value_or(0));
-  constexpr double kTouching = 0.05;
-  const auto near =
-      std::count_if(result.poses().begin(), result.poses().end(), [&](const TimedPose& pose) {
-        return place.scene.distance(pose.world_from_camera.translation()) < kTouching;
-      });
-  if (near > 0) {
-    common.console().remark(
-        "{}: {} of {} poses lie less than {} cm from something in "
-        "the {}",
-        path, near, result.size(), 100.0 * kTouching, environment);
-  }
-  return result;
-}
-
-void SimulateArguments::write(const RgbdSimulator& simulator, SequenceWriter& writer) const {
-  const Progress progress = common.console().progress("rendering");
-  const auto stop = interrupt_requests();
-  const Executor executor = common.executor();
-  const std::size_t count = simulator.frame_count();
-  // A frame each thread: rendering one and compressing another go on side by side.
-  const std::size_t batch = 16;
-  for (std::size_t begin = 0; begin < count; begin += batch) {
-    executor.for_blocks(std::min(batch, count - begin), 1, [&](std::size_t i, std::size_t) {
-      if (stop.stop_requested()) return;
-      RgbdFrame frame = simulator.frame(begin + i);
-      writer.add(frame.timestamp_s, ColorImage(frame.width, frame.height, std::move(frame.bgr)),
-                 DepthImage(frame.width, frame.height, std::move(frame.depth_m)));
-    });
-    if (stop.stop_requested()) {
-      throw Error(ErrorKind::kCancelled, folder, "the simulation was cancelled", "");
-    }
-    if (progress) {
-      progress(static_cast<double>(std::min(begin + batch, count)) / static_cast<double>(count));
-    }
-  }
-}
-
-Json SimulateArguments::options_json() const {
-  const Camera& model = options.camera;
-  return {{"environment", environment},
-          {"path", path},
-          {"rate_hz", path_options.rate_hz},
-          {"layout", *environment_options.layout},
-          {"session", environment_options.session},
-          {"changed", environment_options.changed_fraction},
-          {"camera", to_json(model)},
-          {"exposure", options.sensor.exposure},
-          {"motion_blur_s", options.shutter_s},
-          {"readout_s", options.readout_s},
-          {"color_noise", options.sensor.color_noise},
-          {"depth_noise_m", options.sensor.depth_noise_m},
-          {"depth_step_m", options.sensor.depth_step_m},
-          {"min_depth_m", options.sensor.min_depth_m},
-          {"max_depth_m", options.sensor.max_depth_m},
-          {"ideal_depth", options.sensor.ideal_depth},
-          {"color_format", color_format},
-          {"depth_units_per_metre", depth_units_per_metre}};
-}
 
 // What stands where: the box about each thing, in the world's frame.
 Json things_json(const Scene& scene) {
@@ -220,66 +48,227 @@ Json things_json(const Scene& scene) {
   return things;
 }
 
-int SimulateArguments::run() {
-  check();
-  require_folder_of(common.json_path);
-  refuse_existing();
-  Json inputs = Json::object();
-  if (!camera.empty()) {
-    const CameraFile read = load_camera(camera);
-    options.camera = read.camera;
-    depth_units_per_metre = read.depth_units_per_metre.value_or(depth_units_per_metre);
-    inputs["camera"] = describe_file(camera, common, true);
-  }
-  if (path_is_file()) {
-    const FileReader readable(path);  // fails before the work
-    inputs["trajectory"] = {{"path", path}, {"hash", hash_file(path)}};
-  }
-  // Takes the folder before the work, so that two runs into one do not both do it.
-  SequenceWriter writer(folder, color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg,
-                        depth_units_per_metre);
-  const Stopwatch watch;
-  const Executor executor = common.executor();
-  Environment place = make_environment(environment_options, executor);
-  Trajectory trajectory = make_trajectory(place);
-  const RgbdSimulator simulator(std::move(place.scene), std::move(trajectory), options, executor);
-  const double ready = watch.seconds();
-  write(simulator, writer);
-  writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
-    write_trajectory(simulator.trajectory(), TrajectoryFormat::kTum, sink);
-  });
-  writer.add_file("camera.yaml", [&](const ByteSink& sink) {
-    const auto readout = options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
-    sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
-  });
-  writer.finish();
-  const double rendering = watch.seconds() - ready;
+struct SimulateArguments {
+  CommonArguments common;
+  std::string folder;
+  std::string environment = "desk";
+  std::string path = "sweep";
+  std::optional<std::size_t> frames;
+  std::optional<double> duration_s;
+  std::optional<std::uint64_t> layout;
+  PathOptions path_options;
+  EnvironmentOptions environment_options;
+  SimulatorOptions options;
+  std::string camera;
+  std::string color_format = "jpeg";
+  double depth_units_per_metre = 5000.0;
 
-  const auto& objects = simulator.scene().objects;
-  const auto count_of = [&](bool SceneObject::*property) {
-    return std::count_if(objects.begin(), objects.end(),
-                         [&](const SceneObject& object) { return object.*property; });
-  };
-  Json json = document("simulate", common, std::move(inputs), options_json());
-  json["sequence"] = {{"path", folder},
-                      {"frames", simulator.frame_count()},
-                      {"duration_s", simulator.trajectory().duration_s()},
-                      {"path_length_m", simulator.trajectory().length()}};
-  json["objects"] = {{"all", objects.size()},
-                     {"movable", count_of(&SceneObject::movable)},
-                     {"moved", count_of(&SceneObject::moved)},
-                     {"things", things_json(simulator.scene())}};
-  write_document(json, common);
-  common.console().print(
-      "{}: {} frames of {} x {}, {:.1f} s along {:.1f} m of path\n"
-      "  {} objects, of which {} movable and {} moved\n"
-      "  made in {:.1f} s and {:.1f} s to set up: {:.0f} frames a second\n",
-      folder, simulator.frame_count(), options.camera.width, options.camera.height,
-      simulator.trajectory().duration_s(), simulator.trajectory().length(), objects.size(),
-      count_of(&SceneObject::movable), count_of(&SceneObject::moved), rendering, ready,
-      static_cast<double>(simulator.frame_count()) / std::max(rendering, 1e-9));
-  return kDone;
-}
+  void add_to(const Command& command) {
+    common.seed = 1;
+    command.add_text("folder", folder, "Folder for the sequence; created if it does not exist", "")
+        .required();
+    command.add_text("--environment", environment,
+                     fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME");
+    command.add_text("--path", path,
+                     "Path of the camera: sweep, orbit, walk, or a trajectory file in TUM format",
+                     "NAME|FILE");
+    const Option frame_option = add_number(
+        command, "--frames", frames, "Number of frames (default: 300, or the whole trajectory)");
+    add_number(command, "--duration", duration_s, "Duration in seconds, instead of --frames")
+        .excludes(frame_option);
+    add_options(command, PathOptions::table, &path_options);
+    add_number(command, "--layout", layout,
+               "Layout of the place: 1 as designed, others stretched or mirrored, with other "
+               "furniture. Places with one layout and different seeds look similar (default: the "
+               "seed; 1 with a trajectory file)");
+    add_options(command, EnvironmentOptions::table, &environment_options);
+    command.add_text(
+        "--camera", camera,
+        fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
+        "CAMERA");
+    add_options(command, SimulatorOptions::table, &options);
+    add_options(command, SensorOptions::table, &options.sensor);
+    command.add_text("--color-format", color_format, "png or jpeg (quality 95)", "FORMAT");
+    common.add_to(command);
+    common.add_threads_to(command);
+    common.add_seed_to(command);
+    command.footer(
+        "Example: simulate two sessions at one desk, with a tenth of the objects moved in the "
+        "second\n"
+        "  cairn simulate first --environment desk --duration 10\n"
+        "  cairn simulate second --environment desk --duration 10 --session 1 --changed 0.1\n"
+        "Both groundtruth.txt files are in one world frame.");
+  }
+
+  int run() {
+    check();
+    require_folder_of(common.json_path);
+    refuse_existing();
+    Json inputs = Json::object();
+    if (!camera.empty()) {
+      const CameraFile read = load_camera(camera);
+      options.camera = read.camera;
+      depth_units_per_metre = read.depth_units_per_metre.value_or(depth_units_per_metre);
+      inputs["camera"] = describe_file(camera, common, true);
+    }
+    if (path_is_file()) {
+      const FileReader readable(path);  // fails before the work
+      inputs["trajectory"] = {{"path", path}, {"hash", hash_file(path)}};
+    }
+    // Takes the folder before the work, so that two runs into one do not both do it.
+    SequenceWriter writer(folder, color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg,
+                          depth_units_per_metre);
+    const Stopwatch watch;
+    const Executor executor = common.executor();
+    Environment place = make_environment(environment_options, executor);
+    Trajectory trajectory = make_trajectory(place);
+    const RgbdSimulator simulator(std::move(place.scene), std::move(trajectory), options, executor);
+    const double ready = watch.seconds();
+    write(simulator, writer);
+    writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
+      write_trajectory(simulator.trajectory(), TrajectoryFormat::kTum, sink);
+    });
+    writer.add_file("camera.yaml", [&](const ByteSink& sink) {
+      const auto readout =
+          options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
+      sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
+    });
+    writer.finish();
+    const double rendering = watch.seconds() - ready;
+
+    const auto& objects = simulator.scene().objects;
+    const auto count_of = [&](bool SceneObject::*property) {
+      return std::count_if(objects.begin(), objects.end(),
+                           [&](const SceneObject& object) { return object.*property; });
+    };
+    Json json = document("simulate", common, std::move(inputs), options_json());
+    json["sequence"] = {{"path", folder},
+                        {"frames", simulator.frame_count()},
+                        {"duration_s", simulator.trajectory().duration_s()},
+                        {"path_length_m", simulator.trajectory().length()}};
+    json["objects"] = {{"all", objects.size()},
+                       {"movable", count_of(&SceneObject::movable)},
+                       {"moved", count_of(&SceneObject::moved)},
+                       {"things", things_json(simulator.scene())}};
+    write_document(json, common);
+    common.console().print(
+        "{}: {} frames of {} x {}, {:.1f} s along {:.1f} m of path\n"
+        "  {} objects, of which {} movable and {} moved\n"
+        "  made in {:.1f} s and {:.1f} s to set up: {:.0f} frames a second\n",
+        folder, simulator.frame_count(), options.camera.width, options.camera.height,
+        simulator.trajectory().duration_s(), simulator.trajectory().length(), objects.size(),
+        count_of(&SceneObject::movable), count_of(&SceneObject::moved), rendering, ready,
+        static_cast<double>(simulator.frame_count()) / std::max(rendering, 1e-9));
+    return kDone;
+  }
+
+ private:
+  bool path_is_file() const { return path != "sweep" && path != "orbit" && path != "walk"; }
+
+  // The library names its own fields; people know the options.
+  void check() {
+    if (!path_is_file()) path_options.kind = path_kind(path);
+    environment_options.kind = environment_kind(environment);
+    if (duration_s) {
+      refuse_if(!(*duration_s > 0.0), "--duration", fmt::format("{}", *duration_s),
+                "more than 0 seconds");
+      frames = static_cast<std::size_t>(
+          std::clamp(std::round(*duration_s * path_options.rate_hz), 1.0, 1e7));
+    }
+    if (frames || !path_is_file()) path_options.frames = frames.value_or(path_options.frames);
+    refuse_if(color_format != "png" && color_format != "jpeg", "--color-format",
+              printable(color_format), "png or jpeg");
+    environment_options.seed = common.seed;
+    // A given trajectory knows one plan alone.
+    environment_options.layout = layout ? layout : path_is_file() ? 1 : common.seed;
+    const SessionSeeds seeds = session_seeds(common.seed, environment_options.session);
+    path_options.seed = seeds.path;
+    options.seed = seeds.noise;
+    with_option_names({PathOptions::table,
+                       EnvironmentOptions::table,
+                       SensorOptions::table,
+                       SimulatorOptions::table,
+                       {"PathOptions.frames", "--frames"}},
+                      [&] {
+                        path_options.validate();
+                        environment_options.validate();
+                        options.validate();
+                      });
+  }
+
+  void refuse_existing() const {
+    if (SequenceWriter::is_unfinished(folder)) return;
+    for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
+      std::error_code ignored;  // writing explains it
+      refuse_if(std::filesystem::exists(std::filesystem::path(folder) / name, ignored), folder,
+                fmt::format("holds {} already", name), "a new folder");
+    }
+  }
+
+  Trajectory make_trajectory(const Environment& place) const {
+    if (!path_is_file()) return make_path(place, path_options);
+    FileReader file(path);
+    Trajectory result = resampled(read_trajectory(file, {}, common.console().log()),
+                                  path_options.rate_hz, frames.value_or(0));
+    constexpr double kTouching = 0.05;
+    const auto near =
+        std::count_if(result.poses().begin(), result.poses().end(), [&](const TimedPose& pose) {
+          return place.scene.distance(pose.world_from_camera.translation()) < kTouching;
+        });
+    if (near > 0) {
+      common.console().remark(
+          "{}: {} of {} poses lie less than {} cm from something in "
+          "the {}",
+          path, near, result.size(), 100.0 * kTouching, environment);
+    }
+    return result;
+  }
+
+  void write(const RgbdSimulator& simulator, SequenceWriter& writer) const {
+    const Progress progress = common.console().progress("rendering");
+    const auto stop = interrupt_requests();
+    const Executor executor = common.executor();
+    const std::size_t count = simulator.frame_count();
+    // A frame each thread: rendering one and compressing another go on side by side.
+    const std::size_t batch = 16;
+    for (std::size_t begin = 0; begin < count; begin += batch) {
+      executor.for_blocks(std::min(batch, count - begin), 1, [&](std::size_t i, std::size_t) {
+        if (stop.stop_requested()) return;
+        RgbdFrame frame = simulator.frame(begin + i);
+        writer.add(frame.timestamp_s, ColorImage(frame.width, frame.height, std::move(frame.bgr)),
+                   DepthImage(frame.width, frame.height, std::move(frame.depth_m)));
+      });
+      if (stop.stop_requested()) {
+        throw Error(ErrorKind::kCancelled, folder, "the simulation was cancelled", "");
+      }
+      if (progress) {
+        progress(static_cast<double>(std::min(begin + batch, count)) / static_cast<double>(count));
+      }
+    }
+  }
+
+  Json options_json() const {
+    const Camera& model = options.camera;
+    return {{"environment", environment},
+            {"path", path},
+            {"rate_hz", path_options.rate_hz},
+            {"layout", *environment_options.layout},
+            {"session", environment_options.session},
+            {"changed", environment_options.changed_fraction},
+            {"camera", to_json(model)},
+            {"exposure", options.sensor.exposure},
+            {"motion_blur_s", options.shutter_s},
+            {"readout_s", options.readout_s},
+            {"color_noise", options.sensor.color_noise},
+            {"depth_noise_m", options.sensor.depth_noise_m},
+            {"depth_step_m", options.sensor.depth_step_m},
+            {"min_depth_m", options.sensor.min_depth_m},
+            {"max_depth_m", options.sensor.max_depth_m},
+            {"ideal_depth", options.sensor.ideal_depth},
+            {"color_format", color_format},
+            {"depth_units_per_metre", depth_units_per_metre}};
+  }
+};
 
 }  // namespace
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "bindings/alignment.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -58,7 +57,7 @@ void add_verdict_keywords(Keywords<AlignKeywords>& keywords) {
                  {"one_to_one", "scale_where_free", "deformation", "judge"});
 }
 
-Keywords<AlignKeywords> make_align_keywords() {
+Keywords<AlignKeywords> align_keywords() {
   Keywords<AlignKeywords> keywords("align");
   keywords
       .add(
@@ -81,18 +80,10 @@ Keywords<AlignKeywords> make_align_keywords() {
   return keywords;
 }
 
-const Keywords<AlignKeywords>& align_keywords() {
-  static const auto table = make_align_keywords();
-  return table;
-}
-
-const Keywords<AlignKeywords>& judge_keywords() {
-  static const auto table = [] {
-    Keywords<AlignKeywords> keywords("judge");
-    add_verdict_keywords(keywords);
-    return keywords;
-  }();
-  return table;
+Keywords<AlignKeywords> judge_keywords() {
+  Keywords<AlignKeywords> keywords("judge");
+  add_verdict_keywords(keywords);
+  return keywords;
 }
 
 AlignOptions complete(const AlignKeywords& call, const LandmarkMap& source,
@@ -105,13 +96,10 @@ AlignOptions complete(const AlignKeywords& call, const LandmarkMap& source,
                 "initial beside it");
   }
   if (call.gravity) options.gravity = gravity_prior(source, target);
-  if (!options.scale && source.info().length_unit != target.info().length_unit) {
-    throw Error(
-        ErrorKind::kMisuse, "source",
-        fmt::format("lengths in {} units, but of the target in {}",
-                    to_string(source.info().length_unit), to_string(target.info().length_unit)),
-        "maps of one scale, or scale=True");
-  }
+  refuse_if(!options.scale && source.info().length_unit != target.info().length_unit, "source",
+            fmt::format("lengths in {} units, but of the target in {}",
+                        to_string(source.info().length_unit), to_string(target.info().length_unit)),
+            "maps of one scale, or scale=True");
   options.validate();
   return options;
 }
@@ -190,47 +178,41 @@ struct IcpKeywords {
   std::vector<double> target_confidences;
 };
 
-const Keywords<IcpKeywords>& icp_keywords() {
-  static const auto table = [] {
-    Keywords<IcpKeywords> keywords("icp");
-    const auto numbers = [](std::vector<double> IcpKeywords::*member, const char* name) {
-      return [member, name](IcpKeywords& call, py::handle value) {
-        if (value.is_none()) return;
-        const auto array = real_array(value, name, {-1});
-        (call.*member).assign(array.data(), array.data() + array.size());
-      };
+Keywords<IcpKeywords> icp_keywords() {
+  Keywords<IcpKeywords> keywords("icp");
+  const auto numbers = [](std::vector<double> IcpKeywords::*member, const char* name) {
+    return [member, name](IcpKeywords& call, py::handle value) {
+      if (value.is_none()) return;
+      const auto array = real_array(value, name, {-1});
+      (call.*member).assign(array.data(), array.data() + array.size());
     };
-    keywords
-        .add("initial", py::none(),
-             [](IcpKeywords& call, py::handle value) {
-               if (!value.is_none()) call.options.initial = rigid_of(value, "initial");
-             })
-        .add("confidence", py::none(),
-             [](IcpKeywords& call, py::handle value) { set_confidence(call.confidence, value); })
-        .add("source_confidences", py::none(),
-             numbers(&IcpKeywords::source_confidences, "source_confidences"))
-        .add("target_confidences", py::none(),
-             numbers(&IcpKeywords::target_confidences, "target_confidences"))
-        .add("min_observations", [](auto& c) -> auto& { return c.points.min_observations; })
-        .add_table(IcpOptions::table, [](auto& c) -> auto& { return c.options; });
-    return keywords;
-  }();
-  return table;
+  };
+  keywords
+      .add("initial", py::none(),
+           [](IcpKeywords& call, py::handle value) {
+             if (!value.is_none()) call.options.initial = rigid_of(value, "initial");
+           })
+      .add("confidence", py::none(),
+           [](IcpKeywords& call, py::handle value) { set_confidence(call.confidence, value); })
+      .add("source_confidences", py::none(),
+           numbers(&IcpKeywords::source_confidences, "source_confidences"))
+      .add("target_confidences", py::none(),
+           numbers(&IcpKeywords::target_confidences, "target_confidences"))
+      .add("min_observations", [](auto& c) -> auto& { return c.points.min_observations; })
+      .add_table(IcpOptions::table, [](auto& c) -> auto& { return c.options; });
+  return keywords;
 }
 
 PointSet points_of(py::handle given, const char* name, const IcpKeywords& call,
                    const std::vector<double>& confidences) {
   if (!py::isinstance<LandmarkMap>(given)) {
-    if (call.confidence) {
-      throw Error(ErrorKind::kMisuse, "confidence", std::string(name) + " is an array of positions",
-                  "source_confidences and target_confidences");
-    }
+    refuse_if(call.confidence.has_value(), "confidence",
+              std::string(name) + " is an array of positions",
+              "source_confidences and target_confidences");
     return {positions_of(given, name), confidences};
   }
-  if (!confidences.empty()) {
-    throw Error(ErrorKind::kMisuse, std::string(name) + "_confidences",
-                std::string(name) + " is a LandmarkMap", "confidence, the name of a metric");
-  }
+  refuse_if(!confidences.empty(), std::string(name) + "_confidences",
+            std::string(name) + " is a LandmarkMap", "confidence, the name of a metric");
   const auto map = given.cast<SharedMap>();
   return unlocked([&] { return point_set(*map, call.confidence, call.points); });
 }

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <map>
 #include <mutex>
 #include <stop_token>
 
@@ -134,35 +133,21 @@ struct OpenKeywords {
 };
 
 Keywords<OpenKeywords> keywords_to_create(const char* function) {
-  Keywords<OpenKeywords> keywords(function);
-  keywords.add("insist", [](auto& o) -> auto& { return o.options.insist; })
+  return Keywords<OpenKeywords>(function)
+      .add("insist", [](auto& o) -> auto& { return o.options.insist; })
       .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
-  return keywords;
 }
 
-const Keywords<OpenKeywords>& create_keywords() {
-  static const auto table = keywords_to_create("create");
-  return table;
-}
-
-const Keywords<OpenKeywords>& open_keywords() {
-  static const auto table =
-      Keywords<OpenKeywords>("open")
-          .add("read_only", [](auto& o) -> auto& { return o.options.read_only; })
-          .add("insist", [](auto& o) -> auto& { return o.options.insist; })
-          .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
-  return table;
-}
-
-const Keywords<OpenKeywords>& salvage_keywords() {
-  static const auto table = keywords_to_create("salvage");
-  return table;
+Keywords<OpenKeywords> open_keywords() {
+  return Keywords<OpenKeywords>("open")
+      .add("read_only", [](auto& o) -> auto& { return o.options.read_only; })
+      .add("insist", [](auto& o) -> auto& { return o.options.insist; })
+      .add("wait_s", [](auto& o) -> auto& { return o.wait_s; });
 }
 
 AtlasStoreOptions store_options(OpenKeywords given) {
-  if (!(given.wait_s >= 0.0 && given.wait_s <= 1e6)) {
-    throw Error(ErrorKind::kMisuse, "wait_s", fmt::format("{}", given.wait_s), "0 to 1e6 seconds");
-  }
+  refuse_if(!(given.wait_s >= 0.0 && given.wait_s <= 1e6), "wait_s",
+            fmt::format("{}", given.wait_s), "0 to 1e6 seconds");
   given.options.wait = std::chrono::milliseconds(std::llround(1e3 * given.wait_s));
   set_author(given.options);
   return given.options;
@@ -170,10 +155,8 @@ AtlasStoreOptions store_options(OpenKeywords given) {
 
 std::string location_of(const py::object& location) {
   auto path = py::module_::import("os").attr("fsencode")(location).cast<std::string>();
-  if (path.empty() || path.find('\0') != std::string::npos) {
-    throw Error(ErrorKind::kMisuse, "location", path.empty() ? "empty" : printable(path),
-                "the path of a file, or postgresql://...");
-  }
+  refuse_if(path.empty() || path.find('\0') != std::string::npos, "location",
+            path.empty() ? "empty" : printable(path), "the path of a file, or postgresql://...");
   return path;
 }
 
@@ -184,7 +167,7 @@ std::shared_ptr<SharedAtlas> opened(const std::string& location, const AtlasStor
 }
 
 std::shared_ptr<SharedAtlas> create_atlas(const py::object& where, const py::kwargs& given) {
-  AtlasStoreOptions options = store_options(create_keywords().read(given));
+  AtlasStoreOptions options = store_options(keywords_to_create("create").read(given));
   const std::string location = location_of(where);
   run("creating", {}, [&](const Execution& execution) {
     AtlasStoreOptions stoppable = options;
@@ -216,26 +199,23 @@ struct Lintable {
   std::optional<std::vector<std::string>> only;
 };
 
-const Keywords<Lintable>& link_keywords() {
-  static const auto table = [] {
-    Keywords<Lintable> keywords("link");
-    keywords
-        .add("only", py::none(),
-             [](Lintable& call, py::handle value) {
-               if (value.is_none()) return;
-               if (py::isinstance<py::str>(value)) {
-                 throw py::type_error("only: str; expected a sequence of names");
-               }
-               call.only.emplace();
-               for (const py::handle name : value) call.only->push_back(encoded(name, "only"));
-             })
-        .add("retry", [](auto& c) -> auto& { return c.options.retry; })
-        .add("shard", [](auto& c) -> auto& { return c.options.shard; })
-        .add("shards", [](auto& c) -> auto& { return c.options.shards; })
-        .add_table(LinkOptions::table, [](auto& c) -> auto& { return c.options.links; });
-    return keywords;
-  }();
-  return table;
+Keywords<Lintable> link_keywords() {
+  Keywords<Lintable> keywords("link");
+  keywords
+      .add("only", py::none(),
+           [](Lintable& call, py::handle value) {
+             if (value.is_none()) return;
+             if (py::isinstance<py::str>(value)) {
+               throw py::type_error("only: str; expected a sequence of names");
+             }
+             call.only.emplace();
+             for (const py::handle name : value) call.only->push_back(encoded(name, "only"));
+           })
+      .add("retry", [](auto& c) -> auto& { return c.options.retry; })
+      .add("shard", [](auto& c) -> auto& { return c.options.shard; })
+      .add("shards", [](auto& c) -> auto& { return c.options.shards; })
+      .add_table(LinkOptions::table, [](auto& c) -> auto& { return c.options.links; });
+  return keywords;
 }
 
 AtlasLinkResult link(SharedAtlas& self, const py::kwargs& given) {
@@ -317,16 +297,6 @@ Keywords<PoseOptimisationOptions> pose_keywords(const char* function) {
                                                                [](auto& o) -> auto& { return o; });
 }
 
-const Keywords<PoseOptimisationOptions>& optimize_keywords() {
-  static const auto table = pose_keywords("optimize");
-  return table;
-}
-
-const Keywords<PoseOptimisationOptions>& update_keywords() {
-  static const auto table = pose_keywords("update_poses");
-  return table;
-}
-
 AtlasOptimised compute_poses(SharedAtlas& self, const py::kwargs& given,
                              const Keywords<PoseOptimisationOptions>& keywords,
                              AtlasOptimised (Atlas::*compute)(const PoseOptimisationOptions&)) {
@@ -342,11 +312,11 @@ AtlasOptimised compute_poses(SharedAtlas& self, const py::kwargs& given,
 }
 
 AtlasOptimised optimize(SharedAtlas& self, const py::kwargs& given) {
-  return compute_poses(self, given, optimize_keywords(), &Atlas::optimize);
+  return compute_poses(self, given, pose_keywords("optimize"), &Atlas::optimize);
 }
 
 AtlasOptimised update_poses(SharedAtlas& self, const py::kwargs& given) {
-  return compute_poses(self, given, update_keywords(), &Atlas::update_poses);
+  return compute_poses(self, given, pose_keywords("update_poses"), &Atlas::update_poses);
 }
 
 void remove_map(SharedAtlas& self, const py::object& name) {
@@ -374,15 +344,12 @@ struct CompactKeywords {
   bool dry = false;
 };
 
-const Keywords<CompactKeywords>& compact_keywords() {
-  static const auto table = [] {
-    Keywords<CompactKeywords> keywords("compact");
-    keywords.add("keep", [](auto& o) -> auto& { return o.keep; }).add("dry", [](auto& o) -> auto& {
-      return o.dry;
-    });
-    return keywords;
-  }();
-  return table;
+Keywords<CompactKeywords> compact_keywords() {
+  Keywords<CompactKeywords> keywords("compact");
+  keywords.add("keep", [](auto& o) -> auto& { return o.keep; }).add("dry", [](auto& o) -> auto& {
+    return o.dry;
+  });
+  return keywords;
 }
 
 AtlasCompaction compact(SharedAtlas& self, const py::kwargs& given) {
@@ -473,11 +440,10 @@ void set_frame(Selection& selection, py::handle value) {
   if (!value.is_none()) selection.frame = encoded(value, "frame");
 }
 
-const Keywords<Selection>& export_keywords() {
-  static const auto table = Keywords<Selection>("export")
-                                .add("frame", py::none(), set_frame)
-                                .add("at", [](auto& o) -> auto& { return o.at; });
-  return table;
+Keywords<Selection> export_keywords() {
+  return Keywords<Selection>("export")
+      .add("frame", py::none(), set_frame)
+      .add("at", [](auto& o) -> auto& { return o.at; });
 }
 
 void export_to(SharedAtlas& self, const std::filesystem::path& path, const py::kwargs& given) {
@@ -498,12 +464,10 @@ struct WorldKeywords : Selection {
   ChangeOptions changes;
 };
 
-const Keywords<WorldKeywords>& world_keywords() {
-  static const auto table =
-      Keywords<WorldKeywords>("world_difference")
-          .add("at", [](auto& o) -> auto& { return o.at; })
-          .add_table(ChangeOptions::table, [](auto& o) -> auto& { return o.changes; });
-  return table;
+Keywords<WorldKeywords> world_keywords() {
+  return Keywords<WorldKeywords>("world_difference")
+      .add("at", [](auto& o) -> auto& { return o.at; })
+      .add_table(ChangeOptions::table, [](auto& o) -> auto& { return o.changes; });
 }
 
 WorldDifference difference_of_worlds(SharedAtlas& self, const py::object& first,
@@ -532,7 +496,7 @@ WorldDifference difference_of_worlds(SharedAtlas& self, const py::object& first,
 
 AtlasSalvage salvage(const py::object& damaged, const py::object& location,
                      const py::kwargs& given) {
-  AtlasStoreOptions options = store_options(salvage_keywords().read(given));
+  AtlasStoreOptions options = store_options(keywords_to_create("salvage").read(given));
   const std::string from = location_of(damaged);
   const std::string to = location_of(location);
   AtlasSalvage result;
@@ -547,14 +511,11 @@ struct MergeKeywords : Selection {
   FusionOptions fusion;
 };
 
-const Keywords<MergeKeywords>& atlas_merge_keywords() {
-  static const auto table = [] {
-    Keywords<MergeKeywords> keywords("merge");
-    keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
-    keywords.add_table(FusionOptions::table, [](auto& c) -> auto& { return c.fusion; });
-    return keywords;
-  }();
-  return table;
+Keywords<MergeKeywords> atlas_merge_keywords() {
+  Keywords<MergeKeywords> keywords("merge");
+  keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
+  keywords.add_table(FusionOptions::table, [](auto& c) -> auto& { return c.fusion; });
+  return keywords;
 }
 
 Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
@@ -624,7 +585,7 @@ void bind_changes(AtlasClass& atlas) {
            "Replaces the links between two maps by the statement that they are not linked. link() "
            "does not\ntry the pair again.")
       .def("optimize", &optimize,
-           kept(optimize_keywords().signature("$self") +
+           kept(pose_keywords("optimize").signature("$self") +
                 "Computes the poses of all maps with aligned links, each group in the frame of its "
                 "first map.\n"
                 "Does not use links that disagree with the others.\n\n"
@@ -632,7 +593,7 @@ void bind_changes(AtlasClass& atlas) {
                 "               share of its radius"))
       .def(
           "update_poses", &update_poses,
-          kept(update_keywords().signature("$self") +
+          kept(pose_keywords("update_poses").signature("$self") +
                "Like optimize(), but of the largest group it computes only poses near the maps and "
                "links that were added\n"
                "since: for a SLAM system that adds maps while it drives. Computes all poses if "
@@ -722,7 +683,7 @@ void bind_atlas(py::module_& module) {
       "statement, or call close().");
   atlas
       .def_static("create", &create_atlas, py::arg("location"),
-                  kept(create_keywords().signature("location", false) +
+                  kept(keywords_to_create("create").signature("location", false) +
                        "Creates an empty atlas and opens it.\n\n"
                        "location       path of a file, or URL of a database "
                        "('postgresql://user@host/name')\n"
@@ -736,7 +697,7 @@ void bind_atlas(py::module_& module) {
                        "read_only      also works in a read-only folder\n"
                        "insist, wait_s as for create()"))
       .def_static("salvage", &salvage, py::arg("damaged"), py::arg("location"),
-                  kept(salvage_keywords().signature("damaged, location", false) +
+                  kept(keywords_to_create("salvage").signature("damaged, location", false) +
                        "Copies the undamaged maps, and the last links and poses between them, to a "
                        "new atlas, without\n"
                        "the history. Does not change the damaged atlas.\n\n"

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cmath>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -177,34 +176,31 @@ struct Evaluated {
   std::vector<RelativeInterval> intervals;
 };
 
-const Keywords<TrajectoryEvaluationOptions>& evaluation_keywords() {
-  static const auto table = [] {
-    Keywords<TrajectoryEvaluationOptions> keywords("evaluate_trajectory");
-    const TrajectoryEvaluationOptions defaults;
-    py::list intervals;
-    for (const RelativeInterval& one : defaults.intervals) intervals.append(interval_text(one));
-    keywords
-        .add(
-            "alignment", [](auto& o) -> auto& { return o.alignment; },
-            Words<TrajectoryAlignment>{{"none", TrajectoryAlignment::kNone},
-                                       {"origin", TrajectoryAlignment::kOrigin},
-                                       {"se3", TrajectoryAlignment::kSe3},
-                                       {"sim3", TrajectoryAlignment::kSim3},
-                                       {"poses", TrajectoryAlignment::kPoses}})
-        .add("max_time_difference_s", [](auto& o) -> auto& { return o.max_time_difference_s; })
-        .add("intervals", py::tuple(intervals), [](auto& options, py::handle value) {
-          options.intervals.clear();
-          if (py::isinstance<py::str>(value))
-            throw py::type_error("intervals: str; expected a list of texts");
-          for (const py::handle one : py::iter(value)) {
-            std::string text;
-            from_python(one, "intervals", text);
-            options.intervals.push_back(interval_of(text));
-          }
-        });
-    return keywords;
-  }();
-  return table;
+Keywords<TrajectoryEvaluationOptions> evaluation_keywords() {
+  Keywords<TrajectoryEvaluationOptions> keywords("evaluate_trajectory");
+  const TrajectoryEvaluationOptions defaults;
+  py::list intervals;
+  for (const RelativeInterval& one : defaults.intervals) intervals.append(interval_text(one));
+  keywords
+      .add(
+          "alignment", [](auto& o) -> auto& { return o.alignment; },
+          Words<TrajectoryAlignment>{{"none", TrajectoryAlignment::kNone},
+                                     {"origin", TrajectoryAlignment::kOrigin},
+                                     {"se3", TrajectoryAlignment::kSe3},
+                                     {"sim3", TrajectoryAlignment::kSim3},
+                                     {"poses", TrajectoryAlignment::kPoses}})
+      .add("max_time_difference_s", [](auto& o) -> auto& { return o.max_time_difference_s; })
+      .add("intervals", py::tuple(intervals), [](auto& options, py::handle value) {
+        options.intervals.clear();
+        if (py::isinstance<py::str>(value))
+          throw py::type_error("intervals: str; expected a list of texts");
+        for (const py::handle one : py::iter(value)) {
+          std::string text;
+          from_python(one, "intervals", text);
+          options.intervals.push_back(interval_of(text));
+        }
+      });
+  return keywords;
 }
 
 // By interval.

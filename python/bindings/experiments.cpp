@@ -11,16 +11,13 @@
 namespace cairn::python {
 namespace {
 
-const Keywords<PaperOptions>& paper_keywords() {
-  static const auto table =
-      Keywords<PaperOptions>("paper_experiment")
-          .add("success_score", [](auto& o) -> auto& { return o.success_score; })
-          .add("rotation_tolerance_deg", [](auto& o) -> auto& { return o.tolerance.rotation_deg; })
-          .add("translation_tolerance_m",
-               [](auto& o) -> auto& { return o.tolerance.translation_m; })
-          .add("min_observations", [](auto& o) -> auto& { return o.points.min_observations; })
-          .add("max_iterations", [](auto& o) -> auto& { return o.align.max_iterations; });
-  return table;
+Keywords<PaperOptions> paper_keywords() {
+  return Keywords<PaperOptions>("paper_experiment")
+      .add("success_score", [](auto& o) -> auto& { return o.success_score; })
+      .add("rotation_tolerance_deg", [](auto& o) -> auto& { return o.tolerance.rotation_deg; })
+      .add("translation_tolerance_m", [](auto& o) -> auto& { return o.tolerance.translation_m; })
+      .add("min_observations", [](auto& o) -> auto& { return o.points.min_observations; })
+      .add("max_iterations", [](auto& o) -> auto& { return o.align.max_iterations; });
 }
 
 struct PaperRun {

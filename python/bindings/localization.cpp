@@ -18,12 +18,10 @@ struct Locator {
   ImageLocator locator;
 };
 
-const Keywords<LocateOptions>& locate_keywords() {
-  static const auto table =
-      Keywords<LocateOptions>("__init__").add_table(LocateOptions::table, [](auto& o) -> auto& {
-        return o;
-      });
-  return table;
+Keywords<LocateOptions> locate_keywords() {
+  return Keywords<LocateOptions>("__init__").add_table(LocateOptions::table, [](auto& o) -> auto& {
+    return o;
+  });
 }
 
 std::unique_ptr<Locator> make_locator(const LandmarkMap& map, const Camera& camera,

@@ -139,10 +139,8 @@ void fill_frames(MapTables& tables, const GivenArrays& given) {
   }
   if (!image_names.is_none()) {
     frames.image_names = encoded_each(image_names, "image_names");
-    if (frames.image_names.size() != count) {
-      throw Error(ErrorKind::kMisuse, "image_names",
-                  fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
-    }
+    refuse_if(frames.image_names.size() != count, "image_names",
+              fmt::format("{} names", frames.image_names.size()), fmt::format("{}", count));
   }
 }
 
@@ -175,10 +173,8 @@ void fill_observations(MapTables& tables, const GivenArrays& given) {
     return given.refuse({"keypoints", "depths", "octaves", "sigmas_px"}, "observations",
                         "observed_landmarks");
   }
-  if (landmarks.is_none() || frames.is_none() || pixels.is_none()) {
-    throw Error(ErrorKind::kMisuse, "observed_landmarks, observing_frames, pixels", "not all given",
-                "all three or none");
-  }
+  refuse_if(landmarks.is_none() || frames.is_none() || pixels.is_none(),
+            "observed_landmarks, observing_frames, pixels", "not all given", "all three or none");
   const auto of = integer_array(landmarks, "observed_landmarks", {-1});
   const auto size = of.shape(0);
   const auto by = integer_array(frames, "observing_frames", {size});
@@ -224,26 +220,23 @@ void fill_observations(MapTables& tables, const GivenArrays& given) {
   fill("sigmas_px", table.sigmas_px);
 }
 
-const Keywords<GivenArrays>& from_arrays_keywords() {
-  static const auto table = [] {
-    Keywords<GivenArrays> keywords("from_arrays");
-    const auto add = [&](std::initializer_list<const char*> names) {
-      for (const char* const name : names) {
-        keywords.add(name, py::none(), [name](GivenArrays& given, py::handle value) {
-          given.arrays[name] = py::reinterpret_borrow<py::object>(value);
-        });
-      }
-    };
-    add({"covariances", "ids", "colors", "descriptors"});
-    keywords.add("descriptor_kind", [](auto& given) -> auto& { return given.descriptor_kind; });
-    add({"further_descriptors", "further_descriptor_offsets", "columns", "cameras", "frame_poses",
-         "frame_ids", "timestamps_s", "frame_cameras", "image_names", "observed_landmarks",
-         "observing_frames", "pixels", "keypoints", "depths", "octaves", "sigmas_px"});
-    keywords.add("length_unit", [](auto& given) -> auto& { return given.length_unit; });
-    add({"world_frame", "gravity", "provenance"});
-    return keywords;
-  }();
-  return table;
+Keywords<GivenArrays> from_arrays_keywords() {
+  Keywords<GivenArrays> keywords("from_arrays");
+  const auto add = [&](std::initializer_list<const char*> names) {
+    for (const char* const name : names) {
+      keywords.add(name, py::none(), [name](GivenArrays& given, py::handle value) {
+        given.arrays[name] = py::reinterpret_borrow<py::object>(value);
+      });
+    }
+  };
+  add({"covariances", "ids", "colors", "descriptors"});
+  keywords.add("descriptor_kind", [](auto& given) -> auto& { return given.descriptor_kind; });
+  add({"further_descriptors", "further_descriptor_offsets", "columns", "cameras", "frame_poses",
+       "frame_ids", "timestamps_s", "frame_cameras", "image_names", "observed_landmarks",
+       "observing_frames", "pixels", "keypoints", "depths", "octaves", "sigmas_px"});
+  keywords.add("length_unit", [](auto& given) -> auto& { return given.length_unit; });
+  add({"world_frame", "gravity", "provenance"});
+  return keywords;
 }
 
 constexpr const char* kFromArrays =

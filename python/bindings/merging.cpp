@@ -16,14 +16,11 @@ struct MergedPart {
   MergedMap part;
 };
 
-const Keywords<MergeOptions>& merge_keywords() {
-  static const auto table = [] {
-    Keywords<MergeOptions> keywords("merge");
-    keywords.add_table(LinkOptions::table, [](auto& o) -> auto& { return o.links; }, {"seed"});
-    keywords.add_table(FusionOptions::table, [](auto& o) -> auto& { return o; });
-    return keywords;
-  }();
-  return table;
+Keywords<MergeOptions> merge_keywords() {
+  Keywords<MergeOptions> keywords("merge");
+  keywords.add_table(LinkOptions::table, [](auto& o) -> auto& { return o.links; }, {"seed"});
+  keywords.add_table(FusionOptions::table, [](auto& o) -> auto& { return o; });
+  return keywords;
 }
 
 Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_names,

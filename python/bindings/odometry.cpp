@@ -64,25 +64,19 @@ struct OdometryKeywords {
   std::optional<Rigid3> start;
 };
 
-const Keywords<OdometryKeywords>& odometry_keywords() {
-  static const auto table = [] {
-    Keywords<OdometryKeywords> keywords("__init__");
-    keywords.add("start", py::none(), [](auto& options, py::handle value) {
-      if (!value.is_none()) options.start = rigid_of(value, "start");
-    });
-    add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options; });
-    return keywords;
-  }();
-  return table;
+Keywords<OdometryKeywords> odometry_keywords() {
+  Keywords<OdometryKeywords> keywords("__init__");
+  keywords.add("start", py::none(), [](auto& options, py::handle value) {
+    if (!value.is_none()) options.start = rigid_of(value, "start");
+  });
+  add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options; });
+  return keywords;
 }
 
-const Keywords<MapOptions>& map_keywords() {
-  static const auto table = [] {
-    Keywords<MapOptions> keywords("map");
-    add_map_keywords(keywords, [](auto& o) -> auto& { return o; });
-    return keywords;
-  }();
-  return table;
+Keywords<MapOptions> map_keywords() {
+  Keywords<MapOptions> keywords("map");
+  add_map_keywords(keywords, [](auto& o) -> auto& { return o; });
+  return keywords;
 }
 
 std::unique_ptr<SharedOdometry> make_odometry(const Camera& camera, const py::kwargs& given) {
@@ -126,18 +120,15 @@ struct SequenceKeywords {
   std::optional<std::size_t> mini_map_frames;
 };
 
-const Keywords<SequenceKeywords>& sequence_keywords() {
-  static const auto table = [] {
-    Keywords<SequenceKeywords> keywords("map_sequence");
-    keywords.add_table(SequenceOptions::table, [](auto& o) -> auto& { return o.sequence; })
-        .add("mini_map_metres", [](auto& o) -> auto& { return o.mini_map_metres; })
-        .add("mini_map_frames", [](auto& o) -> auto& { return o.mini_map_frames; })
-        .add("skip_unreadable", [](auto& o) -> auto& { return o.options.skip_unreadable; });
-    add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options.odometry; });
-    add_map_keywords(keywords, [](auto& o) -> auto& { return o.options.map; });
-    return keywords;
-  }();
-  return table;
+Keywords<SequenceKeywords> sequence_keywords() {
+  Keywords<SequenceKeywords> keywords("map_sequence");
+  keywords.add_table(SequenceOptions::table, [](auto& o) -> auto& { return o.sequence; })
+      .add("mini_map_metres", [](auto& o) -> auto& { return o.mini_map_metres; })
+      .add("mini_map_frames", [](auto& o) -> auto& { return o.mini_map_frames; })
+      .add("skip_unreadable", [](auto& o) -> auto& { return o.options.skip_unreadable; });
+  add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options.odometry; });
+  add_map_keywords(keywords, [](auto& o) -> auto& { return o.options.map; });
+  return keywords;
 }
 
 struct Mapped {

@@ -75,12 +75,10 @@ Page make_page(const SharedMap& source, const SharedMap& target,
   for (const SharedAlignment& result : results) {
     if (result == nullptr) throw py::type_error("results: None; expected an Alignment");
   }
-  if (target == nullptr && !results.empty()) {
-    throw Error(ErrorKind::kMisuse, "target", "None", "the target map beside results");
-  }
-  if (target == nullptr && target_sequence) {
-    throw Error(ErrorKind::kMisuse, "target", "None", "the target map beside target_sequence");
-  }
+  refuse_if(target == nullptr && !results.empty(), "target", "None",
+            "the target map beside results");
+  refuse_if(target == nullptr && target_sequence, "target", "None",
+            "the target map beside target_sequence");
   std::optional<Similarity3> true_pose;
   if (!truth.is_none()) true_pose = similarity_of(truth, "truth");
   return unlocked([&] {

@@ -26,33 +26,29 @@ struct SimulateKeywords {
   std::uint64_t seed = EnvironmentOptions().seed;
 };
 
-const Keywords<SimulateKeywords>& simulate_keywords() {
-  static const auto table = [] {
-    Keywords<SimulateKeywords> keywords("simulate");
-    keywords.add("seed", [](auto& o) -> auto& { return o.seed; })
-        .add("layout", [](auto& o) -> auto& { return o.environment.layout; })
-        .add_table(EnvironmentOptions::table, [](auto& o) -> auto& { return o.environment; })
-        .add("path", py::str("sweep"),
-             [](auto& options, py::handle value) {
-               std::string text;
-               from_python(value, "path", text);
-               options.path.kind = path_kind(text);
-             })
-        .add_table(PathOptions::table, [](auto& o) -> auto& { return o.path; }, {"clearance_m"})
-        .add("camera", py::none(),
-             [](auto& options, py::handle value) {
-               if (value.is_none()) return;
-               if (!py::isinstance<Camera>(value))
-                 throw py::type_error("camera: expected a Camera");
-               options.simulator.camera = value.cast<const Camera&>();
-             })
-        .add("shutter_s", [](auto& o) -> auto& { return o.simulator.shutter_s; })
-        .add_table(SensorOptions::table, [](auto& o) -> auto& { return o.simulator.sensor; },
-                   {"depth_step_m", "min_depth_m", "baseline_m", "max_incidence_rad", "edge_holes",
-                    "dropout"});
-    return keywords;
-  }();
-  return table;
+Keywords<SimulateKeywords> simulate_keywords() {
+  Keywords<SimulateKeywords> keywords("simulate");
+  keywords.add("seed", [](auto& o) -> auto& { return o.seed; })
+      .add("layout", [](auto& o) -> auto& { return o.environment.layout; })
+      .add_table(EnvironmentOptions::table, [](auto& o) -> auto& { return o.environment; })
+      .add("path", py::str("sweep"),
+           [](auto& options, py::handle value) {
+             std::string text;
+             from_python(value, "path", text);
+             options.path.kind = path_kind(text);
+           })
+      .add_table(PathOptions::table, [](auto& o) -> auto& { return o.path; }, {"clearance_m"})
+      .add("camera", py::none(),
+           [](auto& options, py::handle value) {
+             if (value.is_none()) return;
+             if (!py::isinstance<Camera>(value)) throw py::type_error("camera: expected a Camera");
+             options.simulator.camera = value.cast<const Camera&>();
+           })
+      .add("shutter_s", [](auto& o) -> auto& { return o.simulator.shutter_s; })
+      .add_table(SensorOptions::table, [](auto& o) -> auto& { return o.simulator.sensor; },
+                 {"depth_step_m", "min_depth_m", "baseline_m", "max_incidence_rad", "edge_holes",
+                  "dropout"});
+  return keywords;
 }
 
 SharedSimulation simulate(const std::string& environment, const py::kwargs& given) {

@@ -69,10 +69,7 @@ py::array checked_array(py::handle value, std::string_view name,
   for (std::size_t i = 0; fits && i < shape.size(); ++i) {
     fits = shape[i] < 0 || shape[i] == found[i];
   }
-  if (!fits) {
-    throw Error(ErrorKind::kMisuse, name, "shape " + shape_text(found),
-                "shape " + shape_text(shape));
-  }
+  refuse_if(!fits, name, "shape " + shape_text(found), "shape " + shape_text(shape));
   if (const std::size_t count = masked == Masked::kRefused ? masked_entries(value) : 0; count > 0) {
     throw Error(ErrorKind::kMisuse, name,
                 fmt::format("{} masked {}", count, count == 1 ? "entry" : "entries"),
@@ -283,9 +280,8 @@ Similarity3 similarity_of(py::handle value, std::string_view name) {
 
 Rigid3 rigid_of(py::handle value, std::string_view name) {
   const Similarity3 pose = similarity_of(value, name);
-  if (std::abs(pose.scale() - 1.0) > 1e-9) {
-    throw Error(ErrorKind::kMisuse, name, fmt::format("scale {}", pose.scale()), "scale 1");
-  }
+  refuse_if(std::abs(pose.scale() - 1.0) > 1e-9, name, fmt::format("scale {}", pose.scale()),
+            "scale 1");
   return pose.rigid();
 }
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <numbers>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -21,7 +20,6 @@
 #include "cairn/geometry/limits.hpp"
 
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -207,6 +205,15 @@ std::uint64_t parse_whole(const std::string& word, const std::string& option,
   refuse_if(!number, option, printable(word), "a whole number");
   refuse_if(*number > largest, option, word, fmt::format("at most {}", largest));
   return *number;
+}
+
+std::pair<std::uint64_t, std::uint64_t> parse_part(std::string_view word, std::string_view option,
+                                                   std::string_view expected) {
+  const std::size_t slash = std::min(word.find('/'), word.size());
+  const auto index = parse_unsigned(word.substr(0, slash));
+  const auto count = parse_unsigned(word.substr(std::min(slash + 1, word.size())));
+  refuse_if(!index || !count || *index < 1 || *index > *count, option, printable(word), expected);
+  return {*index, *count};
 }
 
 void CommonArguments::add_to(const Command& command) {

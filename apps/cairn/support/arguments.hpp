@@ -5,7 +5,6 @@
 #include <concepts>
 #include <cstdint>
 #include <functional>
-#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <string>
@@ -67,6 +66,11 @@ Number parse_as(const std::string& word, const std::string& option) {
     return parse_real(word, option);
   }
 }
+
+/// "2/8": the second of eight parts, from 1.
+/// @throws Error (misuse)
+std::pair<std::uint64_t, std::uint64_t> parse_part(std::string_view word, std::string_view option,
+                                                   std::string_view expected);
 
 /// Adds an option that takes a number: a finite decimal, or a whole number that fits.
 template <class Number>

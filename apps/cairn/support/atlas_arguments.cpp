@@ -17,7 +17,6 @@
 
 #include "support/interrupt.hpp"
 #include "support/link_documents.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 void AtlasArguments::add_to(const Command& command) {

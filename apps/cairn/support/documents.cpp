@@ -21,7 +21,6 @@
 #include "cairn/report/report.hpp"
 
 #include "support/interrupt.hpp"
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -197,13 +196,11 @@ std::string stdout_formats_text() {
 }
 
 void require_one_stdout(std::initializer_list<std::pair<const char*, const std::string*>> outputs) {
-  const char* taken = nullptr;
+  std::string taken;
   for (const auto& [option, path] : outputs) {
     if (*path != "-") continue;
-    if (taken != nullptr) {
-      throw Error(ErrorKind::kMisuse, option, fmt::format("stdout is taken by {}", taken),
-                  "a file for one of them");
-    }
+    refuse_if(!taken.empty(), option, fmt::format("stdout is taken by {}", taken),
+              "a file for one of them");
     taken = option;
   }
 }
@@ -333,6 +330,27 @@ Json to_json(const PoseError& error) {
   return {{"rotation_deg", degrees(error.rotation_rad)},
           {"translation", error.translation},
           {"log_scale", error.log_scale}};
+}
+
+Json to_json(const ErrorStatistics& statistics) {
+  return {{"count", statistics.count},
+          {"rmse", statistics.rmse},
+          {"mean", statistics.mean},
+          {"median", statistics.median},
+          {"std", statistics.standard_deviation},
+          {"min", statistics.lowest},
+          {"percentile_95", statistics.percentile_95},
+          {"max", statistics.highest}};
+}
+
+ErrorStatistics in_degrees(ErrorStatistics radians) {
+  for (double ErrorStatistics::*const field :
+       {&ErrorStatistics::rmse, &ErrorStatistics::mean, &ErrorStatistics::median,
+        &ErrorStatistics::standard_deviation, &ErrorStatistics::lowest,
+        &ErrorStatistics::percentile_95, &ErrorStatistics::highest}) {
+    radians.*field = degrees(radians.*field);
+  }
+  return radians;
 }
 
 Json text_or_null(const std::string& text) {

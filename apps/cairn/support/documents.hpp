@@ -9,6 +9,7 @@
 
 #include "cairn/core/detail/csv.hpp"
 #include "cairn/core/log.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/similarity3.hpp"
@@ -124,10 +125,14 @@ Json to_json(const Eigen::Vector3d& vector);
 Json to_json(const Matrix6d& matrix);
 Json to_json(const Matrix7d& matrix);
 Json to_json(const PoseError& error);
+/// Count, rmse, mean, median, std, min, percentile_95, max.
+Json to_json(const ErrorStatistics& statistics);
 template <class Value>
 Json to_json(const std::optional<Value>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
+/// Statistics of angles, from radians.
+ErrorStatistics in_degrees(ErrorStatistics radians);
 /// Null for an option that was not given.
 Json text_or_null(const std::string& text);
 

@@ -2,7 +2,6 @@
 #include "support/map_lists.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <set>
 #include <system_error>
@@ -16,8 +15,6 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"
-
-#include "support/refusals.hpp"
 
 namespace cairn::cli {
 namespace {

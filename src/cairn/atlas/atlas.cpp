@@ -62,9 +62,7 @@ LandmarkMap Atlas::map(const AtlasNode& node) {
 
 Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
                         const std::string& session) {
-  if (map.landmark_count() == 0) {
-    throw Error(ErrorKind::kInput, name, "holds no landmarks", "a map with landmarks");
-  }
+  reject_if(map.landmark_count() == 0, name, "holds no landmarks", "a map with landmarks");
   const std::string bytes = bytes_of(map);
   AtlasNode node = described(map);
   node.name = name;
@@ -79,10 +77,8 @@ Atlas::Added Atlas::add(const LandmarkMap& map, const std::string& name,
         return changes;
       }
     }
-    if (now.find(name) != nullptr) {
-      throw Error(ErrorKind::kMisuse, store_->name(),
-                  fmt::format("another map is called {}", printable(name)), "another name");
-    }
+    refuse_if(now.find(name) != nullptr, store_->name(),
+              fmt::format("another map is called {}", printable(name)), "another name");
     changes.text = fmt::format("{}: {}, {}", name, plural(node.landmarks, "landmark"),
                                plural(node.frames, "keyframe"));
     changes.nodes.push_back(node);
@@ -253,10 +249,8 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
     throw Error(ErrorKind::kMisuse, name, fmt::format("{} has no pose", wanted.name),
                 "a map that 'optimize' placed");
   }
-  if (components.empty()) {
-    throw Error(ErrorKind::kMisuse, name, "no two maps are in one frame",
-                "maps that 'link' linked and 'optimize' placed");
-  }
+  refuse_if(components.empty(), name, "no two maps are in one frame",
+            "maps that 'link' linked and 'optimize' placed");
   return components.front();
 }
 
@@ -337,10 +331,8 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
   const LandmarkMap original = map(whole);
   std::vector<FrameId> ids = original.frames().ids;
   std::sort(ids.begin(), ids.end());
-  if (ids.size() <= frames) {
-    throw Error(ErrorKind::kMisuse, "frames", fmt::format("{}", frames),
-                fmt::format("fewer than the {} keyframes of {}", ids.size(), whole.name));
-  }
+  refuse_if(ids.size() <= frames, "frames", fmt::format("{}", frames),
+            fmt::format("fewer than the {} keyframes of {}", ids.size(), whole.name));
   std::vector<AtlasNode> parts;
   std::vector<std::string> bytes;  // of each part
   for (std::size_t begin = 0; begin < ids.size(); begin += frames) {
@@ -354,10 +346,8 @@ std::vector<NodeId> Atlas::split(NodeId node, std::size_t frames) {
     bytes.push_back(bytes_of(part));
     parts.push_back(std::move(described_part));
   }
-  if (parts.size() < 2) {
-    throw Error(ErrorKind::kInput, whole.name, "no two parts of it have landmarks of their own",
-                "more keyframes a part");
-  }
+  reject_if(parts.size() < 2, whole.name, "no two parts of it have landmarks of their own",
+            "more keyframes a part");
   const AtlasCommitted committed = commit("split", [&](const AtlasState& now) {
     require_node(now, node);
     AtlasChanges changes;

@@ -82,10 +82,8 @@ void write_component(Atlas& atlas, const AtlasState& state, const AtlasComponent
     write_file(path, [&](const ByteSink& sink) { write_mcap(atlas, state, component, sink); });
   } else {
     const Trajectory trajectory = keyframes_of(atlas, state, component);
-    if (trajectory.empty()) {
-      throw Error(ErrorKind::kInput, atlas.store().name(), "no keyframe has a time",
-                  "maps with timestamps");
-    }
+    reject_if(trajectory.empty(), atlas.store().name(), "no keyframe has a time",
+              "maps with timestamps");
     write_file(path, [&](const ByteSink& sink) {
       write_trajectory(trajectory, TrajectoryFormat::kTum, sink);
     });

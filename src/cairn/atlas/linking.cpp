@@ -185,10 +185,8 @@ class Linker {
 
 void AtlasLinkOptions::validate() const {
   links.validate();
-  if (shards < 1 || shard >= shards) {
-    throw Error(ErrorKind::kMisuse, "AtlasLinkOptions.shard",
-                fmt::format("{} of {}", shard, shards), "a number below that of the shards");
-  }
+  refuse_if(shards < 1 || shard >= shards, "AtlasLinkOptions.shard",
+            fmt::format("{} of {}", shard, shards), "a number below that of the shards");
 }
 
 AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
@@ -312,10 +310,8 @@ void Atlas::unlink(NodeId a, NodeId b, const std::string& reason) {
       changes.removed_links.push_back(id);
       if (now.agrees.contains(id)) changes.removed_agrees.push_back(id);
     }
-    if (changes.removed_links.empty()) {
-      throw Error(ErrorKind::kMisuse, store_->name(), "no link between " + names,
-                  "two linked maps");
-    }
+    refuse_if(changes.removed_links.empty(), store_->name(), "no link between " + names,
+              "two linked maps");
     Link link;
     std::tie(link.target, link.source) = pair_of(a, b);
     link.kind = LinkKind::kManual;

@@ -24,10 +24,8 @@ void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value
   const auto here = now.find(id);
   const bool same = (left == after.end()) == (here == now.end()) &&
                     (left == after.end() || equal(left->second, here->second));
-  if (!same) {
-    throw Error(ErrorKind::kMisuse, name, fmt::format("{} was changed again since", what),
-                "to undo the later commands first");
-  }
+  refuse_if(!same, name, fmt::format("{} was changed again since", what),
+            "to undo the later commands first");
   const bool changed = (then == before.end()) != (left == after.end()) ||
                        (then != before.end() && !equal(then->second, left->second));
   if (!changed) return;
@@ -58,27 +56,20 @@ Command command_to_undo(const std::vector<AtlasCommit>& log, std::optional<Commi
   const auto chosen = std::find_if(log.rbegin(), log.rend(), [&](const AtlasCommit& commit) {
     return commit_id ? commit.id == *commit_id : !commit.undoes && !undone.contains(commit.run);
   });
-  if (chosen == log.rend()) {
-    throw Error(ErrorKind::kMisuse, name,
-                commit_id ? fmt::format("no commit {}", commit_id->value) : "nothing to undo",
-                "a commit of its log");
-  }
+  refuse_if(chosen == log.rend(), name,
+            commit_id ? fmt::format("no commit {}", commit_id->value) : "nothing to undo",
+            "a commit of its log");
   Command command{*chosen, {}};
   for (const AtlasCommit& commit : log) {
     if (commit.run == chosen->run) command.commits.push_back(commit.id);
   }
   const CommitId first = command.commits.front();
   const CommitId last = command.commits.back();
-  if (undone.contains(chosen->run)) {
-    throw Error(ErrorKind::kMisuse, name, fmt::format("commit {} is undone already", last.value),
-                "another commit");
-  }
+  refuse_if(undone.contains(chosen->run), name,
+            fmt::format("commit {} is undone already", last.value), "another commit");
   // A run has the id of its first commit.
-  if (first != chosen->run || (first == log.front().id && first.value > 1)) {
-    throw Error(ErrorKind::kMisuse, name,
-                fmt::format("what was before commit {} is compacted", first.value),
-                "a later commit");
-  }
+  refuse_if(first != chosen->run || (first == log.front().id && first.value > 1), name,
+            fmt::format("what was before commit {} is compacted", first.value), "a later commit");
   return command;
 }
 

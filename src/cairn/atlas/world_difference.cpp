@@ -45,22 +45,16 @@ ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
                               const ChangeOptions& options) {
   std::optional<NodeId> frame;
   for (const auto* const nodes : {&first, &second}) {
-    if (nodes->empty()) {
-      throw Error(ErrorKind::kMisuse, atlas.store().name(), "no maps to compare",
-                  "at least one on each side");
-    }
+    refuse_if(nodes->empty(), atlas.store().name(), "no maps to compare",
+              "at least one on each side");
     for (const NodeId id : *nodes) {
       const auto pose = state.poses.find(id);
       const std::string& name = state.nodes.at(id).name;
-      if (pose == state.poses.end()) {
-        throw Error(ErrorKind::kMisuse, atlas.store().name(), fmt::format("{} has no pose", name),
-                    "maps that 'optimize' placed");
-      }
-      if (frame && pose->second.frame != *frame) {
-        throw Error(ErrorKind::kMisuse, atlas.store().name(),
-                    fmt::format("{} is not in the frame of the others", name),
-                    "maps that links connect");
-      }
+      refuse_if(pose == state.poses.end(), atlas.store().name(),
+                fmt::format("{} has no pose", name), "maps that 'optimize' placed");
+      refuse_if(frame && pose->second.frame != *frame, atlas.store().name(),
+                fmt::format("{} is not in the frame of the others", name),
+                "maps that links connect");
       frame = pose->second.frame;
     }
   }

@@ -178,9 +178,7 @@ Metric column_metric(const std::string& column) {
 }
 
 Metric product_metric(std::vector<Metric> factors) {
-  if (factors.empty()) {
-    throw Error(ErrorKind::kMisuse, "product_metric", "no factors", "at least one");
-  }
+  refuse_if(factors.empty(), "product_metric", "no factors", "at least one");
   std::vector<std::string> names;
   names.reserve(factors.size());
   for (const Metric& factor : factors) names.push_back(factor.name);

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/error.hpp"
 
-#include <algorithm>
-
 #include <fmt/format.h>
 
 #include "cairn/core/text.hpp"

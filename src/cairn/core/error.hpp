@@ -30,6 +30,20 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
+/// For an invalid argument or option. The texts are made even if it is valid: not for inner loops.
+/// @throws Error (misuse) if it is `wrong`
+inline void refuse_if(bool wrong, std::string_view where, std::string_view what,
+                      std::string_view expected) {
+  if (wrong) throw Error(ErrorKind::kMisuse, where, what, expected);
+}
+
+/// The same for data that were read.
+/// @throws Error (input) if they are `wrong`
+inline void reject_if(bool wrong, std::string_view where, std::string_view what,
+                      std::string_view expected) {
+  if (wrong) throw Error(ErrorKind::kInput, where, what, expected);
+}
+
 /// `text` in single quotes, truncated, with control and non-ASCII bytes as `\xNN`: for messages about
 /// arbitrary input.
 std::string printable(std::string_view text);

@@ -32,9 +32,7 @@ unsigned Executor::threads() const noexcept {
 void Executor::for_blocks(
     std::size_t count, std::size_t block,
     const std::function<void(std::size_t begin, std::size_t end)>& body) const {
-  if (block == 0) {
-    throw Error(ErrorKind::kMisuse, "Executor::for_blocks", "block is 0", "at least 1");
-  }
+  refuse_if(block == 0, "Executor::for_blocks", "block is 0", "at least 1");
   const std::size_t blocks = (count + block - 1) / block;
   const auto run = [&](std::size_t i) { body(i * block, std::min(count, (i + 1) * block)); };
   if (!threads_->arena || blocks < 2) {

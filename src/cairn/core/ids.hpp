@@ -11,8 +11,6 @@ namespace cairn {
 /// An integer that only compares with its own kind, so that a frame cannot be mistaken for a landmark.
 template <class Tag, class Representation>
 struct StrongId {
-  using representation = Representation;
-
   Representation value{};
 
   friend constexpr auto operator<=>(StrongId, StrongId) = default;

@@ -26,6 +26,7 @@ struct OptionRange {
   bool contains(double value) const;
 };
 
+inline constexpr OptionRange kAny = {};  ///< of a switch, too
 inline constexpr OptionRange kPositive = {
     .least = 0.0, .expected = "a positive number", .least_is = OptionRange::End::kExcluded};
 inline constexpr OptionRange kFinitePositive = {.least = 0.0,

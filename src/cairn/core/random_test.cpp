@@ -2,7 +2,6 @@
 #include "cairn/core/random.hpp"
 
 #include <array>
-#include <cmath>
 
 #include <gtest/gtest.h>
 

@@ -4,11 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
@@ -150,10 +148,9 @@ KeyframePoses keyframe_poses(const LandmarkMap& map, const LandmarkMap& truth) {
 KeyframePoses keyframe_poses(const LandmarkMap& map, const Trajectory& truth,
                              double max_time_difference_s) {
   const auto& timestamps = map.frames().timestamps_s;
-  if (timestamps.empty() && map.frame_count() > 0) {
-    throw Error(ErrorKind::kInput, "true trajectory", "the map has no timestamps of its frames",
-                "a map that has, to find their poses by time");
-  }
+  reject_if(timestamps.empty() && map.frame_count() > 0, "true trajectory",
+            "the map has no timestamps of its frames",
+            "a map that has, to find their poses by time");
   KeyframePoses poses(map.frame_count());
   for (std::uint32_t i = 0; i < timestamps.size(); ++i) {
     if (!timestamps[i]) continue;
@@ -169,10 +166,8 @@ KeyframePoses keyframe_poses(const LandmarkMap& map, const Trajectory& truth,
 std::vector<std::optional<Eigen::Vector3d>> true_positions_in_first_keyframe(
     const LandmarkMap& map, const LandmarkMap& truth, const KeyframePoses& truth_from_keyframe) {
   require_count("truth_from_keyframe", truth_from_keyframe.size(), map.frame_count(), "frame");
-  if (map.info().length_unit != truth.info().length_unit) {
-    throw Error(ErrorKind::kInput, "true map", "its unit of length is not the map's",
-                "maps of one scale");
-  }
+  reject_if(map.info().length_unit != truth.info().length_unit, "true map",
+            "its unit of length is not the map's", "maps of one scale");
   std::vector<std::optional<Eigen::Vector3d>> positions(map.landmark_count());
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
     const auto keyframe = first_keyframe(map, LandmarkIndex{i});

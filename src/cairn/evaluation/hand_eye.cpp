@@ -134,14 +134,174 @@ class Solver {
         max_clock_offset_s_(max_clock_offset_s),
         with_scale_(with_scale) {}
 
-  HandEyeResult run();
+  HandEyeResult run() {
+    HandEyeResult result;
+    const auto too_few = [&](std::size_t poses) {
+      result.reason = fmt::format(
+          "{} poses of the estimate have a true pose at their time; {} are "
+          "needed for the hand-eye offset",
+          poses, kFewestPoses);
+      return result;
+    };
+    const auto begin = start();
+    if (!begin) {
+      return too_few(pairs_at(estimate_, truth_, 0.0, kMaxGap).size());
+    }
+    State state = *begin;
+    constexpr int kMostSteps = 50;
+    for (int i = 0; i < kMostSteps; ++i) {
+      linearise(state);
+      if (residuals_.size() < kFewestPoses) return too_few(residuals_.size());
+      const Vector14 move = step();
+      if (!move.allFinite()) break;
+      state = state.moved(move);
+      constexpr double kSmall = 1e-9;
+      if (move.norm() < kSmall) break;
+    }
+    linearise(state);
+    if (residuals_.size() < kFewestPoses) return too_few(residuals_.size());
+
+    const Matrix14 normal = normal_matrix();
+    // Scaled by the diagonal, to test how well the motion separates the unknowns.
+    const Vector14 root = normal.diagonal().cwiseSqrt();
+    const Matrix14 scaled =
+        root.cwiseInverse().asDiagonal() * normal * root.cwiseInverse().asDiagonal();
+    constexpr double kLeast = 1e-5;  // eigenvalue
+    const bool determined =
+        scaled.allFinite() && solve_positive_definite<kUnknowns>(
+                                  scaled - kLeast * Matrix14::Identity(), Vector14::Zero());
+    if (!determined) {
+      result.reason =
+          "the motion does not determine the hand-eye offset: it needs turns about two axes or "
+          "more";
+      return result;
+    }
+    if (std::abs(state.clock_offset_s) > 1.5 * max_clock_offset_s_) {
+      result.reason = fmt::format("the clocks differ by {:.3f} s, more than {:g} s",
+                                  state.clock_offset_s, max_clock_offset_s_);
+      return result;
+    }
+    const Matrix14 spread = covariance(normal);
+    HandEye hand_eye;
+    hand_eye.body_from_camera = state.body_from_camera;
+    hand_eye.covariance = spread.topLeftCorner<6, 6>();
+    hand_eye.clock_offset_s = state.clock_offset_s;
+    hand_eye.clock_offset_deviation_s = std::sqrt(spread(kClock, kClock));
+    hand_eye.truth_from_estimate =
+        Similarity3(std::exp(state.log_scale), state.truth_from_estimate);
+    hand_eye.poses = residuals_.size();
+    result.hand_eye = hand_eye;
+    return result;
+  }
 
  private:
-  std::optional<State> start() const;
-  void linearise(const State& state);
-  Vector14 step() const;
-  Matrix14 normal_matrix() const;
-  Matrix14 covariance(const Matrix14& normal) const;
+  std::optional<State> start() const {
+    constexpr double kStep = 0.02;
+    const int most = static_cast<int>(std::floor(max_clock_offset_s_ / kStep));
+    std::optional<State> best;
+    double least = std::numeric_limits<double>::max();
+    for (int i = -most; i <= most; ++i) {
+      const double offset = kStep * i;
+      const auto pairs = pairs_at(estimate_, truth_, offset, kMaxGap);
+      if (pairs.size() < kFewestPoses) continue;
+      const auto [state, squared] = start_from(pairs, with_scale_);
+      if (squared >= least) continue;
+      least = squared;
+      best = state;
+      best->clock_offset_s = offset;
+    }
+    return best;
+  }
+
+  void linearise(const State& state) {
+    residuals_.clear();
+    derivatives_.clear();
+    const double gap = kMaxGap;
+    for (const TimedPose& pose : estimate_.poses()) {
+      const double time = pose.timestamp_s + state.clock_offset_s;
+      constexpr double kHalf = 0.01;  // s, of the difference that gives the body's velocity
+      const auto body = interpolated(truth_, time, gap);
+      const auto before = interpolated(truth_, time - kHalf, gap);
+      const auto after = interpolated(truth_, time + kHalf, gap);
+      if (!body || !before || !after) continue;
+      Derivative derivative = Derivative::Zero();
+      for (int k = 0; k < kUnknowns; ++k) {
+        if (!is_free(k)) continue;
+        if (k == kClock) {
+          derivative.col(k) = (residual_of(state, pose.world_from_camera, *after) -
+                               residual_of(state, pose.world_from_camera, *before)) /
+                              (2.0 * kHalf);
+          continue;
+        }
+        constexpr double kStep = 1e-5;
+        const auto moved = [&](double step) {
+          return residual_of(state.moved(step * Vector14::Unit(k)), pose.world_from_camera, *body);
+        };
+        derivative.col(k) = (moved(kStep) - moved(-kStep)) / (2.0 * kStep);
+      }
+      residuals_.push_back(residual_of(state, pose.world_from_camera, *body));
+      derivatives_.push_back(derivative);
+    }
+    if (residuals_.size() < kFewestPoses) return;
+    std::vector<double> lengths;
+    std::vector<double> angles;
+    for (const Residual& residual : residuals_) {
+      lengths.push_back(residual.head<3>().norm());
+      angles.push_back(residual.tail<3>().norm());
+    }
+    constexpr double kMedianOfThree = 1.5382;  // of the length of three normal numbers
+    constexpr double kExact = 1e-9;
+    const double sigma_length =
+        std::max(kExact, upper_median(std::vector(lengths)) / kMedianOfThree);
+    const double sigma_angle = std::max(kExact, upper_median(std::vector(angles)) / kMedianOfThree);
+    const auto weight = [](double deviations) {
+      constexpr double kUsual = 2.8;  // 95 % of the lengths of three normal numbers
+      return deviations <= kUsual ? 1.0 : std::sqrt(kUsual / deviations);
+    };
+    for (std::size_t i = 0; i < residuals_.size(); ++i) {
+      const double length = weight(lengths[i] / sigma_length) / sigma_length;
+      const double angle = weight(angles[i] / sigma_angle) / sigma_angle;
+      residuals_[i].head<3>() *= length;
+      residuals_[i].tail<3>() *= angle;
+      derivatives_[i].topRows<3>() *= length;
+      derivatives_[i].bottomRows<3>() *= angle;
+    }
+  }
+
+  Vector14 step() const {
+    Vector14 gradient = Vector14::Zero();
+    for (std::size_t i = 0; i < residuals_.size(); ++i) {
+      gradient += derivatives_[i].transpose() * residuals_[i];
+    }
+    return -solve_symmetric<kUnknowns>(normal_matrix(), gradient);
+  }
+
+  Matrix14 normal_matrix() const {
+    Matrix14 normal = Matrix14::Zero();
+    for (const Derivative& derivative : derivatives_) normal += derivative.transpose() * derivative;
+    for (int k = 0; k < kUnknowns; ++k) {
+      if (!is_free(k)) normal(k, k) = 1.0;
+    }
+    return normal;
+  }
+
+  // Errors of consecutive poses are correlated. Therefore, parts of the sequence count as independent, but not
+  // the poses within them.
+  Matrix14 covariance(const Matrix14& normal) const {
+    constexpr std::size_t kParts = 15;
+    Matrix14 result = Matrix14::Zero();
+    for (std::size_t part = 0; part < kParts; ++part) {
+      Vector14 gradient = Vector14::Zero();
+      const std::size_t end = (part + 1) * residuals_.size() / kParts;
+      for (std::size_t i = part * residuals_.size() / kParts; i < end; ++i) {
+        gradient += derivatives_[i].transpose() * residuals_[i];
+      }
+      const Vector14 by_part = solve_symmetric<kUnknowns>(normal, gradient);
+      result += by_part * by_part.transpose();
+    }
+    return static_cast<double>(kParts) / static_cast<double>(kParts - 1) * result;
+  }
+
   // Unknowns that are not estimated have no derivative.
   bool is_free(int unknown) const {
     return unknown == kLogScale ? with_scale_
@@ -157,170 +317,6 @@ class Solver {
   std::vector<Residual> residuals_;
   std::vector<Derivative> derivatives_;
 };
-
-std::optional<State> Solver::start() const {
-  constexpr double kStep = 0.02;
-  const int most = static_cast<int>(std::floor(max_clock_offset_s_ / kStep));
-  std::optional<State> best;
-  double least = std::numeric_limits<double>::max();
-  for (int i = -most; i <= most; ++i) {
-    const double offset = kStep * i;
-    const auto pairs = pairs_at(estimate_, truth_, offset, kMaxGap);
-    if (pairs.size() < kFewestPoses) continue;
-    const auto [state, squared] = start_from(pairs, with_scale_);
-    if (squared >= least) continue;
-    least = squared;
-    best = state;
-    best->clock_offset_s = offset;
-  }
-  return best;
-}
-
-void Solver::linearise(const State& state) {
-  residuals_.clear();
-  derivatives_.clear();
-  const double gap = kMaxGap;
-  for (const TimedPose& pose : estimate_.poses()) {
-    const double time = pose.timestamp_s + state.clock_offset_s;
-    constexpr double kHalf = 0.01;  // s, of the difference that gives the body's velocity
-    const auto body = interpolated(truth_, time, gap);
-    const auto before = interpolated(truth_, time - kHalf, gap);
-    const auto after = interpolated(truth_, time + kHalf, gap);
-    if (!body || !before || !after) continue;
-    Derivative derivative = Derivative::Zero();
-    for (int k = 0; k < kUnknowns; ++k) {
-      if (!is_free(k)) continue;
-      if (k == kClock) {
-        derivative.col(k) = (residual_of(state, pose.world_from_camera, *after) -
-                             residual_of(state, pose.world_from_camera, *before)) /
-                            (2.0 * kHalf);
-        continue;
-      }
-      constexpr double kStep = 1e-5;
-      const auto moved = [&](double step) {
-        return residual_of(state.moved(step * Vector14::Unit(k)), pose.world_from_camera, *body);
-      };
-      derivative.col(k) = (moved(kStep) - moved(-kStep)) / (2.0 * kStep);
-    }
-    residuals_.push_back(residual_of(state, pose.world_from_camera, *body));
-    derivatives_.push_back(derivative);
-  }
-  if (residuals_.size() < kFewestPoses) return;
-  std::vector<double> lengths;
-  std::vector<double> angles;
-  for (const Residual& residual : residuals_) {
-    lengths.push_back(residual.head<3>().norm());
-    angles.push_back(residual.tail<3>().norm());
-  }
-  constexpr double kMedianOfThree = 1.5382;  // of the length of three normal numbers
-  constexpr double kExact = 1e-9;
-  const double sigma_length = std::max(kExact, upper_median(std::vector(lengths)) / kMedianOfThree);
-  const double sigma_angle = std::max(kExact, upper_median(std::vector(angles)) / kMedianOfThree);
-  const auto weight = [](double deviations) {
-    constexpr double kUsual = 2.8;  // 95 % of the lengths of three normal numbers
-    return deviations <= kUsual ? 1.0 : std::sqrt(kUsual / deviations);
-  };
-  for (std::size_t i = 0; i < residuals_.size(); ++i) {
-    const double length = weight(lengths[i] / sigma_length) / sigma_length;
-    const double angle = weight(angles[i] / sigma_angle) / sigma_angle;
-    residuals_[i].head<3>() *= length;
-    residuals_[i].tail<3>() *= angle;
-    derivatives_[i].topRows<3>() *= length;
-    derivatives_[i].bottomRows<3>() *= angle;
-  }
-}
-
-Matrix14 Solver::normal_matrix() const {
-  Matrix14 normal = Matrix14::Zero();
-  for (const Derivative& derivative : derivatives_) normal += derivative.transpose() * derivative;
-  for (int k = 0; k < kUnknowns; ++k) {
-    if (!is_free(k)) normal(k, k) = 1.0;
-  }
-  return normal;
-}
-
-Vector14 Solver::step() const {
-  Vector14 gradient = Vector14::Zero();
-  for (std::size_t i = 0; i < residuals_.size(); ++i) {
-    gradient += derivatives_[i].transpose() * residuals_[i];
-  }
-  return -solve_symmetric<kUnknowns>(normal_matrix(), gradient);
-}
-
-// Errors of consecutive poses are correlated. Therefore, parts of the sequence count as independent, but not
-// the poses within them.
-Matrix14 Solver::covariance(const Matrix14& normal) const {
-  constexpr std::size_t kParts = 15;
-  Matrix14 result = Matrix14::Zero();
-  for (std::size_t part = 0; part < kParts; ++part) {
-    Vector14 gradient = Vector14::Zero();
-    const std::size_t end = (part + 1) * residuals_.size() / kParts;
-    for (std::size_t i = part * residuals_.size() / kParts; i < end; ++i) {
-      gradient += derivatives_[i].transpose() * residuals_[i];
-    }
-    const Vector14 by_part = solve_symmetric<kUnknowns>(normal, gradient);
-    result += by_part * by_part.transpose();
-  }
-  return static_cast<double>(kParts) / static_cast<double>(kParts - 1) * result;
-}
-
-HandEyeResult Solver::run() {
-  HandEyeResult result;
-  const auto too_few = [&](std::size_t poses) {
-    result.reason = fmt::format(
-        "{} poses of the estimate have a true pose at their time; {} are "
-        "needed for the hand-eye offset",
-        poses, kFewestPoses);
-    return result;
-  };
-  const auto begin = start();
-  if (!begin) {
-    return too_few(pairs_at(estimate_, truth_, 0.0, kMaxGap).size());
-  }
-  State state = *begin;
-  constexpr int kMostSteps = 50;
-  for (int i = 0; i < kMostSteps; ++i) {
-    linearise(state);
-    if (residuals_.size() < kFewestPoses) return too_few(residuals_.size());
-    const Vector14 move = step();
-    if (!move.allFinite()) break;
-    state = state.moved(move);
-    constexpr double kSmall = 1e-9;
-    if (move.norm() < kSmall) break;
-  }
-  linearise(state);
-  if (residuals_.size() < kFewestPoses) return too_few(residuals_.size());
-
-  const Matrix14 normal = normal_matrix();
-  // Scaled by the diagonal, to test how well the motion separates the unknowns.
-  const Vector14 root = normal.diagonal().cwiseSqrt();
-  const Matrix14 scaled =
-      root.cwiseInverse().asDiagonal() * normal * root.cwiseInverse().asDiagonal();
-  constexpr double kLeast = 1e-5;  // eigenvalue
-  const bool determined =
-      scaled.allFinite() &&
-      solve_positive_definite<kUnknowns>(scaled - kLeast * Matrix14::Identity(), Vector14::Zero());
-  if (!determined) {
-    result.reason =
-        "the motion does not determine the hand-eye offset: it needs turns about two axes or more";
-    return result;
-  }
-  if (std::abs(state.clock_offset_s) > 1.5 * max_clock_offset_s_) {
-    result.reason = fmt::format("the clocks differ by {:.3f} s, more than {:g} s",
-                                state.clock_offset_s, max_clock_offset_s_);
-    return result;
-  }
-  const Matrix14 spread = covariance(normal);
-  HandEye hand_eye;
-  hand_eye.body_from_camera = state.body_from_camera;
-  hand_eye.covariance = spread.topLeftCorner<6, 6>();
-  hand_eye.clock_offset_s = state.clock_offset_s;
-  hand_eye.clock_offset_deviation_s = std::sqrt(spread(kClock, kClock));
-  hand_eye.truth_from_estimate = Similarity3(std::exp(state.log_scale), state.truth_from_estimate);
-  hand_eye.poses = residuals_.size();
-  result.hand_eye = hand_eye;
-  return result;
-}
 
 }  // namespace
 

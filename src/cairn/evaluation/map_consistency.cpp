@@ -5,8 +5,6 @@
 #include <cmath>
 #include <map>
 
-#include <fmt/format.h>
-
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/map/camera.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <map>
 #include <set>
-#include <span>
 #include <utility>
 #include <vector>
 

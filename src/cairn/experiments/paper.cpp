@@ -117,10 +117,8 @@ double relative_success_score(const PaperResults& results) {
                    [](const auto& experiment) { return experiment.initial == Displacement{}; });
   const auto& reference =
       run_of(results, static_cast<std::size_t>(identity - published.begin()), 0).score;
-  if (!reference) {
-    throw Error(ErrorKind::kMisuse, "PaperOptions.success_score",
-                "base ICP from the undisplaced start found no pose that could give it", "a score");
-  }
+  refuse_if(!reference, "PaperOptions.success_score",
+            "base ICP from the undisplaced start found no pose that could give it", "a score");
   return success_score_above(*reference);
 }
 
@@ -149,26 +147,17 @@ constexpr OptionField kPaperFields[] = {
     {"max_translation_m", option_at<&PaperOptions::tolerance, &PoseTolerance::translation_m>,
      kPositive, "--max-translation-m",
      "Largest displacement of the source's centroid in a success, metres"},
-    {"search_xy",
-     option_at<&PaperOptions::search_xy>,
-     {},
-     "--search-xy",
+    {"search_xy", option_at<&PaperOptions::search_xy>, kAny, "--search-xy",
      "Also search for the displacement at which each XY quadrant fails, as in the paper"},
     {"max_iterations",
      option_at<&PaperOptions::align, &IcpOptions::max_iterations>,
      {},
      "--max-iterations",
      "Largest number of iterations"},
-    {"max_distance",
-     option_at<&PaperOptions::align, &IcpOptions::max_distance>,
-     {},
-     "--max-distance",
-     "Largest distance of a match, metres (default: unlimited, as in the paper)"},
-    {"min_observations",
-     option_at<&PaperOptions::points, &PointSetOptions::min_observations>,
-     {},
-     "--min-observations",
-     "Leave out landmarks with fewer observations"},
+    {"max_distance", option_at<&PaperOptions::align, &IcpOptions::max_distance>, kAny,
+     "--max-distance", "Largest distance of a match, metres (default: unlimited, as in the paper)"},
+    {"min_observations", option_at<&PaperOptions::points, &PointSetOptions::min_observations>, kAny,
+     "--min-observations", "Leave out landmarks with fewer observations"},
 };
 constinit const OptionTable PaperOptions::table = {"PaperOptions", kPaperFields};
 

@@ -19,28 +19,14 @@
 namespace cairn {
 namespace {
 
-constexpr std::array<std::string_view, 12> kKeys = {
-    "pair", "experiment", "number", "method",   "strategy",  "k",
-    "x_m",  "y_m",        "z_m",    "roll_deg", "pitch_deg", "yaw_deg"};
-
+// Columns.
+constexpr std::string_view kKeys =
+    "pair,experiment,number,method,strategy,k,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg";
+constexpr std::string_view kResults =
+    "status,stop_reason,iterations,cycle_length,initial_score_m2,score_m2,tx,ty,tz,qw,qx,qy,qz,"
+    "rotation_error_deg,translation_error_m";
 constexpr std::string_view kChecksum = "checksum";
 constexpr std::size_t kChecksumSize = 8;
-
-constexpr std::array<std::string_view, 15> kResults = {"status",
-                                                       "stop_reason",
-                                                       "iterations",
-                                                       "cycle_length",
-                                                       "initial_score_m2",
-                                                       "score_m2",
-                                                       "tx",
-                                                       "ty",
-                                                       "tz",
-                                                       "qw",
-                                                       "qx",
-                                                       "qy",
-                                                       "qz",
-                                                       "rotation_error_deg",
-                                                       "translation_error_m"};
 
 constexpr std::array kStatuses = {RegistrationStatus::kConverged, RegistrationStatus::kStopped,
                                   RegistrationStatus::kFailed, RegistrationStatus::kCancelled};
@@ -54,13 +40,6 @@ void add_key(detail::Csv& row, const Trial& trial) {
   row << trial.pair << trial.experiment << std::uint64_t{trial.number} << to_string(trial.method)
       << trial.strategy << std::uint64_t{trial.k} << d.x_m << d.y_m << d.z_m << d.roll_deg
       << d.pitch_deg << d.yaw_deg;
-}
-
-std::vector<std::string_view> runs_columns() {
-  std::vector<std::string_view> columns(kKeys.begin(), kKeys.end());
-  columns.insert(columns.end(), kResults.begin(), kResults.end());
-  columns.push_back(kChecksum);
-  return columns;
 }
 
 // The row with its checksum and line end.
@@ -79,7 +58,7 @@ bool is_sealed(std::string_view row) {
 // The cells of one row, one after another.
 class RowReader {
  public:
-  RowReader(const detail::CsvRow& row, std::span<const std::string_view> columns,
+  RowReader(const detail::CsvRow& row, const std::vector<std::string>& columns,
             std::string_view name)
       : row_(row), columns_(columns), name_(name) {}
 
@@ -124,7 +103,7 @@ class RowReader {
   }
 
   const detail::CsvRow& row_;
-  std::span<const std::string_view> columns_;
+  const std::vector<std::string>& columns_;
   std::string_view name_;
   std::size_t next_ = 0;
 };
@@ -178,7 +157,7 @@ bool is_lost(std::string_view start, std::string_view header) {
 }  // namespace
 
 std::string runs_header() {
-  return detail::Csv(runs_columns()).text();
+  return fmt::format("{},{},{}\n", kKeys, kResults, kChecksum);
 }
 
 std::string runs_row(const TrialResult& run) {
@@ -209,10 +188,7 @@ std::string runs_row(const TrialResult& run) {
 }
 
 std::string timings_header() {
-  std::vector<std::string_view> columns(kKeys.begin(), kKeys.end());
-  columns.emplace_back("duration_s");
-  columns.push_back(kChecksum);
-  return detail::Csv(columns).text();
+  return fmt::format("{},duration_s,{}\n", kKeys, kChecksum);
 }
 
 std::string timings_row(const TrialResult& run) {
@@ -247,13 +223,11 @@ std::size_t detail::sound_size(std::string_view table, std::string_view header,
 }
 
 std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name) {
-  const std::vector<std::string_view> columns = runs_columns();
+  const std::string header = runs_header();
   const std::vector<detail::CsvRow> rows = detail::parse_csv(text, name);
-  if (rows.empty() ||
-      !std::equal(rows[0].cells.begin(), rows[0].cells.end(), columns.begin(), columns.end())) {
-    throw Error(ErrorKind::kInput, fmt::format("{}:1", name), "no header of a table of runs",
-                fmt::format("{}", fmt::join(columns, ",")));
-  }
+  const std::vector<std::string> columns = detail::parse_csv(header, name).front().cells;
+  reject_if(rows.empty() || rows[0].cells != columns, fmt::format("{}:1", name),
+            "no header of a table of runs", header.substr(0, header.size() - 1));
   std::vector<TrialResult> runs;
   runs.reserve(rows.size() - 1);
   for (std::size_t i = 1; i < rows.size(); ++i) {

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <set>
@@ -32,6 +30,7 @@ Study parse_study(const std::string& /*yaml*/, std::string_view name) {
 namespace {
 
 constexpr std::size_t kMost = 1'000'000;  // of whatever a study counts
+constexpr std::uint64_t kMostSeed = std::numeric_limits<std::uint64_t>::max();
 
 // One value of the file, with what its messages have to name.
 class Entry {
@@ -157,6 +156,20 @@ class BoundsCheck final : public YAML::EventHandler {
   std::size_t values_ = 0;
 };
 
+// Handlers that set a field.
+auto number_into(auto& field, double low, double high) {
+  return [&field, low, high](const Entry& entry) { field = entry.number(low, high); };
+}
+template <class Whole>
+auto whole_into(Whole& field, std::uint64_t low, std::uint64_t high) {
+  return [&field, low, high](const Entry& entry) {
+    field = static_cast<Whole>(entry.whole(low, high));
+  };
+}
+auto text_into(auto& field) {
+  return [&field](const Entry& entry) { field = entry.text(); };
+}
+
 std::string parse_name(const Entry& entry) {
   std::string name = entry.text();
   const bool plain = std::all_of(name.begin(), name.end(), [](char c) {
@@ -173,18 +186,18 @@ std::string parse_name(const Entry& entry) {
 void parse_simulation(const Entry& entry, const std::string& name, std::vector<StudyPair>& pairs) {
   PairSimulation simulation;
   std::vector<std::uint64_t> seeds = {1};
-  entry.read({{"environment", [&](const Entry& e) { simulation.environment = e.text(); }},
+  entry.read({{"environment", text_into(simulation.environment)},
               {"seeds",
                [&](const Entry& e) {
                  seeds.clear();
                  for (const Entry& seed : e.list()) {
-                   seeds.push_back(seed.whole(0, std::numeric_limits<std::uint64_t>::max()));
+                   seeds.push_back(seed.whole(0, kMostSeed));
                  }
                }},
-              {"path", [&](const Entry& e) { simulation.path = e.text(); }},
-              {"frames", [&](const Entry& e) { simulation.frames = e.whole(10, kMost); }},
-              {"rate_hz", [&](const Entry& e) { simulation.rate_hz = e.number(0.1, 1000.0); }},
-              {"changed", [&](const Entry& e) { simulation.changed = e.number(0.0, 1.0); }}},
+              {"path", text_into(simulation.path)},
+              {"frames", whole_into(simulation.frames, 10, kMost)},
+              {"rate_hz", number_into(simulation.rate_hz, 0.1, 1000.0)},
+              {"changed", number_into(simulation.changed, 0.0, 1.0)}},
              {"environment"});
   for (const std::uint64_t seed : seeds) {
     simulation.seed = seed;
@@ -197,9 +210,9 @@ void parse_pair(const Entry& entry, std::vector<StudyPair>& pairs) {
   PairFiles files;
   std::optional<Entry> simulation;
   entry.read({{"name", [&](const Entry& e) { name = parse_name(e); }},
-              {"source", [&](const Entry& e) { files.source = e.text(); }},
-              {"target", [&](const Entry& e) { files.target = e.text(); }},
-              {"truth", [&](const Entry& e) { files.truth = e.text(); }},
+              {"source", text_into(files.source)},
+              {"target", text_into(files.target)},
+              {"truth", text_into(files.truth)},
               {"simulate", [&](const Entry& e) { simulation = e; }}},
              {"name"});
   const bool any_file = !files.source.empty() || !files.target.empty() || files.truth;
@@ -229,7 +242,7 @@ void parse_initial(const Entry& entry, Study& study) {
     return [&study, part, most](const Entry& e) { parse_range(e, part, most, study.initial); };
   };
   constexpr double kFarthest = 1e6;
-  entry.read({{"count", [&](const Entry& e) { study.initial_count = e.whole(1, kMost); }},
+  entry.read({{"count", whole_into(study.initial_count, 1, kMost)},
               {"x_m", range(&Displacement::x_m, kFarthest)},
               {"y_m", range(&Displacement::y_m, kFarthest)},
               {"z_m", range(&Displacement::z_m, kFarthest)},
@@ -273,27 +286,20 @@ std::string parse_strategy(const Entry& entry) {
 }
 
 void parse_align(const Entry& entry, Study& study) {
-  entry.read(
-      {{"max_iterations",
-        [&](const Entry& e) { study.align.max_iterations = static_cast<int>(e.whole(1, kMost)); }},
-       {"max_distance_m", [&](const Entry& e) { study.align.max_distance = e.number(1e-9, 1e9); }},
-       {"min_observations",
-        [&](const Entry& e) { study.points.min_observations = e.whole(0, kMost); }}});
+  entry.read({{"max_iterations", whole_into(study.align.max_iterations, 1, kMost)},
+              {"max_distance_m", number_into(study.align.max_distance, 1e-9, 1e9)},
+              {"min_observations", whole_into(study.points.min_observations, 0, kMost)}});
 }
 
 void parse_success(const Entry& entry, Study& study) {
-  entry.read({{"rotation_deg",
-               [&](const Entry& e) { study.success.rotation_deg = e.number(1e-9, 180.0); }},
-              {"translation_m",
-               [&](const Entry& e) { study.success.translation_m = e.number(1e-9, 1e9); }},
-              {"score_m2", [&](const Entry& e) { study.success_score = e.number(1e-12, 1e12); }}});
+  entry.read({{"rotation_deg", number_into(study.success.rotation_deg, 1e-9, 180.0)},
+              {"translation_m", number_into(study.success.translation_m, 1e-9, 1e9)},
+              {"score_m2", number_into(study.success_score, 1e-12, 1e12)}});
 }
 
 void parse_statistics(const Entry& entry, Study& study) {
-  entry.read({{"confidence_level",
-               [&](const Entry& e) { study.confidence_level = e.number(0.5, 0.9999); }},
-              {"equivalence_margin",
-               [&](const Entry& e) { study.equivalence_margin = e.number(1e-6, 1.0); }}});
+  entry.read({{"confidence_level", number_into(study.confidence_level, 0.5, 0.9999)},
+              {"equivalence_margin", number_into(study.equivalence_margin, 1e-6, 1.0)}});
 }
 
 }  // namespace
@@ -315,10 +321,7 @@ Study parse_study(const std::string& yaml, std::string_view name) {
   if (!root.IsMap()) top.refuse("no keys", "name, pairs, initial_poses, ...");
   entry.read(
       {{"name", [&](const Entry& e) { study.name = parse_name(e); }},
-       {"seed",
-        [&](const Entry& e) {
-          study.seed = e.whole(0, std::numeric_limits<std::uint64_t>::max());
-        }},
+       {"seed", whole_into(study.seed, 0, kMostSeed)},
        {"pairs",
         [&](const Entry& e) {
           for (const Entry& pair : e.list()) parse_pair(pair, study.pairs);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <map>
 #include <optional>
 #include <set>
@@ -139,10 +138,7 @@ std::size_t matching_rows(const std::string& runs_text, const std::string& name,
   const std::size_t rows = std::min(runs.size(), timings);
   const std::size_t begin = shard.begin(plan.size());
   const std::size_t most = shard.end(plan.size()) - begin;
-  if (rows > most) {
-    throw Error(ErrorKind::kInput, name, fmt::format("{} rows", rows),
-                fmt::format("at most {}", most));
-  }
+  reject_if(rows > most, name, fmt::format("{} rows", rows), fmt::format("at most {}", most));
   for (std::size_t i = 0; i < rows; ++i) {
     if (runs[i].trial == plan.trial(begin + i)) continue;
     throw Error(ErrorKind::kInput, fmt::format("{}:{}", name, i + 2),
@@ -286,10 +282,8 @@ StudyFolder::~StudyFolder() = default;
 
 void StudyFolder::append(const TrialResult& run) {
   const std::size_t next = files_->shard.begin(files_->plan.size()) + done_;
-  if (next >= files_->shard.end(files_->plan.size()) || run.trial != files_->plan.trial(next)) {
-    throw Error(ErrorKind::kMisuse, "StudyFolder.append", "not the next run",
-                "runs in their order");
-  }
+  refuse_if(next >= files_->shard.end(files_->plan.size()) || run.trial != files_->plan.trial(next),
+            "StudyFolder.append", "not the next run", "runs in their order");
   files_->runs.append(runs_row(run));
   files_->timings.append(timings_row(run));
   ++done_;
@@ -381,25 +375,19 @@ std::vector<std::string> merge_study(const std::vector<fs::path>& shards, const 
     Identity identity = read_identity(folder);
     if (!first) first = identity;
     require_same(folder, identity.study, first->study);
-    if (identity.shard.count != first->shard.count) {
-      throw Error(ErrorKind::kInput, folder.string(),
-                  fmt::format("is one of {} shards", identity.shard.count),
-                  fmt::format("one of {}", first->shard.count));
-    }
+    reject_if(identity.shard.count != first->shard.count, folder.string(),
+              fmt::format("is one of {} shards", identity.shard.count),
+              fmt::format("one of {}", first->shard.count));
     const std::size_t index = identity.shard.index;
     const auto [place, added] = parts.emplace(index, std::pair(folder, std::move(identity)));
-    if (!added) {
-      throw Error(ErrorKind::kInput, folder.string(),
-                  fmt::format("is shard {} as {} is", place->first, place->second.first.string()),
-                  "each shard once");
-    }
+    reject_if(!added, folder.string(),
+              fmt::format("is shard {} as {} is", place->first, place->second.first.string()),
+              "each shard once");
   }
   std::size_t total = 0;
   for (std::size_t i = 1; i <= first->shard.count; ++i) {
-    if (!parts.contains(i)) {
-      throw Error(ErrorKind::kInput, shards.front().parent_path().string(),
-                  fmt::format("shard {} of {} is missing", i, first->shard.count), "all shards");
-    }
+    reject_if(!parts.contains(i), shards.front().parent_path().string(),
+              fmt::format("shard {} of {} is missing", i, first->shard.count), "all shards");
     total += parts.at(i).second.runs;
   }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <cmath>
 #include <span>
 #include <utility>
 
@@ -35,10 +34,8 @@ class RunsByStrategy {
   RunsByStrategy(const Study& study, std::span<const TrialResult> runs)
       : study_(study), runs_(runs) {
     const StudyPlan plan(study);
-    if (runs.size() != plan.size()) {
-      throw Error(ErrorKind::kMisuse, "summarise_study", fmt::format("{} runs", runs.size()),
-                  fmt::format("the study's {}", plan.size()));
-    }
+    refuse_if(runs.size() != plan.size(), "summarise_study", fmt::format("{} runs", runs.size()),
+              fmt::format("the study's {}", plan.size()));
     strategies_ = plan.runs_per_pair() / study.initial_count;
     for (std::size_t i = 0; i < runs.size(); ++i) {
       // A run that found no pose has no error, though there is a truth.
@@ -244,10 +241,8 @@ std::optional<double> SuccessCount::share() const {
 }
 
 StudySummary summarise_study(const Study& study, std::span<const TrialResult> runs_in_order) {
-  if (study.confidence_level <= 0.0 || study.confidence_level >= 1.0) {
-    throw Error(ErrorKind::kMisuse, "Study.confidence_level",
-                fmt::format("{}", study.confidence_level), "within 0 and 1");
-  }
+  refuse_if(study.confidence_level <= 0.0 || study.confidence_level >= 1.0,
+            "Study.confidence_level", fmt::format("{}", study.confidence_level), "within 0 and 1");
   const RunsByStrategy runs(study, runs_in_order);
   StudySummary summary;
   summary.lowest_scores = runs.lowest_scores();

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/experiments/study.hpp"
 
-#include <numbers>
 #include <set>
 
 #include <gmock/gmock.h>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/geometry/rigid3.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -43,10 +42,8 @@ Rigid3 Rigid3::from_matrix(const Matrix4d& matrix, double tolerance) {
   }
   if (rotation.determinant() < 0.0) refuse("the 3x3 part is a reflection");
   const Eigen::Vector3d translation = matrix.topRightCorner<3, 1>();
-  if (!are_coordinates(translation)) {
-    throw Error(ErrorKind::kMisuse, "transform", "the translation is beyond the limit",
-                kExpectedCoordinates);
-  }
+  refuse_if(!are_coordinates(translation), "transform", "the translation is beyond the limit",
+            kExpectedCoordinates);
   return {rotation, translation};
 }
 

@@ -201,13 +201,12 @@ OptimisedPoses update_poses(const PoseGraph& graph, std::span<const NodeExtent> 
   options.validate();
   const std::vector<PoseEdge> edges = pose_edges(graph, extents);
   const std::size_t count = graph.nodes.size();
-  if (before.world_from_node.size() != count || before.covariances.size() != count ||
-      before.agrees.size() != graph.links.size()) {
-    throw Error(ErrorKind::kMisuse, "before",
-                fmt::format("{} poses, {} covariances and {} links", before.world_from_node.size(),
-                            before.covariances.size(), before.agrees.size()),
-                fmt::format("one entry a node ({}) and a link ({})", count, graph.links.size()));
-  }
+  refuse_if(before.world_from_node.size() != count || before.covariances.size() != count ||
+                before.agrees.size() != graph.links.size(),
+            "before",
+            fmt::format("{} poses, {} covariances and {} links", before.world_from_node.size(),
+                        before.covariances.size(), before.agrees.size()),
+            fmt::format("one entry a node ({}) and a link ({})", count, graph.links.size()));
   const auto is_placed = [&](std::size_t node) { return before.world_from_node[node].has_value(); };
   // The groups that join the placed nodes are small: their links, unlike those of the whole, need no robust
   // solution on the way.

@@ -282,24 +282,15 @@ constexpr OptionField kIcpFields[] = {
     {"max_iterations", option_at<&IcpOptions::max_iterations>, kAtLeastOne, "--max-iterations",
      "Largest number of iterations"},
     {"mse_change_threshold", option_at<&IcpOptions::mse_change_threshold>, kNotNegative},
-    {"stop_at_repetition",
-     option_at<&IcpOptions::stop_at_repetition>,
-     {},
-     "!--stop-as-pcl",
+    {"stop_at_repetition", option_at<&IcpOptions::stop_at_repetition>, kAny, "!--stop-as-pcl",
      "With icp: stop as PCL does, when the mean squared distance converges or at the "
      "iteration limit, not when the matches repeat"},
-    {"coarse_to_fine",
-     option_at<&IcpOptions::coarse_to_fine>,
-     {},
-     "--fast",
+    {"coarse_to_fine", option_at<&IcpOptions::coarse_to_fine>, kAny, "--fast",
      "With icp: align growing samples of the maps first; faster, but may converge to "
      "another optimum"},
     {"max_distance", option_at<&IcpOptions::max_distance>, kPositive, "--max-distance",
      "With icp: largest distance of a match, in the maps' unit (default: unlimited)"},
-    {"reciprocal",
-     option_at<&IcpOptions::reciprocal>,
-     {},
-     "--reciprocal",
+    {"reciprocal", option_at<&IcpOptions::reciprocal>, kAny, "--reciprocal",
      "With icp: keep only mutual nearest neighbours"},
     {"trimmed_fraction",
      option_at<&IcpOptions::trimmed_fraction>,
@@ -309,9 +300,7 @@ constexpr OptionField kIcpFields[] = {
       .most_is = OptionRange::End::kExcluded},
      "--trim",
      "With icp: share of the matches to leave out, those with the largest distances"},
-    {"weight_by_source_confidence",
-     option_at<&IcpOptions::weight_by_source_confidence>,
-     {},
+    {"weight_by_source_confidence", option_at<&IcpOptions::weight_by_source_confidence>, kAny,
      "--weight-by-confidence",
      "With icp: weight each match by the confidence of its source landmark"},
     {"overlap_radius", option_at<&IcpOptions::overlap_radius>, kPositive},
@@ -331,11 +320,10 @@ RegistrationResult icp(const PointSet& source, const PointSet& target, const Icp
   options.validate();
   check_points(source, "source");
   check_points(target, "target");
-  if (options.weight_by_source_confidence && source.confidences.empty() &&
-      !source.positions.empty()) {
-    throw Error(ErrorKind::kMisuse, "IcpOptions.weight_by_source_confidence",
-                "the source has no confidences", "one a point");
-  }
+  refuse_if(options.weight_by_source_confidence && source.confidences.empty() &&
+                !source.positions.empty(),
+            "IcpOptions.weight_by_source_confidence", "the source has no confidences",
+            "one a point");
   RegistrationResult result;
   result.target_from_source = options.initial;
   if (!source.positions.empty() && !target.positions.empty()) {

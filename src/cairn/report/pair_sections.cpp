@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cctype>
-#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>

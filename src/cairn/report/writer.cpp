@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 #include <concepts>
-#include <cstring>
 #include <deque>
 #include <optional>
 #include <set>
@@ -322,210 +321,6 @@ bool is_id(std::string_view id) {
          id.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
 }
 
-class Document {
- public:
-  explicit Document(const Report& report) : report_(report) {
-    Json& json = json_;
-    json["schema"] = {{"name", "cairn.report"}, {"version", kSchemaVersion}};
-    json["cairn_version"] = kVersion;
-    json["title"] = plain_text(report.title);
-    json["subtitle"] = report.subtitle ? Json(plain_text(*report.subtitle)) : Json(nullptr);
-    json["provenance"] = to_json(report.provenance);
-    json["maps"] = Json::array();
-    std::set<std::string> ids;
-    for (const Map& map : report.maps) {
-      require(is_id(map.id) && ids.insert(map.id).second, "Map.id", "'" + map.id + "'",
-              "an id of [a-z0-9-]+ that no other map has");
-      json["maps"].push_back(map_json(map));
-    }
-    json["sections"] = Json::array();
-    ids.clear();
-    for (const Section& section : report.sections) {
-      require(is_id(section.id) && ids.insert(section.id).second, "Section.id",
-              "'" + section.id + "'", "an id of [a-z0-9-]+ that no other section has");
-      json["sections"].push_back(section_json(section));
-    }
-  }
-
-  // Text from files may be any bytes; JSON must be UTF-8.
-  std::string text() const { return json_.dump(-1, ' ', false, Json::error_handler_t::replace); }
-  const Buffers& buffers() const { return buffers_; }
-
- private:
-  Json map_json(const Map& map);
-  Json frames_json(const Frames& frames, const std::string& where);
-  Json section_json(const Section& section);
-  Json run_json(const AlignmentRun& run, std::size_t source_count, std::size_t target_count,
-                const std::string& where);
-  Json matches_json(const Matches& matches, std::size_t iterations, std::size_t source_count,
-                    std::size_t target_count, const std::string& where);
-  Json series_json(const std::vector<double>& values, std::size_t count, const std::string& where,
-                   std::string_view field);
-
-  // Fields of a section in addition to the common ones.
-  void add(Json& json, const Scene& scene, const std::string& where);
-  static void add(Json& json, const Chart& chart, const std::string& where);
-  static void add(Json& json, const Table& table, const std::string& where);
-  static void add(Json& json, const Text& text, const std::string& where);
-  void add(Json& json, const Network& network, const std::string& where);
-  void add(Json& json, const Answer& answer, const std::string& where) const;
-  Json node_json(const NetworkNode& node, const Network& network, const std::string& where);
-
-  const Map* find_map(const std::string& id) const {
-    const auto found = std::find_if(report_.maps.begin(), report_.maps.end(),
-                                    [&](const Map& map) { return map.id == id; });
-    return found == report_.maps.end() ? nullptr : &*found;
-  }
-
-  const Report& report_;
-  Json json_;
-  Buffers buffers_;
-};
-
-Json Document::map_json(const Map& map) {
-  const std::string where = "map " + map.id;
-  const bool is_quantised = std::holds_alternative<std::vector<std::uint16_t>>(map.positions) ||
-                            std::holds_alternative<std::vector<std::uint32_t>>(map.positions);
-  require(is_quantised, where, "positions of another type", "u16 or u32");
-  require_size(size_of(map.positions), 3 * map.count, where, "positions");
-  if (!map.ids.empty()) require_size(map.ids.size(), map.count, where, "ids");
-  if (!map.colors.empty()) require_size(map.colors.size(), 3 * map.count, where, "colors");
-  Json json = {{"id", map.id},
-               {"name", map.name},
-               {"length_unit", to_json(map.length_unit)},
-               {"count", map.count},
-               {"origin", to_json(map.origin)},
-               {"step", to_json(map.step)},
-               {"positions", buffers_.add(map.positions)},
-               {"ids", map.ids.empty() ? Json(nullptr) : buffers_.keep(words_of(map.ids))}};
-  json["columns"] = Json::array();
-  for (const Column& column : map.columns) {
-    require_size(size_of(column.values), map.count, where, column.name);
-    json["columns"].push_back({{"name", column.name},
-                               {"label", column.label},
-                               {"unit", to_json(column.unit)},
-                               {"values", buffers_.add(column.values)},
-                               {"scale", to_json(column.scale)},
-                               {"offset", to_json(column.offset)}});
-  }
-  json["colors"] = map.colors.empty() ? Json(nullptr) : buffers_.add(map.colors);
-  json["frames"] = map.frames ? frames_json(*map.frames, where) : Json(nullptr);
-  return json;
-}
-
-Json Document::frames_json(const Frames& frames, const std::string& where) {
-  const std::size_t count = frames.world_from_camera.size();
-  if (!frames.ids.empty()) require_size(frames.ids.size(), count, where, "Frames.ids");
-  if (!frames.timestamps_s.empty()) {
-    require_size(frames.timestamps_s.size(), count, where, "Frames.timestamps_s");
-  }
-  Json json = {{"count", count},
-               {"poses", buffers_.keep(numbers_of<float>(frames.world_from_camera))},
-               {"ids", frames.ids.empty() ? Json(nullptr) : buffers_.keep(words_of(frames.ids))},
-               {"timestamps",
-                frames.timestamps_s.empty() ? Json(nullptr) : buffers_.add(frames.timestamps_s)}};
-  json["frustum"] = to_json(frames.frustum);
-  json["images"] = nullptr;
-  std::set<std::size_t> seen;
-  for (const FrameImage& image : frames.images) {
-    require(image.frame < count && seen.insert(image.frame).second, where,
-            fmt::format("an image of frame {}", image.frame),
-            fmt::format("at most one for each of {} frames", count));
-    require(!image.bytes.empty(), where,
-            fmt::format("no bytes of the image of frame {}", image.frame), "those of its file");
-    json["images"].push_back({{"frame", image.frame},
-                              {"media_type", to_json(image.type)},
-                              {"data", buffers_.add(image.bytes)}});
-  }
-  return json;
-}
-
-Json Document::section_json(const Section& section) {
-  static constexpr const char* kKinds[] = {"scene", "chart", "table", "text", "network", "answer"};
-  static_assert(std::size(kKinds) == std::variant_size_v<decltype(section.content)>);
-  Json json = {{"kind", kKinds[section.content.index()]},
-               {"id", section.id},
-               {"title", section.title},
-               {"text", to_json(section.text)}};
-  std::visit([&](const auto& content) { this->add(json, content, "section " + section.id); },
-             section.content);
-  return json;
-}
-
-void Document::add(Json& json, const Scene& scene, const std::string& where) {
-  const Map* const target = find_map(scene.target);
-  const Map* const source = scene.source ? find_map(*scene.source) : nullptr;
-  require(target != nullptr, where, "no map '" + scene.target + "'", "one of the report's maps");
-  require(!scene.source || source != nullptr, where, "no map '" + scene.source.value_or("") + "'",
-          "one of the report's maps");
-  require(source != nullptr || scene.runs.empty(), where, "runs without a source", "a source map");
-  json["source"] = to_json(scene.source);
-  json["target"] = scene.target;
-  json["truth"] = to_json(scene.truth);
-  json["up"] = to_json(scene.up);
-  json["runs"] = Json::array();
-  for (const AlignmentRun& run : scene.runs) {
-    json["runs"].push_back(
-        run_json(run, source->count, target->count, where + ", run " + run.name));
-  }
-}
-
-Json Document::series_json(const std::vector<double>& values, std::size_t count,
-                           const std::string& where, std::string_view field) {
-  if (values.empty()) return nullptr;
-  require_size(values.size(), count, where, field);
-  return buffers_.add(values);
-}
-
-Json Document::run_json(const AlignmentRun& run, std::size_t source_count, std::size_t target_count,
-                        const std::string& where) {
-  const std::size_t count = run.target_from_source.size();
-  require(count > 0, where, "no pose", "at least the initial one");
-  Json json = {{"name", run.name}, {"summary", Json::object()}};
-  for (const auto& [name, value] : run.summary) json["summary"][name] = to_json(value);
-  json["poses"] = buffers_.keep(numbers_of<double>(rigid_parts(run.target_from_source)));
-  std::vector<double> scales = scales_of(run.target_from_source);
-  json["scales"] = scales.empty() ? Json(nullptr) : buffers_.keep(std::move(scales));
-  json["mean_squared_distance"] =
-      series_json(run.mean_squared_distance, count, where, "mean_squared_distance");
-  json["scores"] = series_json(run.scores, count, where, "scores");
-  json["rotation_error_deg"] =
-      series_json(run.rotation_error_deg, count, where, "rotation_error_deg");
-  json["translation_error_m"] =
-      series_json(run.translation_error, count, where, "translation_error");
-  json["matches"] = run.matches
-                        ? matches_json(*run.matches, count - 1, source_count, target_count, where)
-                        : Json(nullptr);
-  return json;
-}
-
-Json Document::matches_json(const Matches& matches, std::size_t iterations,
-                            std::size_t source_count, std::size_t target_count,
-                            const std::string& where) {
-  require(iterations > 0, where, "matches without an iteration", "no matches");
-  require_size(matches.first.size(), source_count, where, "Matches.first");
-  require_size(matches.change_counts.size(), iterations - 1, where, "Matches.change_counts");
-  std::size_t changes = 0;
-  for (const std::uint32_t count : matches.change_counts) changes += count;
-  require_size(matches.changed.size(), changes, where, "Matches.changed");
-  require_size(matches.targets.size(), changes, where, "Matches.targets");
-  for (const auto* const list : {&matches.first, &matches.targets}) {
-    for (const std::int32_t target : *list) {
-      require(target >= -1 && target < static_cast<std::int64_t>(target_count), where,
-              fmt::format("a match with landmark {}", target),
-              fmt::format("-1 or one of {} landmarks", target_count));
-    }
-  }
-  for (const std::uint32_t source : matches.changed) {
-    require(source < source_count, where, fmt::format("a match of landmark {}", source),
-            fmt::format("one of {} landmarks", source_count));
-  }
-  return {{"first", buffers_.add(matches.first)},
-          {"change_counts", buffers_.add(matches.change_counts)},
-          {"changed", buffers_.add(matches.changed)},
-          {"targets", buffers_.add(matches.targets)}};
-}
-
 void require_labels(const std::vector<std::string>& labels, std::size_t count,
                     const std::string& where) {
   if (!labels.empty()) require_size(labels.size(), count, where, "labels");
@@ -562,94 +357,6 @@ void check(const HeatmapChart& chart, const std::string& where) {
   for (const HeatmapPanel& panel : chart.panels) {
     require_grid(panel.values);
     if (!panel.counts.empty()) require_grid(panel.counts);
-  }
-}
-
-void Document::add(Json& json, const Chart& chart, const std::string& where) {
-  static constexpr const char* kKinds[] = {"violin",    "lines",   "heatmap",
-                                           "intervals", "scatter", "spans"};
-  static_assert(std::size(kKinds) == std::variant_size_v<Chart>);
-  json["chart"] = kKinds[chart.index()];
-  std::visit(
-      [&](const auto& one) {
-        check(one, where);
-        json.update(to_json(one));
-      },
-      chart);
-}
-
-void Document::add(Json& json, const Table& table, const std::string& where) {
-  for (const auto& row : table.rows) {
-    require_size(row.size(), table.columns.size(), where, "a row");
-  }
-  if (!table.best.empty()) {
-    require_size(table.best.size(), table.columns.size(), where, "Table.best");
-  }
-  json["columns"] = to_json(table.columns);
-  json["rows"] = to_json(table.rows);
-  json["best"] = list_or_null(table.best);
-}
-
-void Document::add(Json& json, const Text& /*text*/, const std::string& where) {
-  require(!json["text"].is_null(), where, "no text", "text, which is all that it shows");
-}
-
-Json Document::node_json(const NetworkNode& node, const Network& network,
-                         const std::string& where) {
-  require(!node.map || find_map(*node.map) != nullptr, where,
-          "no map '" + node.map.value_or("") + "'", "one of the report's maps");
-  require(!node.group || *node.group < network.groups.size(), where, "a group that is not there",
-          "one of the groups");
-  require_size(node.group_from_node.size(), node.group ? network.stages.size() : 0, where,
-               "group_from_node");
-  Json json = {{"name", node.name},
-               {"map", to_json(node.map)},
-               {"session", text_or_null(node.session)},
-               {"reason", text_or_null(node.reason)},
-               {"group", to_json(node.group)},
-               {"landmarks", node.landmarks},
-               {"keyframes", node.keyframes},
-               {"fused", to_json(node.fused)},
-               {"centre", to_json(node.centre)},
-               {"poses", nullptr},
-               {"scales", nullptr}};
-  if (!node.group) return json;
-  json["poses"] = buffers_.keep(numbers_of<double>(rigid_parts(node.group_from_node)));
-  std::vector<double> scales = scales_of(node.group_from_node);
-  if (!scales.empty()) json["scales"] = buffers_.keep(std::move(scales));
-  return json;
-}
-
-void Document::add(Json& json, const Network& network, const std::string& where) {
-  require(!network.stages.empty(), where, "no stage", "at least one");
-  json["length_unit"] = to_json(network.length_unit);
-  json["stages"] = to_json(network.stages);
-  json["groups"] = to_json(network.groups);
-  json["nodes"] = Json::array();
-  for (const NetworkNode& node : network.nodes) {
-    json["nodes"].push_back(node_json(node, network, where + ", map " + node.name));
-  }
-  json["links"] = Json::array();
-  for (const NetworkLink& link : network.links) {
-    require(link.target < network.nodes.size() && link.source < network.nodes.size(), where,
-            "a link of a map that is not there", "one of the maps");
-    Json& one = json["links"].emplace_back(to_json(link));
-    one["kind"] = text_or_null(link.kind);
-    one["reason"] = text_or_null(link.reason);
-  }
-  json["things"] = Json::array();
-  for (const NetworkThing& thing : network.things) {
-    require(thing.group < network.groups.size(), where, "a thing of a group that is not there",
-            "one of the groups");
-    Json boxes = {{{"low", to_json(thing.low)}, {"high", to_json(thing.high)}}};
-    if (thing.moved_to) {
-      boxes.push_back(
-          {{"low", to_json((*thing.moved_to)[0])}, {"high", to_json((*thing.moved_to)[1])}});
-    }
-    json["things"].push_back({{"name", thing.name},
-                              {"kind", thing.kind},
-                              {"group", thing.group},
-                              {"boxes", std::move(boxes)}});
   }
 }
 
@@ -690,31 +397,303 @@ Json alignment_json(const AlignmentAnswer& alignment) {
   return json;
 }
 
-void Document::add(Json& json, const Answer& answer, const std::string& where) const {
-  const bool known =
-      !answer.scene ||
-      std::any_of(report_.sections.begin(), report_.sections.end(), [&](const Section& section) {
-        return section.id == *answer.scene && std::holds_alternative<Scene>(section.content);
-      });
-  require(known, where, "no scene '" + answer.scene.value_or("") + "'", "one of the report's");
-  json["length_unit"] = to_json(answer.length_unit);
-  json["scene"] = to_json(answer.scene);
-  json["alignments"] = Json::array();
-  for (const AlignmentAnswer& alignment : answer.alignments) {
-    json["alignments"].push_back(alignment_json(alignment));
+class Document {
+ public:
+  explicit Document(const Report& report) : report_(report) {
+    Json& json = json_;
+    json["schema"] = {{"name", "cairn.report"}, {"version", kSchemaVersion}};
+    json["cairn_version"] = kVersion;
+    json["title"] = plain_text(report.title);
+    json["subtitle"] = report.subtitle ? Json(plain_text(*report.subtitle)) : Json(nullptr);
+    json["provenance"] = to_json(report.provenance);
+    json["maps"] = Json::array();
+    std::set<std::string> ids;
+    for (const Map& map : report.maps) {
+      require(is_id(map.id) && ids.insert(map.id).second, "Map.id", "'" + map.id + "'",
+              "an id of [a-z0-9-]+ that no other map has");
+      json["maps"].push_back(map_json(map));
+    }
+    json["sections"] = Json::array();
+    ids.clear();
+    for (const Section& section : report.sections) {
+      require(is_id(section.id) && ids.insert(section.id).second, "Section.id",
+              "'" + section.id + "'", "an id of [a-z0-9-]+ that no other section has");
+      json["sections"].push_back(section_json(section));
+    }
   }
-}
+
+  // Text from files may be any bytes; JSON must be UTF-8.
+  std::string text() const { return json_.dump(-1, ' ', false, Json::error_handler_t::replace); }
+  const Buffers& buffers() const { return buffers_; }
+
+ private:
+  Json map_json(const Map& map) {
+    const std::string where = "map " + map.id;
+    const bool is_quantised = std::holds_alternative<std::vector<std::uint16_t>>(map.positions) ||
+                              std::holds_alternative<std::vector<std::uint32_t>>(map.positions);
+    require(is_quantised, where, "positions of another type", "u16 or u32");
+    require_size(size_of(map.positions), 3 * map.count, where, "positions");
+    if (!map.ids.empty()) require_size(map.ids.size(), map.count, where, "ids");
+    if (!map.colors.empty()) require_size(map.colors.size(), 3 * map.count, where, "colors");
+    Json json = {{"id", map.id},
+                 {"name", map.name},
+                 {"length_unit", to_json(map.length_unit)},
+                 {"count", map.count},
+                 {"origin", to_json(map.origin)},
+                 {"step", to_json(map.step)},
+                 {"positions", buffers_.add(map.positions)},
+                 {"ids", map.ids.empty() ? Json(nullptr) : buffers_.keep(words_of(map.ids))}};
+    json["columns"] = Json::array();
+    for (const Column& column : map.columns) {
+      require_size(size_of(column.values), map.count, where, column.name);
+      json["columns"].push_back({{"name", column.name},
+                                 {"label", column.label},
+                                 {"unit", to_json(column.unit)},
+                                 {"values", buffers_.add(column.values)},
+                                 {"scale", to_json(column.scale)},
+                                 {"offset", to_json(column.offset)}});
+    }
+    json["colors"] = map.colors.empty() ? Json(nullptr) : buffers_.add(map.colors);
+    json["frames"] = map.frames ? frames_json(*map.frames, where) : Json(nullptr);
+    return json;
+  }
+
+  Json frames_json(const Frames& frames, const std::string& where) {
+    const std::size_t count = frames.world_from_camera.size();
+    if (!frames.ids.empty()) require_size(frames.ids.size(), count, where, "Frames.ids");
+    if (!frames.timestamps_s.empty()) {
+      require_size(frames.timestamps_s.size(), count, where, "Frames.timestamps_s");
+    }
+    Json json = {{"count", count},
+                 {"poses", buffers_.keep(numbers_of<float>(frames.world_from_camera))},
+                 {"ids", frames.ids.empty() ? Json(nullptr) : buffers_.keep(words_of(frames.ids))},
+                 {"timestamps",
+                  frames.timestamps_s.empty() ? Json(nullptr) : buffers_.add(frames.timestamps_s)}};
+    json["frustum"] = to_json(frames.frustum);
+    json["images"] = nullptr;
+    std::set<std::size_t> seen;
+    for (const FrameImage& image : frames.images) {
+      require(image.frame < count && seen.insert(image.frame).second, where,
+              fmt::format("an image of frame {}", image.frame),
+              fmt::format("at most one for each of {} frames", count));
+      require(!image.bytes.empty(), where,
+              fmt::format("no bytes of the image of frame {}", image.frame), "those of its file");
+      json["images"].push_back({{"frame", image.frame},
+                                {"media_type", to_json(image.type)},
+                                {"data", buffers_.add(image.bytes)}});
+    }
+    return json;
+  }
+
+  Json section_json(const Section& section) {
+    static constexpr const char* kKinds[] = {"scene", "chart",   "table",
+                                             "text",  "network", "answer"};
+    static_assert(std::size(kKinds) == std::variant_size_v<decltype(section.content)>);
+    Json json = {{"kind", kKinds[section.content.index()]},
+                 {"id", section.id},
+                 {"title", section.title},
+                 {"text", to_json(section.text)}};
+    std::visit([&](const auto& content) { this->add(json, content, "section " + section.id); },
+               section.content);
+    return json;
+  }
+
+  Json run_json(const AlignmentRun& run, std::size_t source_count, std::size_t target_count,
+                const std::string& where) {
+    const std::size_t count = run.target_from_source.size();
+    require(count > 0, where, "no pose", "at least the initial one");
+    Json json = {{"name", run.name}, {"summary", Json::object()}};
+    for (const auto& [name, value] : run.summary) json["summary"][name] = to_json(value);
+    json["poses"] = buffers_.keep(numbers_of<double>(rigid_parts(run.target_from_source)));
+    std::vector<double> scales = scales_of(run.target_from_source);
+    json["scales"] = scales.empty() ? Json(nullptr) : buffers_.keep(std::move(scales));
+    json["mean_squared_distance"] =
+        series_json(run.mean_squared_distance, count, where, "mean_squared_distance");
+    json["scores"] = series_json(run.scores, count, where, "scores");
+    json["rotation_error_deg"] =
+        series_json(run.rotation_error_deg, count, where, "rotation_error_deg");
+    json["translation_error_m"] =
+        series_json(run.translation_error, count, where, "translation_error");
+    json["matches"] = run.matches
+                          ? matches_json(*run.matches, count - 1, source_count, target_count, where)
+                          : Json(nullptr);
+    return json;
+  }
+
+  Json matches_json(const Matches& matches, std::size_t iterations, std::size_t source_count,
+                    std::size_t target_count, const std::string& where) {
+    require(iterations > 0, where, "matches without an iteration", "no matches");
+    require_size(matches.first.size(), source_count, where, "Matches.first");
+    require_size(matches.change_counts.size(), iterations - 1, where, "Matches.change_counts");
+    std::size_t changes = 0;
+    for (const std::uint32_t count : matches.change_counts) changes += count;
+    require_size(matches.changed.size(), changes, where, "Matches.changed");
+    require_size(matches.targets.size(), changes, where, "Matches.targets");
+    for (const auto* const list : {&matches.first, &matches.targets}) {
+      for (const std::int32_t target : *list) {
+        require(target >= -1 && target < static_cast<std::int64_t>(target_count), where,
+                fmt::format("a match with landmark {}", target),
+                fmt::format("-1 or one of {} landmarks", target_count));
+      }
+    }
+    for (const std::uint32_t source : matches.changed) {
+      require(source < source_count, where, fmt::format("a match of landmark {}", source),
+              fmt::format("one of {} landmarks", source_count));
+    }
+    return {{"first", buffers_.add(matches.first)},
+            {"change_counts", buffers_.add(matches.change_counts)},
+            {"changed", buffers_.add(matches.changed)},
+            {"targets", buffers_.add(matches.targets)}};
+  }
+
+  Json series_json(const std::vector<double>& values, std::size_t count, const std::string& where,
+                   std::string_view field) {
+    if (values.empty()) return nullptr;
+    require_size(values.size(), count, where, field);
+    return buffers_.add(values);
+  }
+
+  // Fields of a section in addition to the common ones.
+  void add(Json& json, const Scene& scene, const std::string& where) {
+    const Map* const target = find_map(scene.target);
+    const Map* const source = scene.source ? find_map(*scene.source) : nullptr;
+    require(target != nullptr, where, "no map '" + scene.target + "'", "one of the report's maps");
+    require(!scene.source || source != nullptr, where, "no map '" + scene.source.value_or("") + "'",
+            "one of the report's maps");
+    require(source != nullptr || scene.runs.empty(), where, "runs without a source",
+            "a source map");
+    json["source"] = to_json(scene.source);
+    json["target"] = scene.target;
+    json["truth"] = to_json(scene.truth);
+    json["up"] = to_json(scene.up);
+    json["runs"] = Json::array();
+    for (const AlignmentRun& run : scene.runs) {
+      json["runs"].push_back(
+          run_json(run, source->count, target->count, where + ", run " + run.name));
+    }
+  }
+
+  static void add(Json& json, const Chart& chart, const std::string& where) {
+    static constexpr const char* kKinds[] = {"violin",    "lines",   "heatmap",
+                                             "intervals", "scatter", "spans"};
+    static_assert(std::size(kKinds) == std::variant_size_v<Chart>);
+    json["chart"] = kKinds[chart.index()];
+    std::visit(
+        [&](const auto& one) {
+          check(one, where);
+          json.update(to_json(one));
+        },
+        chart);
+  }
+
+  static void add(Json& json, const Table& table, const std::string& where) {
+    for (const auto& row : table.rows) {
+      require_size(row.size(), table.columns.size(), where, "a row");
+    }
+    if (!table.best.empty()) {
+      require_size(table.best.size(), table.columns.size(), where, "Table.best");
+    }
+    json["columns"] = to_json(table.columns);
+    json["rows"] = to_json(table.rows);
+    json["best"] = list_or_null(table.best);
+  }
+
+  static void add(Json& json, const Text& /*text*/, const std::string& where) {
+    require(!json["text"].is_null(), where, "no text", "text, which is all that it shows");
+  }
+
+  void add(Json& json, const Network& network, const std::string& where) {
+    require(!network.stages.empty(), where, "no stage", "at least one");
+    json["length_unit"] = to_json(network.length_unit);
+    json["stages"] = to_json(network.stages);
+    json["groups"] = to_json(network.groups);
+    json["nodes"] = Json::array();
+    for (const NetworkNode& node : network.nodes) {
+      json["nodes"].push_back(node_json(node, network, where + ", map " + node.name));
+    }
+    json["links"] = Json::array();
+    for (const NetworkLink& link : network.links) {
+      require(link.target < network.nodes.size() && link.source < network.nodes.size(), where,
+              "a link of a map that is not there", "one of the maps");
+      Json& one = json["links"].emplace_back(to_json(link));
+      one["kind"] = text_or_null(link.kind);
+      one["reason"] = text_or_null(link.reason);
+    }
+    json["things"] = Json::array();
+    for (const NetworkThing& thing : network.things) {
+      require(thing.group < network.groups.size(), where, "a thing of a group that is not there",
+              "one of the groups");
+      Json boxes = {{{"low", to_json(thing.low)}, {"high", to_json(thing.high)}}};
+      if (thing.moved_to) {
+        boxes.push_back(
+            {{"low", to_json((*thing.moved_to)[0])}, {"high", to_json((*thing.moved_to)[1])}});
+      }
+      json["things"].push_back({{"name", thing.name},
+                                {"kind", thing.kind},
+                                {"group", thing.group},
+                                {"boxes", std::move(boxes)}});
+    }
+  }
+
+  void add(Json& json, const Answer& answer, const std::string& where) const {
+    const bool known =
+        !answer.scene ||
+        std::any_of(report_.sections.begin(), report_.sections.end(), [&](const Section& section) {
+          return section.id == *answer.scene && std::holds_alternative<Scene>(section.content);
+        });
+    require(known, where, "no scene '" + answer.scene.value_or("") + "'", "one of the report's");
+    json["length_unit"] = to_json(answer.length_unit);
+    json["scene"] = to_json(answer.scene);
+    json["alignments"] = Json::array();
+    for (const AlignmentAnswer& alignment : answer.alignments) {
+      json["alignments"].push_back(alignment_json(alignment));
+    }
+  }
+
+  Json node_json(const NetworkNode& node, const Network& network, const std::string& where) {
+    require(!node.map || find_map(*node.map) != nullptr, where,
+            "no map '" + node.map.value_or("") + "'", "one of the report's maps");
+    require(!node.group || *node.group < network.groups.size(), where, "a group that is not there",
+            "one of the groups");
+    require_size(node.group_from_node.size(), node.group ? network.stages.size() : 0, where,
+                 "group_from_node");
+    Json json = {{"name", node.name},
+                 {"map", to_json(node.map)},
+                 {"session", text_or_null(node.session)},
+                 {"reason", text_or_null(node.reason)},
+                 {"group", to_json(node.group)},
+                 {"landmarks", node.landmarks},
+                 {"keyframes", node.keyframes},
+                 {"fused", to_json(node.fused)},
+                 {"centre", to_json(node.centre)},
+                 {"poses", nullptr},
+                 {"scales", nullptr}};
+    if (!node.group) return json;
+    json["poses"] = buffers_.keep(numbers_of<double>(rigid_parts(node.group_from_node)));
+    std::vector<double> scales = scales_of(node.group_from_node);
+    if (!scales.empty()) json["scales"] = buffers_.keep(std::move(scales));
+    return json;
+  }
+
+  const Map* find_map(const std::string& id) const {
+    const auto found = std::find_if(report_.maps.begin(), report_.maps.end(),
+                                    [&](const Map& map) { return map.id == id; });
+    return found == report_.maps.end() ? nullptr : &*found;
+  }
+
+  const Report& report_;
+  Json json_;
+  Buffers buffers_;
+};
 
 std::size_t position_of(std::string_view page, std::string_view mark) {
   const std::size_t position = page.find(mark);
   const bool once = position != std::string_view::npos &&
                     page.find(mark, position + mark.size()) == std::string_view::npos;
-  if (!once) {
-    throw Error(ErrorKind::kInput, "viewer page",
-                fmt::format("{} stands there {}", mark,
-                            position == std::string_view::npos ? "nowhere" : "more than once"),
-                "the mark once, where the report goes");
-  }
+  reject_if(!once, "viewer page",
+            fmt::format("{} stands there {}", mark,
+                        position == std::string_view::npos ? "nowhere" : "more than once"),
+            "the mark once, where the report goes");
   return position;
 }
 
@@ -755,9 +734,7 @@ void write_element(std::string_view name, const ByteSink& sink, const Produce& p
 void write_report(const Report& report, std::string_view page, const ByteSink& sink) {
   const std::size_t title = position_of(page, kTitleMark);
   const std::size_t data = position_of(page, kDataMark);
-  if (title > data) {
-    throw Error(ErrorKind::kInput, "viewer page", "its data come before its title", "the reverse");
-  }
+  reject_if(title > data, "viewer page", "its data come before its title", "the reverse");
   const Document document(report);
   sink(page.substr(0, title));
   sink(escaped(plain_text(report.title)));

@@ -5,9 +5,7 @@
 #include <array>
 #include <cmath>
 #include <initializer_list>
-#include <limits>
 #include <numbers>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>
@@ -666,10 +664,7 @@ std::vector<std::string_view> environment_names() {
 }
 
 constexpr OptionField kEnvironmentFields[] = {
-    {"session",
-     option_at<&EnvironmentOptions::session>,
-     {},
-     "--session",
+    {"session", option_at<&EnvironmentOptions::session>, kAny, "--session",
      "Session number: sessions with one seed share place and world frame; path, noise and "
      "changes differ"},
     {"changed_fraction", option_at<&EnvironmentOptions::changed_fraction>, within(0, 1),

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
-#include <optional>
 
 #include <fmt/format.h>
 
@@ -283,10 +282,8 @@ Rigid3 pose_at(const Trajectory& trajectory, double timestamp_s) {
 
 Trajectory resampled(const Trajectory& trajectory, double rate_hz, std::size_t frames) {
   if (trajectory.empty()) throw Error(ErrorKind::kMisuse, "resampled", "no poses", "at least one");
-  if (!(rate_hz > 0.0)) {
-    throw Error(ErrorKind::kMisuse, "resampled", fmt::format("a rate of {} Hz", rate_hz),
-                "a positive one");
-  }
+  refuse_if(!(rate_hz > 0.0), "resampled", fmt::format("a rate of {} Hz", rate_hz),
+            "a positive one");
   const double start = microseconds(trajectory.poses().front().timestamp_s);
   const double end = trajectory.poses().back().timestamp_s;
   std::vector<TimedPose> poses;

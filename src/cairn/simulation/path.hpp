@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
-#include <vector>
 
 #include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/simulation/path.hpp"
 
-#include <cmath>
 #include <string>
 #include <tuple>
 

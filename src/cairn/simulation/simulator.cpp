@@ -41,10 +41,7 @@ constexpr OptionField kSensorFields[] = {
      "Brightness factor"},
     {"color_noise", option_at<&SensorOptions::color_noise>, within(0, 100), "--noise",
      "Standard deviation of the colour noise, grey levels"},
-    {"ideal_depth",
-     option_at<&SensorOptions::ideal_depth>,
-     {},
-     "--no-depth-noise",
+    {"ideal_depth", option_at<&SensorOptions::ideal_depth>, kAny, "--no-depth-noise",
      "Write exact depth: no noise, quantisation, holes or limits"},
     {"depth_noise_m", option_at<&SensorOptions::depth_noise_m>, within(0, 0.1), "--depth-noise",
      "Standard deviation of the depth at 1 m, metres; it grows with the square of the depth"},
@@ -151,10 +148,8 @@ RenderedFrame RgbdSimulator::Optics::picture_at(const Trajectory& trajectory, do
 }
 
 RgbdFrame RgbdSimulator::frame(std::size_t index, const Executor& executor) const {
-  if (index >= trajectory_.size()) {
-    throw Error(ErrorKind::kMisuse, "RgbdSimulator::frame", fmt::format("frame {}", index),
-                fmt::format("less than {}", trajectory_.size()));
-  }
+  refuse_if(index >= trajectory_.size(), "RgbdSimulator::frame", fmt::format("frame {}", index),
+            fmt::format("less than {}", trajectory_.size()));
   const TimedPose& pose = trajectory_.poses()[index];
   RenderedFrame picture = optics_->picture_at(trajectory_, pose.timestamp_s, executor);
   if (options_.shutter_s > 0.0) {

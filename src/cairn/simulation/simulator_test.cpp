@@ -2,7 +2,6 @@
 #include "cairn/simulation/simulator.hpp"
 
 #include <cmath>
-#include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -9,45 +9,64 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 /// Statements and transactions, the same for SQLite and PostgreSQL; see sqlite/database.hpp and
 /// postgres/database.hpp for what opens a database.
 namespace cairn::storage {
-
-namespace detail {
-class Connection;
-class Cursor;
-}  // namespace detail
 
 enum class ColumnType { kInteger, kReal, kText, kBlob, kNull, kOther };
 
 /// "integer" etc.
 std::string_view to_string(ColumnType type);
 
+namespace detail {
+
+/// What a database system does for a Statement, whose functions these are. Columns are read only if they have
+/// the type, except that real() also reads an integer.
+class Cursor {
+ public:
+  virtual ~Cursor() = default;
+
+  virtual void bind(int parameter, std::int64_t value) = 0;
+  virtual void bind(int parameter, double value) = 0;
+  virtual void bind(int parameter, std::string_view text) = 0;
+  virtual void bind(int parameter, std::span<const std::byte> blob) = 0;
+  virtual void bind(int parameter, std::nullptr_t) = 0;
+  virtual bool step() = 0;
+  virtual void reset() = 0;
+
+  virtual const std::string& database() const = 0;
+  virtual std::string column_name(int column) const = 0;
+  virtual ColumnType type(int column) const = 0;
+  virtual std::int64_t integer(int column) const = 0;
+  virtual double real(int column) const = 0;
+  virtual std::string_view text(int column) const = 0;
+  virtual std::span<const std::byte> blob(int column) const = 0;
+};
+
+}  // namespace detail
+
 /// A statement: bind parameters, step through rows, read columns. Parameters count from 1 and are written "?1";
 /// columns count from 0.
 class Statement {
  public:
-  Statement(Statement&&) noexcept;
-  Statement& operator=(Statement&&) noexcept;
-  ~Statement();
+  explicit Statement(std::unique_ptr<detail::Cursor> cursor) : cursor_(std::move(cursor)) {}
 
-  Statement& bind(int parameter, std::int64_t value);
-  template <std::integral Integer>
-  Statement& bind(int parameter, Integer value) {
-    return bind(parameter, static_cast<std::int64_t>(value));
-  }
-  Statement& bind(int parameter, double value);
+  /// Of an integer, a double, text, a blob (a span of bytes) or nullptr.
   /// @throws Error (misuse) for text with a NUL, which PostgreSQL cannot store
-  Statement& bind(int parameter, std::string_view text);
-  Statement& bind(int parameter, const char* text) {
-    return bind(parameter, std::string_view(text));
+  template <class Value>
+  Statement& bind(int parameter, const Value& value) {
+    if constexpr (std::integral<Value>) {
+      cursor_->bind(parameter, static_cast<std::int64_t>(value));
+    } else if constexpr (std::convertible_to<Value, std::string_view> &&
+                         !std::same_as<Value, std::nullptr_t>) {
+      cursor_->bind(parameter, std::string_view(value));
+    } else {
+      cursor_->bind(parameter, value);
+    }
+    return *this;
   }
-  Statement& bind(int parameter, const std::string& text) {
-    return bind(parameter, std::string_view(text));
-  }
-  Statement& bind(int parameter, std::span<const std::byte> blob);
-  Statement& bind(int parameter, std::nullptr_t);
   template <class Value>
   Statement& bind(int parameter, const std::optional<Value>& value) {
     return value ? bind(parameter, *value) : bind(parameter, nullptr);
@@ -62,9 +81,9 @@ class Statement {
   }
 
   /// Moves to the next row. @return false at the end; the statement can then run again.
-  bool step();
+  bool step() { return cursor_->step(); }
   /// Returns to before the first row and clears the parameters.
-  void reset();
+  void reset() { cursor_->reset(); }
   /// bind_all(), then runs to the end.
   template <class... Values>
   void run(const Values&... values) {
@@ -73,7 +92,7 @@ class Statement {
     }
   }
 
-  ColumnType type(int column) const;
+  ColumnType type(int column) const { return cursor_->type(column); }
   bool is_null(int column) const { return type(column) == ColumnType::kNull; }
 
   // Columns of the current row. A value of another type throws Error (input) naming database, column, value and
@@ -87,56 +106,31 @@ class Statement {
   std::span<const std::byte> blob(int column) const;
 
   // std::nullopt for NULL.
-  std::optional<std::int64_t> optional_integer(int column) const;
-  std::optional<double> optional_real(int column) const;
-  std::optional<std::string_view> optional_text(int column) const;
-  std::optional<std::span<const std::byte>> optional_blob(int column) const;
+  std::optional<std::int64_t> optional_integer(int column) const {
+    return is_null(column) ? std::nullopt : std::optional(integer(column));
+  }
+  std::optional<double> optional_real(int column) const {
+    return is_null(column) ? std::nullopt : std::optional(real(column));
+  }
+  std::optional<std::string_view> optional_text(int column) const {
+    return is_null(column) ? std::nullopt : std::optional(text(column));
+  }
+  std::optional<std::span<const std::byte>> optional_blob(int column) const {
+    return is_null(column) ? std::nullopt : std::optional(blob(column));
+  }
 
  private:
-  friend class Database;
-  explicit Statement(std::unique_ptr<detail::Cursor> cursor);
+  [[noreturn]] void refuse(int column, std::string_view found, std::string_view expected) const;
   void require(int column, ColumnType type) const;
 
   std::unique_ptr<detail::Cursor> cursor_;
 };
 
-/// A connection to a database; for one thread at a time. Errors name the database: kind input for invalid
-/// content, kind storage for failures of the operating system, the server or the network, or conflicts with
-/// another process.
-class Database {
- public:
-  Database(Database&&) noexcept;
-  Database& operator=(Database&&) noexcept;
-  ~Database();
+class Database;
 
-  /// Name in messages.
-  const std::string& name() const noexcept;
-
-  /// One statement. It must not outlive the database.
-  Statement prepare(std::string_view sql);
-  /// Runs any number of statements without parameters; ignores rows.
-  void execute(const std::string& sql);
-  /// Runs one statement to its end with these parameters.
-  template <class... Values>
-  void run(std::string_view sql, const Values&... values) {
-    prepare(sql).run(values...);
-  }
-  /// First column of the first row.
-  /// @throws Error (input) if there is no row or its value is not an integer
-  std::int64_t integer(std::string_view sql);
-  std::string text(std::string_view sql);
-
-  /// Rows that the last INSERT, UPDATE or DELETE changed.
-  std::int64_t changes() const noexcept;
-  bool in_transaction() const noexcept;
-
- protected:
-  explicit Database(std::unique_ptr<detail::Connection> connection);
-
- private:
-  friend class Transaction;
-  std::unique_ptr<detail::Connection> connection_;
-};
+namespace detail {
+class Connection;
+}
 
 /// Everything between its construction and commit() happens atomically. One at a time.
 class Transaction {
@@ -160,6 +154,65 @@ class Transaction {
  private:
   detail::Connection* connection_;
   bool open_ = true;
+};
+
+namespace detail {
+
+/// The same of a Database and its Transaction.
+class Connection {
+ public:
+  explicit Connection(std::string its_name) : name(std::move(its_name)) {}
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+  virtual ~Connection() = default;
+
+  virtual std::unique_ptr<Cursor> prepare(std::string_view sql) = 0;
+  virtual void execute(const std::string& sql) = 0;
+  virtual std::int64_t changes() const noexcept = 0;
+  virtual bool in_transaction() const noexcept = 0;
+  virtual void begin(Transaction::Kind kind) = 0;
+  virtual void commit() = 0;
+  /// Does nothing outside of a transaction.
+  virtual void roll_back() noexcept = 0;
+
+  const std::string name;
+};
+
+}  // namespace detail
+
+/// A connection to a database; for one thread at a time. Errors name the database: kind input for invalid
+/// content, kind storage for failures of the operating system, the server or the network, or conflicts with
+/// another process.
+class Database {
+ public:
+  /// Name in messages.
+  const std::string& name() const noexcept { return connection_->name; }
+
+  /// One statement. It must not outlive the database.
+  Statement prepare(std::string_view sql) { return Statement(connection_->prepare(sql)); }
+  /// Runs any number of statements without parameters; ignores rows.
+  void execute(const std::string& sql) { connection_->execute(sql); }
+  /// Runs one statement to its end with these parameters.
+  template <class... Values>
+  void run(std::string_view sql, const Values&... values) {
+    prepare(sql).run(values...);
+  }
+  /// First column of the first row.
+  /// @throws Error (input) if there is no row or its value is not an integer
+  std::int64_t integer(std::string_view sql);
+  std::string text(std::string_view sql);
+
+  /// Rows that the last INSERT, UPDATE or DELETE changed.
+  std::int64_t changes() const noexcept { return connection_->changes(); }
+  bool in_transaction() const noexcept { return connection_->in_transaction(); }
+
+ protected:
+  explicit Database(std::unique_ptr<detail::Connection> connection)
+      : connection_(std::move(connection)) {}
+
+ private:
+  friend class Transaction;
+  std::unique_ptr<detail::Connection> connection_;
 };
 
 }  // namespace cairn::storage

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <set>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>
@@ -151,11 +149,9 @@ void take_largest_moves(const std::vector<detail::CorrectedKeyframe>& keyframes,
 ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& options,
                         std::size_t min_observations) {
   options.validate();
-  if (session.maps.empty() || session.links.size() + 1 != session.maps.size()) {
-    throw Error(ErrorKind::kMisuse, "session",
-                fmt::format("{} maps, {} links", session.maps.size(), session.links.size()),
-                "a map or more, each linked with the next");
-  }
+  refuse_if(session.maps.empty() || session.links.size() + 1 != session.maps.size(), "session",
+            fmt::format("{} maps, {} links", session.maps.size(), session.links.size()),
+            "a map or more, each linked with the next");
   ClosedLoops result;
   const std::size_t count = session.maps.size();
   if (count < 2) return result;
@@ -185,10 +181,8 @@ ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& optio
   fusing.straighten = false;
   fusing.adjust = true;
   const std::vector<std::vector<FrameIndex>> frames = fuse_placed(inputs, fusing, merged);
-  if (!merged.adjustment) {
-    throw Error(ErrorKind::kInput, "session", "its maps cannot be adjusted",
-                "maps whose keyframes have cameras");
-  }
+  reject_if(!merged.adjustment, "session", "its maps cannot be adjusted",
+            "maps whose keyframes have cameras");
   result.adjustment = *merged.adjustment;
   const std::vector<detail::CorrectedKeyframe> keyframes =
       moved_keyframes(session, *merged.map, frames);

@@ -2,7 +2,6 @@
 #include "cairn/vision/close_loops.hpp"
 
 #include <algorithm>
-#include <string>
 #include <utility>
 #include <vector>
 

@@ -66,22 +66,18 @@ ColorImage read_color_image(const std::filesystem::path& path);
 /// @throws Error as read_gray_image, and for any other image
 StoredDepthImage read_depth_image(const std::filesystem::path& path);
 
-/// Writes an image as PNG, atomically.
+/// Writes a GrayImage, ColorImage or StoredDepthImage as PNG, atomically.
 /// @throws Error (storage) naming the file; (misuse) if the image is empty or its number of values does not
 ///        match its size
-void write_png(const std::filesystem::path& path, const GrayImage& image,
-               Durability durability = Durability::kAtOnce);
-void write_png(const std::filesystem::path& path, const ColorImage& image,
-               Durability durability = Durability::kAtOnce);
-void write_png(const std::filesystem::path& path, const StoredDepthImage& image,
+template <class ImageOf>
+void write_png(const std::filesystem::path& path, const ImageOf& image,
                Durability durability = Durability::kAtOnce);
 
-/// Writes an image as JPEG, atomically.
+/// Writes a GrayImage or ColorImage as JPEG, atomically.
 /// @param quality 0 to 100
 /// @throws Error as write_png()
-void write_jpeg(const std::filesystem::path& path, const GrayImage& image, int quality = 95,
-                Durability durability = Durability::kAtOnce);
-void write_jpeg(const std::filesystem::path& path, const ColorImage& image, int quality = 95,
+template <class ImageOf>
+void write_jpeg(const std::filesystem::path& path, const ImageOf& image, int quality = 95,
                 Durability durability = Durability::kAtOnce);
 
 /// An image as the bytes of a JPEG file.

@@ -89,10 +89,7 @@ double probability_of(const Candidate& candidate) {
 }  // namespace
 
 constexpr OptionField kLocateFields[] = {
-    {"features",
-     option_at<&LocateOptions::features, &FeatureOptions::count>,
-     {},
-     "--features",
+    {"features", option_at<&LocateOptions::features, &FeatureOptions::count>, kAny, "--features",
      "Number of corners to detect in an image"},
     {"min_probability", option_at<&LocateOptions::min_probability>, kProbability,
      "--min-probability", "Least probability of a located image, at least 0.5 and below 1"},
@@ -115,12 +112,10 @@ class ImageLocator::Parts {
         metric_(map.info().length_unit == LengthUnit::kMetres) {
     const LandmarkTable& landmarks = map.landmarks();
     const auto& column = landmarks.descriptors;
-    if (!column || column->kind != "ORB" || column->bytes_each != kDescriptorBytes) {
-      throw Error(
-          ErrorKind::kInput, "descriptors",
-          column ? fmt::format("{} of {} bytes", column->kind, column->bytes_each) : "none",
-          fmt::format("ORB of {} bytes: an image is compared with these", kDescriptorBytes));
-    }
+    reject_if(!column || column->kind != "ORB" || column->bytes_each != kDescriptorBytes,
+              "descriptors",
+              column ? fmt::format("{} of {} bytes", column->kind, column->bytes_each) : "none",
+              fmt::format("ORB of {} bytes: an image is compared with these", kDescriptorBytes));
     for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
       if (column->known[i] == 0) continue;
       indices_.push_back(i);

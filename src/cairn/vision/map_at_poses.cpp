@@ -85,65 +85,61 @@ class PosedMapping {
       : map_(camera, options.features, options.noise) {}
 
   const FeatureExtractor& extractor() const { return map_.extractor(); }
+
   /// The number of landmarks that it observes.
-  std::size_t add(TrackedFrame frame);
-  LandmarkMap finish(const MapOptions& options);
+  std::size_t add(TrackedFrame frame) {
+    // Search radius for a corner, because poses and landmarks have errors.
+    constexpr double kRadius = 6.0;
+    frame.landmarks.assign(frame.features.size(), std::nullopt);
+    const ExpectedLandmarks expected = map_.expected_in(frame);
+    std::vector<LandmarkMatch> matches =
+        map_.align(frame, map_.match_corners(frame, expected, kRadius));
+    const auto more = map_.find_without_corners(frame, expected, matches);
+    matches.insert(matches.end(), more.begin(), more.end());
+    take(frame, matches);
+    map_.note_found(frame, expected);
+    const std::uint32_t index = map_.add_keyframe(frame);
+
+    std::vector<LandmarkIndex> observed;
+    for (const auto& landmark : map_.graph().keyframes()[index].landmarks) {
+      if (landmark) observed.push_back(*landmark);
+    }
+    adjust_landmarks(map_.graph(), observed);
+    map_.cull(index);
+    return observed.size();
+  }
+
+  LandmarkMap finish(const MapOptions& options) {
+    LandmarkGraph& graph = map_.graph();
+    map_.adopt_estimated_noise();
+    std::vector<LandmarkIndex> again;
+    for (std::uint32_t i = 0; i < graph.landmarks().size(); ++i) {
+      if (graph.landmarks()[i].observations.size() > 1) again.push_back({i});
+    }
+    drop_outliers(graph, again);
+    adjust_landmarks(graph, again);
+    // The poses are fixed.
+    const std::vector<std::optional<Matrix6d>> exact(graph.keyframes().size(), Matrix6d::Zero());
+    return map_.to_map(options, recursive_covariances(graph, exact), {});
+  }
 
  private:
-  void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const;
+  // Keeps the matches at the expected depth, which excludes other surfaces and wrong corners.
+  void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const {
+    const Rigid3 camera_from_world = frame.world_from_camera.inverse();
+    constexpr double kMostOff = 5.0;  // standard deviations
+    for (const LandmarkMatch& match : matches) {
+      const Keypoint& keypoint = frame.features.keypoints()[match.keypoint];
+      const double depth = (camera_from_world * map_.graph().landmark(match.landmark).position).z();
+      const bool agrees =
+          keypoint.depth_m <= 0.0F ||
+          std::abs(keypoint.depth_m - depth) <= kMostOff * map_.sensor().sigma_depth_m(depth);
+      if (agrees) frame.landmarks[match.keypoint] = match.landmark;
+    }
+  }
 
   KeyframeMap map_;
 };
-
-std::size_t PosedMapping::add(TrackedFrame frame) {
-  // Search radius for a corner, because poses and landmarks have errors.
-  constexpr double kRadius = 6.0;
-  frame.landmarks.assign(frame.features.size(), std::nullopt);
-  const ExpectedLandmarks expected = map_.expected_in(frame);
-  std::vector<LandmarkMatch> matches =
-      map_.align(frame, map_.match_corners(frame, expected, kRadius));
-  const auto more = map_.find_without_corners(frame, expected, matches);
-  matches.insert(matches.end(), more.begin(), more.end());
-  take(frame, matches);
-  map_.note_found(frame, expected);
-  const std::uint32_t index = map_.add_keyframe(frame);
-
-  std::vector<LandmarkIndex> observed;
-  for (const auto& landmark : map_.graph().keyframes()[index].landmarks) {
-    if (landmark) observed.push_back(*landmark);
-  }
-  adjust_landmarks(map_.graph(), observed);
-  map_.cull(index);
-  return observed.size();
-}
-
-// Keeps the matches at the expected depth, which excludes other surfaces and wrong corners.
-void PosedMapping::take(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const {
-  const Rigid3 camera_from_world = frame.world_from_camera.inverse();
-  constexpr double kMostOff = 5.0;  // standard deviations
-  for (const LandmarkMatch& match : matches) {
-    const Keypoint& keypoint = frame.features.keypoints()[match.keypoint];
-    const double depth = (camera_from_world * map_.graph().landmark(match.landmark).position).z();
-    const bool agrees =
-        keypoint.depth_m <= 0.0F ||
-        std::abs(keypoint.depth_m - depth) <= kMostOff * map_.sensor().sigma_depth_m(depth);
-    if (agrees) frame.landmarks[match.keypoint] = match.landmark;
-  }
-}
-
-LandmarkMap PosedMapping::finish(const MapOptions& options) {
-  LandmarkGraph& graph = map_.graph();
-  map_.adopt_estimated_noise();
-  std::vector<LandmarkIndex> again;
-  for (std::uint32_t i = 0; i < graph.landmarks().size(); ++i) {
-    if (graph.landmarks()[i].observations.size() > 1) again.push_back({i});
-  }
-  drop_outliers(graph, again);
-  adjust_landmarks(graph, again);
-  // The poses are fixed.
-  const std::vector<std::optional<Matrix6d>> exact(graph.keyframes().size(), Matrix6d::Zero());
-  return map_.to_map(options, recursive_covariances(graph, exact), {});
-}
 
 struct PosedImages {
   std::string defect;
@@ -187,11 +183,9 @@ MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
   constexpr std::size_t kFramesAhead = 6;
   options.executor.in_order(keyframes.size(), kFramesAhead, prepare, add);
   result.map = with_content_uuid(mapping.finish(options.map));
-  if (result.map.landmark_count() == 0) {
-    throw Error(ErrorKind::kInput, "sequence",
-                fmt::format("no landmark in {} keyframes", keyframes.size()),
-                "images with texture and depth");
-  }
+  reject_if(result.map.landmark_count() == 0, "sequence",
+            fmt::format("no landmark in {} keyframes", keyframes.size()),
+            "images with texture and depth");
   return result;
 }
 
@@ -212,14 +206,11 @@ void MapAtPosesOptions::validate() const {
   features.validate();
   noise.validate();
   map.validate();
-  if (map.covariance != LandmarkCovariance::kRecursive) {
-    throw Error(ErrorKind::kMisuse, "MapAtPosesOptions.map.covariance", "marginal",
-                "recursive where poses are given");
-  }
-  if (!(max_time_difference_s > 0.0 && std::isfinite(max_time_difference_s))) {
-    throw Error(ErrorKind::kMisuse, "MapAtPosesOptions.max_time_difference_s",
-                fmt::format("{}", max_time_difference_s), "a positive number of seconds");
-  }
+  refuse_if(map.covariance != LandmarkCovariance::kRecursive, "MapAtPosesOptions.map.covariance",
+            "marginal", "recursive where poses are given");
+  refuse_if(!(max_time_difference_s > 0.0 && std::isfinite(max_time_difference_s)),
+            "MapAtPosesOptions.max_time_difference_s", fmt::format("{}", max_time_difference_s),
+            "a positive number of seconds");
 }
 
 MapAtPoses map_at_poses(std::span<const double> timestamps_s,

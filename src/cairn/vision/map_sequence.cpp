@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/vision/map_sequence.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -64,15 +63,121 @@ class Mapping {
       : tracker_(camera, options.odometry), options_(&options) {}
 
   const detail::FeatureExtractor& extractor() const { return tracker_.extractor(); }
-  void add(PreparedFrame frame, std::size_t frames);
-  MappedSequence finish();
+
+  void add(PreparedFrame frame, std::size_t frames) {
+    ++result_.frames;
+    if (!frame.has_depth) ++result_.frames_without_depth;
+    if (frame.depth_range) {
+      depth_middles_m_.push_back(frame.depth_range->middle);
+      depth_reaches_m_.push_back(frame.depth_range->reach);
+    }
+    FrameReport report;
+    if (frame.features) {
+      report = tracker_.track(frame.timestamp_s, std::move(*frame.features), frame.name);
+    } else {
+      ++result_.unreadable;
+      if (options_->log) options_->log("left out: " + frame.defect);
+      report.status = result_.tracked > 0 ? FrameStatus::kLost : FrameStatus::kWaiting;
+    }
+    if (report.status == FrameStatus::kTracked) note_tracked(report);
+    if (report.status == FrameStatus::kLost) note_lost(frame.timestamp_s);
+    if (report.status == FrameStatus::kWaiting) ++result_.waiting;
+    was_lost_ = report.status == FrameStatus::kLost;
+
+    // A map that starts without depth would be lost at once; the next frame may be suitable.
+    if (report.status == FrameStatus::kTracked && is_long_enough() &&
+        tracker_.can_begin_new_map()) {
+      detail::FinishedMap finished = tracker_.begin_new_map(options_->map);
+      add_poses(finished.trajectory);
+      first_from_map_ = first_from_map_ * finished.to_next.target_from_source->rigid();
+      result_.maps.push_back(with_content_uuid(std::move(finished.map)));
+      Link& link = result_.links.emplace_back(finished.to_next);
+      link.target = NodeId{result_.links.size() - 1};
+      link.source = NodeId{result_.links.size()};
+      frames_in_map_ = 1;
+      path_in_map_ = 0.0;
+      turn_in_map_ = 0.0;
+      last_pose_ = tracker_.last_pose();
+    }
+    if (options_->progress) {
+      options_->progress({result_.frames, frames, report.landmarks, result_.lost_frames()});
+    }
+  }
+
+  MappedSequence finish() {
+    remark_on_depth();
+    tracker_.complete();
+    add_poses(tracker_.trajectory());
+    result_.trajectory = Trajectory(std::move(poses_));
+    // Drops a mini-map of a single frame at the end, because the previous one has the same data.
+    if (frames_in_map_ > 1 || (frames_in_map_ == 1 && result_.maps.empty())) {
+      result_.maps.push_back(with_content_uuid(tracker_.map(options_->map)));
+    } else if (!result_.links.empty()) {
+      result_.links.pop_back();
+    }
+    for (const LandmarkMap& map : result_.maps) result_.keyframes += map.frame_count();
+    if (result_.tracked > 0) {
+      result_.mean_tracked_landmarks = landmark_sum_ / static_cast<double>(result_.tracked);
+    }
+    if (!errors_.empty()) result_.median_reprojection_error = upper_median(errors_);
+    return std::move(result_);
+  }
 
  private:
-  void note_tracked(const FrameReport& report);
-  void note_lost(double timestamp_s);
-  void remark_on_depth();
-  bool is_long_enough() const;
-  void add_poses(const Trajectory& trajectory);
+  void note_tracked(const FrameReport& report) {
+    ++result_.tracked;
+    ++frames_in_map_;
+    landmark_sum_ += static_cast<double>(report.landmarks);
+    if (!report.keyframe) {
+      errors_.insert(errors_.end(), report.reprojection_errors.begin(),
+                     report.reprojection_errors.end());
+    }
+    const Rigid3 pose = *tracker_.last_pose();
+    if (last_pose_) {
+      path_in_map_ += (pose.translation() - last_pose_->translation()).norm();
+      turn_in_map_ += (last_pose_->inverse() * pose).angle();
+    }
+    last_pose_ = pose;
+  }
+
+  void note_lost(double timestamp_s) {
+    if (!was_lost_) result_.lost.push_back({timestamp_s, timestamp_s, 0});
+    result_.lost.back().last_timestamp_s = timestamp_s;
+    ++result_.lost.back().frames;
+  }
+
+  // Depth images in the wrong unit give a map that is wrong only by a factor, which only implausible lengths
+  // reveal.
+  void remark_on_depth() {
+    if (!options_->log || depth_reaches_m_.empty()) return;
+    const double middle = upper_median(depth_middles_m_);
+    const double reach = upper_median(depth_reaches_m_);
+    constexpr double kLeast = 0.4;  // least range of most depth cameras
+    const double most = options_->odometry.features.max_depth_m;
+    if (middle >= kLeast && reach <= most) return;
+    const bool near = middle < kLeast;
+    options_->log(fmt::format(
+        "{} {:.3g} m, where depth cameras measure {} to {} m: check the depth images' units per "
+        "metre (1000 for millimetres), on which all lengths depend",
+        near ? "half of all depths are below" : "the depth images reach", near ? middle : reach,
+        kLeast, most));
+  }
+
+  bool is_long_enough() const {
+    if (!options_->mini_maps) return false;
+    const MiniMapLength& length = *options_->mini_maps;
+    return (length.metres && path_in_map_ >= *length.metres) ||
+           (length.frames && frames_in_map_ >= *length.frames) ||
+           (length.turn_rad && turn_in_map_ >= *length.turn_rad);
+  }
+
+  // The first pose of a mini-map is the last one of the map before.
+  void add_poses(const Trajectory& trajectory) {
+    for (const TimedPose& pose : trajectory.poses()) {
+      if (!poses_.empty() && pose.timestamp_s <= poses_.back().timestamp_s) continue;
+      poses_.push_back({pose.timestamp_s, first_from_map_ * pose.world_from_camera});
+    }
+  }
 
   detail::Tracker tracker_;
   const MapSequenceOptions* options_;
@@ -89,119 +194,6 @@ class Mapping {
   double turn_in_map_ = 0.0;
   std::optional<Rigid3> last_pose_;
 };
-
-void Mapping::add(PreparedFrame frame, std::size_t frames) {
-  ++result_.frames;
-  if (!frame.has_depth) ++result_.frames_without_depth;
-  if (frame.depth_range) {
-    depth_middles_m_.push_back(frame.depth_range->middle);
-    depth_reaches_m_.push_back(frame.depth_range->reach);
-  }
-  FrameReport report;
-  if (frame.features) {
-    report = tracker_.track(frame.timestamp_s, std::move(*frame.features), frame.name);
-  } else {
-    ++result_.unreadable;
-    if (options_->log) options_->log("left out: " + frame.defect);
-    report.status = result_.tracked > 0 ? FrameStatus::kLost : FrameStatus::kWaiting;
-  }
-  if (report.status == FrameStatus::kTracked) note_tracked(report);
-  if (report.status == FrameStatus::kLost) note_lost(frame.timestamp_s);
-  if (report.status == FrameStatus::kWaiting) ++result_.waiting;
-  was_lost_ = report.status == FrameStatus::kLost;
-
-  // A map that starts without depth would be lost at once; the next frame may be suitable.
-  if (report.status == FrameStatus::kTracked && is_long_enough() && tracker_.can_begin_new_map()) {
-    detail::FinishedMap finished = tracker_.begin_new_map(options_->map);
-    add_poses(finished.trajectory);
-    first_from_map_ = first_from_map_ * finished.to_next.target_from_source->rigid();
-    result_.maps.push_back(with_content_uuid(std::move(finished.map)));
-    Link& link = result_.links.emplace_back(finished.to_next);
-    link.target = NodeId{result_.links.size() - 1};
-    link.source = NodeId{result_.links.size()};
-    frames_in_map_ = 1;
-    path_in_map_ = 0.0;
-    turn_in_map_ = 0.0;
-    last_pose_ = tracker_.last_pose();
-  }
-  if (options_->progress) {
-    options_->progress({result_.frames, frames, report.landmarks, result_.lost_frames()});
-  }
-}
-
-void Mapping::note_tracked(const FrameReport& report) {
-  ++result_.tracked;
-  ++frames_in_map_;
-  landmark_sum_ += static_cast<double>(report.landmarks);
-  if (!report.keyframe) {
-    errors_.insert(errors_.end(), report.reprojection_errors.begin(),
-                   report.reprojection_errors.end());
-  }
-  const Rigid3 pose = *tracker_.last_pose();
-  if (last_pose_) {
-    path_in_map_ += (pose.translation() - last_pose_->translation()).norm();
-    turn_in_map_ += (last_pose_->inverse() * pose).angle();
-  }
-  last_pose_ = pose;
-}
-
-void Mapping::note_lost(double timestamp_s) {
-  if (!was_lost_) result_.lost.push_back({timestamp_s, timestamp_s, 0});
-  result_.lost.back().last_timestamp_s = timestamp_s;
-  ++result_.lost.back().frames;
-}
-
-bool Mapping::is_long_enough() const {
-  if (!options_->mini_maps) return false;
-  const MiniMapLength& length = *options_->mini_maps;
-  return (length.metres && path_in_map_ >= *length.metres) ||
-         (length.frames && frames_in_map_ >= *length.frames) ||
-         (length.turn_rad && turn_in_map_ >= *length.turn_rad);
-}
-
-// The first pose of a mini-map is the last one of the map before.
-void Mapping::add_poses(const Trajectory& trajectory) {
-  for (const TimedPose& pose : trajectory.poses()) {
-    if (!poses_.empty() && pose.timestamp_s <= poses_.back().timestamp_s) continue;
-    poses_.push_back({pose.timestamp_s, first_from_map_ * pose.world_from_camera});
-  }
-}
-
-// Depth images in the wrong unit give a map that is wrong only by a factor, which only implausible lengths
-// reveal.
-void Mapping::remark_on_depth() {
-  if (!options_->log || depth_reaches_m_.empty()) return;
-  const double middle = upper_median(depth_middles_m_);
-  const double reach = upper_median(depth_reaches_m_);
-  constexpr double kLeast = 0.4;  // least range of most depth cameras
-  const double most = options_->odometry.features.max_depth_m;
-  if (middle >= kLeast && reach <= most) return;
-  const bool near = middle < kLeast;
-  options_->log(fmt::format(
-      "{} {:.3g} m, where depth cameras measure {} to {} m: check the depth images' units per "
-      "metre (1000 for millimetres), on which all lengths depend",
-      near ? "half of all depths are below" : "the depth images reach", near ? middle : reach,
-      kLeast, most));
-}
-
-MappedSequence Mapping::finish() {
-  remark_on_depth();
-  tracker_.complete();
-  add_poses(tracker_.trajectory());
-  result_.trajectory = Trajectory(std::move(poses_));
-  // Drops a mini-map of a single frame at the end, because the previous one has the same data.
-  if (frames_in_map_ > 1 || (frames_in_map_ == 1 && result_.maps.empty())) {
-    result_.maps.push_back(with_content_uuid(tracker_.map(options_->map)));
-  } else if (!result_.links.empty()) {
-    result_.links.pop_back();
-  }
-  for (const LandmarkMap& map : result_.maps) result_.keyframes += map.frame_count();
-  if (result_.tracked > 0) {
-    result_.mean_tracked_landmarks = landmark_sum_ / static_cast<double>(result_.tracked);
-  }
-  if (!errors_.empty()) result_.median_reprojection_error = upper_median(errors_);
-  return std::move(result_);
-}
 
 }  // namespace
 
@@ -258,10 +250,8 @@ MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
 }
 
 PoseGraph pose_graph(const MappedSequence& mapped, std::span<const std::string> names) {
-  if (names.size() != mapped.maps.size()) {
-    throw Error(ErrorKind::kMisuse, "names", fmt::format("{} of them", names.size()),
-                fmt::format("{}, one a mini-map", mapped.maps.size()));
-  }
+  refuse_if(names.size() != mapped.maps.size(), "names", fmt::format("{} of them", names.size()),
+            fmt::format("{}, one a mini-map", mapped.maps.size()));
   std::string uuids;
   for (const LandmarkMap& map : mapped.maps) uuids += map.info().uuid.value_or(content_uuid(map));
   const std::string session = uuid_of(uuids);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/vision/odometry.hpp"
 
-#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
@@ -74,10 +73,7 @@ void OdometryOptions::validate() const {
 constexpr OptionField kMapFields[] = {
     {"min_observations", option_at<&MapOptions::min_observations>, kAtLeastOne,
      "--min-observations", "Leave out landmarks with fewer observations"},
-    {"descriptors",
-     option_at<&MapOptions::descriptors>,
-     {},
-     "!--no-descriptors",
+    {"descriptors", option_at<&MapOptions::descriptors>, kAny, "!--no-descriptors",
      "Leave out the landmarks' descriptors"},
     {"descriptors_each", option_at<&MapOptions::descriptors_each>, within(1, kMostDescriptorsEach),
      "--descriptors-each",
@@ -92,11 +88,10 @@ void MapOptions::validate() const {
 FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t height,
                          std::span<const std::uint8_t> bgr, std::span<const float> depth_m) {
   const std::size_t pixels = std::size_t{width} * height;
-  if (bgr.size() != 3 * pixels || (!depth_m.empty() && depth_m.size() != pixels)) {
-    throw Error(ErrorKind::kMisuse, "frame_images",
-                fmt::format("{} bytes of colour and {} depths", bgr.size(), depth_m.size()),
-                fmt::format("those of {} x {} pixels", width, height));
-  }
+  refuse_if(bgr.size() != 3 * pixels || (!depth_m.empty() && depth_m.size() != pixels),
+            "frame_images",
+            fmt::format("{} bytes of colour and {} depths", bgr.size(), depth_m.size()),
+            fmt::format("those of {} x {} pixels", width, height));
   FrameImages images;
   images.timestamp_s = timestamp_s;
   images.name = fmt::format("{:.6f}", timestamp_s);
@@ -120,11 +115,10 @@ FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const 
   result.name = entry.color.filename().string();
   try {
     RgbdSequence::Images images = sequence.read(frame);
-    if (images.gray.width != camera.width || images.gray.height != camera.height) {
-      throw Error(ErrorKind::kInput, entry.color.string(),
-                  fmt::format("{} x {} pixels", images.gray.width, images.gray.height),
-                  fmt::format("{} x {}, as the camera has", camera.width, camera.height));
-    }
+    reject_if(images.gray.width != camera.width || images.gray.height != camera.height,
+              entry.color.string(),
+              fmt::format("{} x {} pixels", images.gray.width, images.gray.height),
+              fmt::format("{} x {}, as the camera has", camera.width, camera.height));
     result.gray = std::move(images.gray);
     result.depth_m = std::move(images.depth);
   } catch (const Error& error) {

@@ -46,10 +46,9 @@ RgbdSequence::RgbdSequence(const std::filesystem::path& folder, const SequenceOp
   std::error_code ignored;
   const std::filesystem::file_type type = std::filesystem::status(folder, ignored).type();
   // If the type is unknown, the reader of the list says why.
-  if (type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none) {
-    throw Error(ErrorKind::kInput, folder.string(), "not a folder",
-                "the folder of a sequence with rgb.txt and depth.txt");
-  }
+  reject_if(
+      type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none,
+      folder.string(), "not a folder", "the folder of a sequence with rgb.txt and depth.txt");
   const std::vector<detail::ImageEntry> color = list_in(folder / "rgb.txt", log);
   const std::vector<detail::ImageEntry> depth = list_in(folder / "depth.txt", log);
   for (const detail::ImagePair& pair :
@@ -66,20 +65,15 @@ RgbdSequence::RgbdSequence(const std::filesystem::path& folder, const SequenceOp
 }
 
 RgbdSequence::Images RgbdSequence::read(std::size_t frame) const {
-  if (frame >= frames_.size()) {
-    throw Error(ErrorKind::kMisuse, "frame", fmt::format("{} of {}", frame, frames_.size()),
-                "the position of a frame");
-  }
+  refuse_if(frame >= frames_.size(), "frame", fmt::format("{} of {}", frame, frames_.size()),
+            "the position of a frame");
   Images images;
   images.gray = read_gray_image(frames_[frame].color);
   if (const auto& path = frames_[frame].depth) {
     const StoredDepthImage stored = read_depth_image(*path);
-    if (!same_size(stored, images.gray)) {
-      throw Error(
-          ErrorKind::kInput, path->string(),
-          fmt::format("{} x {} pixels", stored.width, stored.height),
-          fmt::format("{} x {}, as its colour image", images.gray.width, images.gray.height));
-    }
+    reject_if(!same_size(stored, images.gray), path->string(),
+              fmt::format("{} x {} pixels", stored.width, stored.height),
+              fmt::format("{} x {}, as its colour image", images.gray.width, images.gray.height));
     const auto metres_per_unit = static_cast<float>(1.0 / depth_units_per_metre_);
     images.depth = DepthImage(stored.width, stored.height);
     std::transform(

@@ -2,7 +2,6 @@
 #include "cairn/vision/sequence.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>

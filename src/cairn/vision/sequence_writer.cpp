@@ -144,9 +144,9 @@ SequenceWriter::~SequenceWriter() {
 }
 
 void SequenceWriter::add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m) {
-  if (color.empty() || !same_size(color, depth_m) || !color.consistent() || !depth_m.consistent()) {
-    throw Error(ErrorKind::kMisuse, "image", "colour and depth do not go together", "one size");
-  }
+  refuse_if(
+      color.empty() || !same_size(color, depth_m) || !color.consistent() || !depth_m.consistent(),
+      "image", "colour and depth do not go together", "one size");
   const std::string time = fmt::format("{:.6f}", timestamp_s);
   const bool png = color_format_ == ColorFormat::kPng;
   const Entry entry{timestamp_s, time, "rgb/" + time + (png ? ".png" : ".jpg"),
@@ -154,9 +154,8 @@ void SequenceWriter::add(double timestamp_s, const ColorImage& color, const Dept
   {
     const std::lock_guard lock(mutex_);
     const auto same = [&](const Entry& other) { return other.time == time; };
-    if (std::any_of(entries_.begin(), entries_.end(), same)) {
-      throw Error(ErrorKind::kMisuse, "timestamp", time + " was added before", "another time");
-    }
+    refuse_if(std::any_of(entries_.begin(), entries_.end(), same), "timestamp",
+              time + " was added before", "another time");
     entries_.push_back(entry);
     list(entry.color + "\n" + entry.depth + "\n");
   }

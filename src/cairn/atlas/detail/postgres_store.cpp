@@ -154,10 +154,8 @@ std::unique_ptr<AtlasStore> open_postgres_store(const std::string& url,
                 "an atlas; 'cairn atlas init' makes one");
   }
   const std::int64_t schema = database.integer("SELECT schema FROM atlas");
-  if (schema != kAtlasSchema) {
-    throw Error(ErrorKind::kInput, database.name(), fmt::format("an atlas of schema {}", schema),
-                fmt::format("schema {}: another version of cairn wrote it", kAtlasSchema));
-  }
+  reject_if(schema != kAtlasSchema, database.name(), fmt::format("an atlas of schema {}", schema),
+            fmt::format("schema {}: another version of cairn wrote it", kAtlasSchema));
   return std::make_unique<PostgresStore>(std::move(database), url, options);
 }
 

@@ -154,10 +154,9 @@ AtlasState SqlStore::state(std::optional<CommitId> at) {
   }
   if (at) {
     const std::uint64_t first = first_commit();
-    if (at->value < first && !(at->value == 0 && first <= 1)) {
-      throw Error(ErrorKind::kMisuse, name(), fmt::format("commit {}", at->value),
-                  fmt::format("commit {} or later: what was before is compacted", first));
-    }
+    refuse_if(at->value < first && !(at->value == 0 && first <= 1), name(),
+              fmt::format("commit {}", at->value),
+              fmt::format("commit {} or later: what was before is compacted", first));
   }
   return read_state(at.value_or(last));
 }
@@ -545,10 +544,8 @@ void SqlStore::insert_row(const char* table, const char* columns, const Values&.
 void SqlStore::insert(const AtlasNode& node) {
   const auto key = bytes_of_hexadecimal(node.map);
   Statement known = database_.prepare("SELECT 1 FROM maps WHERE hash = ?1");
-  if (!key || !known.bind_all(as_blob(*key)).step()) {
-    throw Error(ErrorKind::kMisuse, "AtlasNode.map", printable(node.map),
-                "the hash that put_map() gave");
-  }
+  refuse_if(!key || !known.bind_all(as_blob(*key)).step(), "AtlasNode.map", printable(node.map),
+            "the hash that put_map() gave");
   insert_row("nodes", kNodeColumns, node.id.value, node.name, node.session, as_blob(*key),
              static_cast<std::int64_t>(node.length_unit), node.frames, node.landmarks,
              node.observations, as_blob(extent_bytes(node.extent)), as_blob(digest_of(node)));
@@ -564,10 +561,8 @@ void SqlStore::insert(const Link& link) {
       (!link.target_from_source || pose_of_bytes(blobs.target_from_source)) &&
       (!link.covariance || covariance6_of_bytes(blobs.covariance)) &&
       (!link.covariance_with_scale || covariance7_of_bytes(blobs.covariance_with_scale));
-  if (!sound) {
-    throw Error(ErrorKind::kMisuse, "Link", "a transform or covariance that is none",
-                "finite numbers and a positive semidefinite covariance");
-  }
+  refuse_if(!sound, "Link", "a transform or covariance that is none",
+            "finite numbers and a positive semidefinite covariance");
   insert_row("links", kLinkColumns, link.id.value, link.target.value, link.source.value,
              static_cast<std::int64_t>(link.kind), static_cast<std::int64_t>(stored_verdict(link)),
              link.probability, link.reason, or_null(blobs.target_from_source),
@@ -577,10 +572,9 @@ void SqlStore::insert(const Link& link) {
 
 void SqlStore::insert(const AtlasPose& pose, std::uint64_t row) {
   const PoseBlobs blobs = blobs_of(pose);
-  if (!pose_of_bytes(blobs.frame_from_node) || !covariance7_of_bytes(blobs.covariance)) {
-    throw Error(ErrorKind::kMisuse, "AtlasPose", "a pose or covariance that is none",
-                "finite numbers and a positive semidefinite covariance");
-  }
+  refuse_if(!pose_of_bytes(blobs.frame_from_node) || !covariance7_of_bytes(blobs.covariance),
+            "AtlasPose", "a pose or covariance that is none",
+            "finite numbers and a positive semidefinite covariance");
   insert_row("poses", kPoseColumns, row, pose.node.value, pose.frame.value,
              as_blob(blobs.frame_from_node), as_blob(blobs.covariance),
              as_blob(digest_of(pose, row, blobs)));

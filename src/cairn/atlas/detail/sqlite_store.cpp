@@ -5,7 +5,6 @@
 #include <map>
 #include <string_view>
 #include <system_error>
-#include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -314,9 +313,8 @@ sqlite::Database open_database(const fs::path& path, const AtlasStoreOptions& op
   const auto open = [&] {
     sqlite::Database database(path, how);
     const std::int64_t application = database.integer("PRAGMA application_id");
-    if (application != kApplicationId) {
-      throw Error(ErrorKind::kInput, path.string(), "an SQLite database, but no atlas", "an atlas");
-    }
+    reject_if(application != kApplicationId, path.string(), "an SQLite database, but no atlas",
+              "an atlas");
     return database;
   };
   if (!options.read_only) return open();
@@ -336,15 +334,12 @@ sqlite::Database open_database(const fs::path& path, const AtlasStoreOptions& op
 
 void require_schema(sqlite::Database& database, const fs::path& path, bool read_only) {
   const std::int64_t schema = database.integer("PRAGMA user_version");
-  if (schema > kAtlasSchema || schema < 1) {
-    throw Error(ErrorKind::kInput, path.string(), fmt::format("an atlas of schema {}", schema),
-                fmt::format("schema {} or older: a newer version of cairn wrote it", kAtlasSchema));
-  }
+  reject_if(schema > kAtlasSchema || schema < 1, path.string(),
+            fmt::format("an atlas of schema {}", schema),
+            fmt::format("schema {} or older: a newer version of cairn wrote it", kAtlasSchema));
   if (schema == kAtlasSchema) return;
-  if (read_only) {
-    throw Error(ErrorKind::kInput, path.string(), fmt::format("an atlas of schema {}", schema),
-                fmt::format("schema {}: a command that writes brings it there", kAtlasSchema));
-  }
+  reject_if(read_only, path.string(), fmt::format("an atlas of schema {}", schema),
+            fmt::format("schema {}: a command that writes brings it there", kAtlasSchema));
   sqlite::Transaction transaction(database);
   // Another process may have been faster.
   migrate(database, database.integer("PRAGMA user_version"));

@@ -2,7 +2,6 @@
 // What every store of an atlas does, wherever it keeps it.
 #include "cairn/atlas/store/store.hpp"
 
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>

@@ -11,10 +11,7 @@
 
 namespace cairn::detail {
 
-Csv::Csv(std::initializer_list<std::string_view> header)
-    : Csv(std::span(header.begin(), header.size())) {}
-
-Csv::Csv(std::span<const std::string_view> header) {
+Csv::Csv(std::initializer_list<std::string_view> header) {
   for (const std::string_view name : header) *this << name;
   end_row();
 }

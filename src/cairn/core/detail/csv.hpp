@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,7 +18,6 @@ class Csv {
   /// Rows of a table whose header is elsewhere.
   Csv() = default;
   Csv(std::initializer_list<std::string_view> header);
-  explicit Csv(std::span<const std::string_view> header);
 
   /// Appends a cell to the current row.
   Csv& operator<<(std::string_view text);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/detail/output_folder.hpp"
 
-#include <cerrno>
 #include <string>
 #include <string_view>
 #include <system_error>

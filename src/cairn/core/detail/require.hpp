@@ -17,11 +17,4 @@ void require(bool holds, std::string_view field, const Value& value, std::string
   if (!holds) throw Error(ErrorKind::kMisuse, field, fmt::format("{}", value), expected);
 }
 
-/// @throws Error (misuse) unless low <= value <= high
-template <class Value>
-void require_within(const Value& value, const Value& low, const Value& high,
-                    std::string_view field) {
-  require(value >= low && value <= high, field, value, fmt::format("{} to {}", low, high));
-}
-
 }  // namespace cairn::detail

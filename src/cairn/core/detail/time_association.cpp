@@ -2,7 +2,6 @@
 #include "cairn/core/detail/time_association.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <queue>
 #include <tuple>

@@ -49,12 +49,10 @@ SimulatedSession map_simulated_session(const EnvironmentOptions& environment, Pa
   session.mapped = map_frames(
       path.frames, [&](std::size_t index) { return render(simulator, index); },
       default_simulated_camera(), mapping);
-  if (session.mapped.maps.empty()) {
-    throw Error(ErrorKind::kMisuse, "PathOptions.frames",
-                fmt::format("none of {} frames of session {} could be tracked", path.frames,
-                            environment.session),
-                "more");
-  }
+  refuse_if(session.mapped.maps.empty(), "PathOptions.frames",
+            fmt::format("none of {} frames of session {} could be tracked", path.frames,
+                        environment.session),
+            "more");
   for (const SceneObject& object : simulator.scene().objects) {
     if (object.movable) ++session.movable;
     if (object.moved) ++session.moved;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
-#include <cstring>
 #include <string>
 
 #include <gmock/gmock.h>

@@ -285,9 +285,7 @@ void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<in
   const bool needs_3 = has_further || has_pose_covariances || !map.rigs().empty();
   const int least = needs_3 ? 3 : loss ? 2 : 1;
   const int chosen = version.value_or(least);
-  if (chosen < 1 || chosen > 3) {
-    throw Error(ErrorKind::kMisuse, "version", std::to_string(chosen), "1, 2 or 3");
-  }
+  refuse_if(chosen < 1 || chosen > 3, "version", std::to_string(chosen), "1, 2 or 3");
   if (chosen < least) {
     throw Error(ErrorKind::kMisuse, fmt::format("version {} of the text format", chosen),
                 "would lose " + (chosen == 1            ? *loss

@@ -220,12 +220,10 @@ class PcdHeaderReader {
     }
     for (std::size_t i = 0; i < fields_.size(); ++i) {
       const auto type = type_of(letters_[i], sizes_[i]);
-      if (!type) {
-        throw Error(ErrorKind::kInput, find("TYPE")->place,
-                    fmt::format("type {} with {} bytes for field {}", letters_[i], sizes_[i],
-                                printable(fields_[i].name)),
-                    "4 or 8 bytes for F, 1 for B");
-      }
+      reject_if(!type, find("TYPE")->place,
+                fmt::format("type {} with {} bytes for field {}", letters_[i], sizes_[i],
+                            printable(fields_[i].name)),
+                "4 or 8 bytes for F, 1 for B");
       fields_[i].type = *type;
     }
     // Cannot overflow: both are below 2^32.

@@ -27,10 +27,9 @@ constexpr double kExact = 1e-6;
 
 void check_graph(const PoseGraph& graph, std::span<const NodeExtent> extents) {
   graph.validate();
-  if (extents.size() != graph.nodes.size()) {
-    throw Error(ErrorKind::kMisuse, "extents", fmt::format("{} of them", extents.size()),
-                fmt::format("{}, one a node", graph.nodes.size()));
-  }
+  refuse_if(extents.size() != graph.nodes.size(), "extents",
+            fmt::format("{} of them", extents.size()),
+            fmt::format("{}, one a node", graph.nodes.size()));
   for (const NodeExtent& extent : extents) {
     if (!(extent.radius > 0.0) || !std::isfinite(extent.radius)) {
       throw Error(ErrorKind::kMisuse, "NodeExtent.radius", fmt::format("{}", extent.radius),

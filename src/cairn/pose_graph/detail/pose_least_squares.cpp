@@ -222,10 +222,8 @@ std::vector<Matrix7d> PoseLeastSquares::covariances() {
   std::vector<Matrix7d> result(poses_.size(), Matrix7d::Zero());
   if (poses_.size() <= fixed_) return result;
   linearise();
-  if (!factor(0.0)) {
-    throw Error(ErrorKind::kInput, "pose graph", "its links do not determine the poses",
-                "links whose covariances can be inverted");
-  }
+  reject_if(!factor(0.0), "pose graph", "its links do not determine the poses",
+            "links whose covariances can be inverted");
   const Eigen::MatrixXd blocks = cholesky_->inverse_diagonal();
   for (std::size_t i = fixed_; i < poses_.size(); ++i) {
     result[i].topLeftCorner(size_, size_) =

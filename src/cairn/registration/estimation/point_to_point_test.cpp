@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/registration/estimation/point_to_point.hpp"
 
-#include <cmath>
-#include <numbers>
 #include <vector>
 
 #include <Eigen/Geometry>

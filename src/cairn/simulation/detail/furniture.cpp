@@ -369,194 +369,172 @@ struct ItemMaker {
   Vector3d low = {-0.5 * w, -0.5 * d, 0.0};
   Vector3d size = {w, d, h};
 
-  void monitor();
-  void laptop();
-  void keyboard();
-  void mouse();
-  void cup();
-  void bottle();
-  void book();
-  void book_stack();
-  void upright_books();
-  void paper();
-  void carton();
-  void small_box();
-  void pen_holder();
-  void lamp();
-  void plant();
-  void big_plant();
-  void chair();
-  void bin();
-  void pallet();
-};
-
-void ItemMaker::monitor() {
-  const double high = 0.3;
-  const double foot = h - high;
-  const auto black = plain(builder, kBlack.scaled(1.6), random);
-  Skin skin = Skin::all(black);
-  skin.back = builder.paint(w, high, 400.0, kBlack.scaled(2.2), &Painter::drawers, next(random));
-  builder.box({-0.5 * w, -0.02, foot}, {w, 0.04, high}, skin);
-  const auto picture =
-      builder.paint(w - 0.03, high - 0.03, kNear, kBlack, &Painter::screen, next(random));
-  builder.panel({-0.5 * w + 0.015, -0.0215, h - 0.015}, {w - 0.03, 0, 0}, {0, 0, -high + 0.03},
-                picture, true);
-  builder.box({-0.03, 0.02, 0.012}, {0.06, 0.03, foot + 0.1}, Skin::all(black));
-  builder.box({-0.12, -0.09, 0}, {0.24, 0.18, 0.012}, Skin::all(black));
-}
-
-void ItemMaker::laptop() {
-  Skin skin = Skin::all(plain(builder, kSteel, random));
-  skin.top = builder.paint(w, 0.23, kNear, kSteel, &Painter::keyboard, next(random));
-  builder.box({-0.5 * w, -0.15, 0.0}, {w, 0.23, 0.018}, skin);
-  const auto picture = builder.paint(w, 0.22, kNear, kBlack, &Painter::screen, next(random));
-  const Vector3d lean = Vector3d(0, 0.06, 0.21);
-  builder.panel(Vector3d(-0.5 * w, 0.08, 0.018) + lean, {w, 0, 0}, -lean, picture, true);
-  builder.panel(Vector3d(0.5 * w, 0.084, 0.018) + lean, {-w, 0, 0}, -lean, skin.front);
-}
-
-void ItemMaker::keyboard() {
-  Skin skin = Skin::all(plain(builder, kBlack.scaled(2.0), random));
-  skin.top = builder.paint(w, d, kNear, kBlack, &Painter::keyboard, next(random));
-  builder.box(low, size, skin);
-}
-
-void ItemMaker::mouse() {
-  Skin skin = Skin::all(plain(builder, random_paint(random, 0.3, 0.3), random));
-  builder.box(low, {w, d, 0.6 * h}, skin);
-  builder.box({-0.35 * w, -0.35 * d, 0.6 * h}, {0.7 * w, 0.7 * d, 0.4 * h}, skin);
-}
-
-void ItemMaker::cup() {
-  const auto side =
-      builder.paint(std::numbers::pi * w, h, kNear, kPaper, &Painter::cup, next(random));
-  const auto top = plain(builder, {0.25F, 0.15F, 0.1F}, random);
-  builder.cylinder({0, 0, 0}, 0.42 * w, 0.5 * w, h, side, top);
-  builder.box({0.45 * w, -0.006, 0.25 * h}, {0.03, 0.012, 0.5 * h}, Skin::all(side));
-}
-
-void ItemMaker::bottle() {
-  const auto side =
-      builder.paint(std::numbers::pi * w, 0.7 * h, kNear, kPaper, &Painter::cup, next(random));
-  const auto cap = plain(builder, random_paint(random, 0.8, 0.6), random);
-  builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, 0.7 * h, side, cap);
-  builder.cylinder({0, 0, 0.7 * h}, 0.5 * w, 0.18 * w, 0.2 * h, side, cap);
-  builder.cylinder({0, 0, 0.9 * h}, 0.2 * w, 0.2 * w, 0.1 * h, cap, cap);
-}
-
-void ItemMaker::book() {
-  add_book(builder, low, size, random);
-}
-
-void ItemMaker::book_stack() {
-  for (double z = 0.0; z < h;) {
-    const double bw = random.uniform(0.15, 0.2);
-    const double bd = random.uniform(0.2, 0.26);
-    const double bh = random.uniform(0.015, 0.045);
-    add_book(builder,
-             {-0.5 * bw + random.uniform(-0.02, 0.02), -0.5 * bd + random.uniform(-0.01, 0.01), z},
-             {bw, bd, bh}, random);
-    z += bh + 0.0005;
+  void monitor() {
+    const double high = 0.3;
+    const double foot = h - high;
+    const auto black = plain(builder, kBlack.scaled(1.6), random);
+    Skin skin = Skin::all(black);
+    skin.back = builder.paint(w, high, 400.0, kBlack.scaled(2.2), &Painter::drawers, next(random));
+    builder.box({-0.5 * w, -0.02, foot}, {w, 0.04, high}, skin);
+    const auto picture =
+        builder.paint(w - 0.03, high - 0.03, kNear, kBlack, &Painter::screen, next(random));
+    builder.panel({-0.5 * w + 0.015, -0.0215, h - 0.015}, {w - 0.03, 0, 0}, {0, 0, -high + 0.03},
+                  picture, true);
+    builder.box({-0.03, 0.02, 0.012}, {0.06, 0.03, foot + 0.1}, Skin::all(black));
+    builder.box({-0.12, -0.09, 0}, {0.24, 0.18, 0.012}, Skin::all(black));
   }
-}
 
-void ItemMaker::upright_books() {
-  Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
-  skin.front = builder.paint(w, h, kNear, kBlack, &Painter::book_spines, next(random));
-  skin.left = skin.right = builder.paint(d, h, kNear, kPaper, &Painter::book_cover, next(random));
-  builder.box(low, size, skin);
-}
-
-void ItemMaker::paper() {
-  Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
-  skin.top = builder.paint(w, d, kNear, kPaper, &Painter::paper, next(random));
-  builder.box(low, size, skin);
-}
-
-void ItemMaker::carton() {
-  add_carton(builder, low, size, 400.0, random);
-}
-
-void ItemMaker::small_box() {
-  add_carton(builder, low, size, kNear, random);
-}
-
-void ItemMaker::pen_holder() {
-  const auto side =
-      builder.paint(std::numbers::pi * w, h, kNear, kPaper, &Painter::cup, next(random));
-  builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, h, side, plain(builder, kBlack, random));
-  for (int i = 0; i < 6; ++i) {
-    const auto pen = plain(builder, random_paint(random, 0.9, 0.7), random);
-    builder.box({random.uniform(-0.3, 0.2) * w, random.uniform(-0.3, 0.2) * w, h},
-                {0.008, 0.008, random.uniform(0.03, 0.07)}, Skin::all(pen));
+  void laptop() {
+    Skin skin = Skin::all(plain(builder, kSteel, random));
+    skin.top = builder.paint(w, 0.23, kNear, kSteel, &Painter::keyboard, next(random));
+    builder.box({-0.5 * w, -0.15, 0.0}, {w, 0.23, 0.018}, skin);
+    const auto picture = builder.paint(w, 0.22, kNear, kBlack, &Painter::screen, next(random));
+    const Vector3d lean = Vector3d(0, 0.06, 0.21);
+    builder.panel(Vector3d(-0.5 * w, 0.08, 0.018) + lean, {w, 0, 0}, -lean, picture, true);
+    builder.panel(Vector3d(0.5 * w, 0.084, 0.018) + lean, {-w, 0, 0}, -lean, skin.front);
   }
-}
 
-void ItemMaker::lamp() {
-  const auto metal = plain(builder, random_paint(random, 0.7, 0.5), random);
-  const auto shade = builder.paint(0.6, 0.15, kMiddle, kPaper, &Painter::cup, next(random));
-  builder.cylinder({0, 0, 0}, 0.08, 0.08, 0.02, metal, metal);
-  builder.box({-0.01, -0.01, 0.02}, {0.02, 0.02, h - 0.16}, Skin::all(metal));
-  builder.cylinder({0, 0, h - 0.15}, 0.5 * w, 0.3 * w, 0.15, shade, metal);
-}
+  void keyboard() {
+    Skin skin = Skin::all(plain(builder, kBlack.scaled(2.0), random));
+    skin.top = builder.paint(w, d, kNear, kBlack, &Painter::keyboard, next(random));
+    builder.box(low, size, skin);
+  }
 
-void ItemMaker::plant() {
-  const auto pot = builder.paint(0.4, 0.11, kMiddle, kPaper, &Painter::cup, next(random));
-  builder.cylinder({0, 0, 0}, 0.05, 0.065, 0.11, pot, plain(builder, {0.2F, 0.13F, 0.08F}, random));
-  add_leaves(builder, 0.11, 0.1, 0.11, 26, random);
-}
+  void mouse() {
+    Skin skin = Skin::all(plain(builder, random_paint(random, 0.3, 0.3), random));
+    builder.box(low, {w, d, 0.6 * h}, skin);
+    builder.box({-0.35 * w, -0.35 * d, 0.6 * h}, {0.7 * w, 0.7 * d, 0.4 * h}, skin);
+  }
 
-void ItemMaker::big_plant() {
-  const auto pot = builder.paint(1.0, 0.4, kFar, kPaper, &Painter::cup, next(random));
-  builder.cylinder({0, 0, 0}, 0.14, 0.19, 0.38, pot, plain(builder, {0.2F, 0.13F, 0.08F}, random));
-  builder.box({-0.015, -0.015, 0.38}, {0.03, 0.03, 0.6},
-              Skin::all(plain(builder, {0.3F, 0.2F, 0.1F}, random)));
-  for (const double base : {0.5, 0.75, 1.0}) add_leaves(builder, base, 0.2, 0.24, 16, random);
-}
+  void cup() {
+    const auto side =
+        builder.paint(std::numbers::pi * w, h, kNear, kPaper, &Painter::cup, next(random));
+    const auto top = plain(builder, {0.25F, 0.15F, 0.1F}, random);
+    builder.cylinder({0, 0, 0}, 0.42 * w, 0.5 * w, h, side, top);
+    builder.box({0.45 * w, -0.006, 0.25 * h}, {0.03, 0.012, 0.5 * h}, Skin::all(side));
+  }
 
-void ItemMaker::chair() {
-  const Paint paint = random_paint(random, 0.6, 0.4);
-  const auto cloth = [&](double wide, double high) {
-    return Skin::all(builder.paint(wide, high, 400.0, paint, &Painter::fabric, next(random)));
-  };
-  builder.box({-0.23, -0.22, 0.44}, {0.46, 0.44, 0.07}, cloth(0.46, 0.44));
-  builder.box({-0.21, 0.2, 0.58}, {0.42, 0.05, 0.36}, cloth(0.42, 0.36));
-  const Skin metal = Skin::all(plain(builder, kBlack.scaled(2.5), random));
-  builder.box({-0.02, 0.21, 0.45}, {0.04, 0.03, 0.2}, metal);
-  builder.box({-0.025, -0.025, 0.08}, {0.05, 0.05, 0.36}, metal);
-  builder.box({-0.26, -0.025, 0.03}, {0.52, 0.05, 0.05}, metal);
-  builder.box({-0.025, -0.26, 0.03}, {0.05, 0.235, 0.05}, metal);
-  builder.box({-0.025, 0.025, 0.03}, {0.05, 0.235, 0.05}, metal);
-}
+  void bottle() {
+    const auto side =
+        builder.paint(std::numbers::pi * w, 0.7 * h, kNear, kPaper, &Painter::cup, next(random));
+    const auto cap = plain(builder, random_paint(random, 0.8, 0.6), random);
+    builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, 0.7 * h, side, cap);
+    builder.cylinder({0, 0, 0.7 * h}, 0.5 * w, 0.18 * w, 0.2 * h, side, cap);
+    builder.cylinder({0, 0, 0.9 * h}, 0.2 * w, 0.2 * w, 0.1 * h, cap, cap);
+  }
 
-void ItemMaker::bin() {
-  const auto side = builder.paint(0.9, h, kMiddle, kSteel, &Painter::metal, next(random));
-  builder.cylinder({0, 0, 0}, 0.12, 0.5 * w, h, side,
-                   builder.paint(w, w, kMiddle, kPaper, &Painter::paper, next(random)));
-}
+  void book() { add_book(builder, low, size, random); }
 
-void ItemMaker::pallet() {
-  const Skin timber =
-      Skin::all(builder.paint(1.2, 0.1, kFar, wood_paint(random), &Painter::wood, next(random)));
-  for (int i = 0; i < 5; ++i) builder.box({-0.6, -0.4 + 0.17 * i, 0.1}, {1.2, 0.12, 0.022}, timber);
-  for (const double x : {-0.6, -0.05, 0.5}) builder.box({x, -0.4, 0}, {0.1, 0.8, 0.1}, timber);
-  // Layers of cartons, each layer of its own size, the top one not full.
-  double z = 0.122;
-  while (z < h - 0.2) {
-    const double high = random.uniform(0.22, 0.36);
-    const int nx = random.chance(0.5) ? 2 : 3;
-    const bool last = z + 2 * high > h;
-    for (int i = 0; i < nx; ++i) {
-      for (int j = 0; j < 2; ++j) {
-        if (last && random.chance(0.4)) continue;
-        const double gap = random.uniform(0.005, 0.02);
-        add_carton(builder, {-0.58 + 1.16 * i / nx, -0.38 + 0.38 * j, z},
-                   {1.16 / nx - gap, 0.38 - gap, high - 0.002}, kFar, random);
-      }
+  void book_stack() {
+    for (double z = 0.0; z < h;) {
+      const double bw = random.uniform(0.15, 0.2);
+      const double bd = random.uniform(0.2, 0.26);
+      const double bh = random.uniform(0.015, 0.045);
+      add_book(
+          builder,
+          {-0.5 * bw + random.uniform(-0.02, 0.02), -0.5 * bd + random.uniform(-0.01, 0.01), z},
+          {bw, bd, bh}, random);
+      z += bh + 0.0005;
     }
-    z += high;
   }
-}
+
+  void upright_books() {
+    Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
+    skin.front = builder.paint(w, h, kNear, kBlack, &Painter::book_spines, next(random));
+    skin.left = skin.right = builder.paint(d, h, kNear, kPaper, &Painter::book_cover, next(random));
+    builder.box(low, size, skin);
+  }
+
+  void paper() {
+    Skin skin = Skin::all(plain(builder, kPaper.scaled(0.9), random));
+    skin.top = builder.paint(w, d, kNear, kPaper, &Painter::paper, next(random));
+    builder.box(low, size, skin);
+  }
+
+  void carton() { add_carton(builder, low, size, 400.0, random); }
+
+  void small_box() { add_carton(builder, low, size, kNear, random); }
+
+  void pen_holder() {
+    const auto side =
+        builder.paint(std::numbers::pi * w, h, kNear, kPaper, &Painter::cup, next(random));
+    builder.cylinder({0, 0, 0}, 0.5 * w, 0.5 * w, h, side, plain(builder, kBlack, random));
+    for (int i = 0; i < 6; ++i) {
+      const auto pen = plain(builder, random_paint(random, 0.9, 0.7), random);
+      builder.box({random.uniform(-0.3, 0.2) * w, random.uniform(-0.3, 0.2) * w, h},
+                  {0.008, 0.008, random.uniform(0.03, 0.07)}, Skin::all(pen));
+    }
+  }
+
+  void lamp() {
+    const auto metal = plain(builder, random_paint(random, 0.7, 0.5), random);
+    const auto shade = builder.paint(0.6, 0.15, kMiddle, kPaper, &Painter::cup, next(random));
+    builder.cylinder({0, 0, 0}, 0.08, 0.08, 0.02, metal, metal);
+    builder.box({-0.01, -0.01, 0.02}, {0.02, 0.02, h - 0.16}, Skin::all(metal));
+    builder.cylinder({0, 0, h - 0.15}, 0.5 * w, 0.3 * w, 0.15, shade, metal);
+  }
+
+  void plant() {
+    const auto pot = builder.paint(0.4, 0.11, kMiddle, kPaper, &Painter::cup, next(random));
+    builder.cylinder({0, 0, 0}, 0.05, 0.065, 0.11, pot,
+                     plain(builder, {0.2F, 0.13F, 0.08F}, random));
+    add_leaves(builder, 0.11, 0.1, 0.11, 26, random);
+  }
+
+  void big_plant() {
+    const auto pot = builder.paint(1.0, 0.4, kFar, kPaper, &Painter::cup, next(random));
+    builder.cylinder({0, 0, 0}, 0.14, 0.19, 0.38, pot,
+                     plain(builder, {0.2F, 0.13F, 0.08F}, random));
+    builder.box({-0.015, -0.015, 0.38}, {0.03, 0.03, 0.6},
+                Skin::all(plain(builder, {0.3F, 0.2F, 0.1F}, random)));
+    for (const double base : {0.5, 0.75, 1.0}) add_leaves(builder, base, 0.2, 0.24, 16, random);
+  }
+
+  void chair() {
+    const Paint paint = random_paint(random, 0.6, 0.4);
+    const auto cloth = [&](double wide, double high) {
+      return Skin::all(builder.paint(wide, high, 400.0, paint, &Painter::fabric, next(random)));
+    };
+    builder.box({-0.23, -0.22, 0.44}, {0.46, 0.44, 0.07}, cloth(0.46, 0.44));
+    builder.box({-0.21, 0.2, 0.58}, {0.42, 0.05, 0.36}, cloth(0.42, 0.36));
+    const Skin metal = Skin::all(plain(builder, kBlack.scaled(2.5), random));
+    builder.box({-0.02, 0.21, 0.45}, {0.04, 0.03, 0.2}, metal);
+    builder.box({-0.025, -0.025, 0.08}, {0.05, 0.05, 0.36}, metal);
+    builder.box({-0.26, -0.025, 0.03}, {0.52, 0.05, 0.05}, metal);
+    builder.box({-0.025, -0.26, 0.03}, {0.05, 0.235, 0.05}, metal);
+    builder.box({-0.025, 0.025, 0.03}, {0.05, 0.235, 0.05}, metal);
+  }
+
+  void bin() {
+    const auto side = builder.paint(0.9, h, kMiddle, kSteel, &Painter::metal, next(random));
+    builder.cylinder({0, 0, 0}, 0.12, 0.5 * w, h, side,
+                     builder.paint(w, w, kMiddle, kPaper, &Painter::paper, next(random)));
+  }
+
+  void pallet() {
+    const Skin timber =
+        Skin::all(builder.paint(1.2, 0.1, kFar, wood_paint(random), &Painter::wood, next(random)));
+    for (int i = 0; i < 5; ++i)
+      builder.box({-0.6, -0.4 + 0.17 * i, 0.1}, {1.2, 0.12, 0.022}, timber);
+    for (const double x : {-0.6, -0.05, 0.5}) builder.box({x, -0.4, 0}, {0.1, 0.8, 0.1}, timber);
+    // Layers of cartons, each layer of its own size, the top one not full.
+    double z = 0.122;
+    while (z < h - 0.2) {
+      const double high = random.uniform(0.22, 0.36);
+      const int nx = random.chance(0.5) ? 2 : 3;
+      const bool last = z + 2 * high > h;
+      for (int i = 0; i < nx; ++i) {
+        for (int j = 0; j < 2; ++j) {
+          if (last && random.chance(0.4)) continue;
+          const double gap = random.uniform(0.005, 0.02);
+          add_carton(builder, {-0.58 + 1.16 * i / nx, -0.38 + 0.38 * j, z},
+                     {1.16 / nx - gap, 0.38 - gap, high - 0.002}, kFar, random);
+        }
+      }
+      z += high;
+    }
+  }
+};
 
 struct Range {
   double low;

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <span>
 #include <utility>
 
 #include <embree3/rtcore.h>
@@ -327,6 +326,11 @@ const Scene& Renderer::scene() const {
 
 namespace {
 
+std::uint16_t clipped(std::uint32_t light) {
+  return static_cast<std::uint16_t>(
+      std::min<std::uint32_t>(light, std::numeric_limits<std::uint16_t>::max()));
+}
+
 // The picture that is being made.
 struct Job {
   const std::vector<Shading>& shading;
@@ -342,240 +346,223 @@ struct Job {
   std::vector<std::uint32_t> surfaces;  // of each pixel
   std::vector<std::uint8_t> edge;       // whether an edge runs through each pixel
 
-  void look(const Rigid3& world_from_camera);
+  void look(const Rigid3& world_from_camera) {
+    const Eigen::Matrix3d camera_from_world = world_from_camera.rotation().transpose();
+    const Vector3d& eye = world_from_camera.translation();
+    rotation = world_from_camera.rotation().cast<float>();
+    origin = eye.cast<float>();
+    seen.reserve(shading.size());
+    for (const Shading& shade : shading) {
+      const double distance = shade.offset - shade.normal.dot(eye);
+      Seen one;
+      one.distance = static_cast<float>(std::abs(distance));
+      // Skips a surface whose plane contains the camera, because no ray hits it.
+      constexpr double kInPlane = 1e-9;
+      one.plane = std::abs(distance) < kInPlane
+                      ? Vector3f(0.0F, 0.0F, 0.0F)
+                      : Vector3f((camera_from_world * shade.normal / distance).cast<float>());
+      one.u = (camera_from_world * shade.u_gradient).cast<float>();
+      one.v = (camera_from_world * shade.v_gradient).cast<float>();
+      one.u_offset = static_cast<float>(shade.u_offset + shade.u_gradient.dot(eye));
+      one.v_offset = static_cast<float>(shade.v_offset + shade.v_gradient.dot(eye));
+      seen.push_back(one);
+    }
+  }
+
   // Fires the rays along (x, y, 1); leaves the surface of each in `hit`.
   void trace(Packet& packet, const std::array<float, 16>& x, const std::array<float, 16>& y,
-             std::array<std::uint32_t, 16>& hit) const;
-  float depth(std::uint32_t surface, float x, float y) const;
+             std::array<std::uint32_t, 16>& hit) const {
+    constexpr float kNearest = 0.01F;
+    for (std::size_t i = 0; i < 16; ++i) {
+      packet.rays.ray.org_x[i] = origin.x();
+      packet.rays.ray.org_y[i] = origin.y();
+      packet.rays.ray.org_z[i] = origin.z();
+      packet.rays.ray.dir_x[i] = rotation(0, 0) * x[i] + rotation(0, 1) * y[i] + rotation(0, 2);
+      packet.rays.ray.dir_y[i] = rotation(1, 0) * x[i] + rotation(1, 1) * y[i] + rotation(1, 2);
+      packet.rays.ray.dir_z[i] = rotation(2, 0) * x[i] + rotation(2, 1) * y[i] + rotation(2, 2);
+      packet.rays.ray.tnear[i] = kNearest;
+      packet.rays.ray.tfar[i] = std::numeric_limits<float>::infinity();
+      packet.rays.ray.time[i] = 0.0F;
+      packet.rays.ray.mask[i] = ~0U;
+      packet.rays.ray.flags[i] = 0;
+      packet.rays.hit.geomID[i] = kNothing;
+    }
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcIntersect16(packet.valid.data(), embree, &context, &packet.rays);
+    for (std::size_t i = 0; i < 16; ++i) {
+      hit[i] = packet.rays.hit.geomID[i] == kNothing
+                   ? kNothing
+                   : surface_of_triangle[packet.rays.hit.primID[i]];
+    }
+  }
+
+  float depth(std::uint32_t surface, float x, float y) const {
+    const float inverse = dot(seen[surface].plane, x, y);
+    return inverse > 0.0F ? 1.0F / inverse : 0.0F;
+  }
+
   std::array<std::uint32_t, 3> color(std::uint32_t surface, float x, float y, float z,
-                                     float facing) const;
-  void centres(std::uint32_t first_row, std::uint32_t last_row);
-  bool on_edge(std::uint32_t column, std::uint32_t row) const;
-  void find_edges(std::uint32_t first_row, std::uint32_t last_row);
-  void smooth_edges(std::uint32_t first_row, std::uint32_t last_row);
-};
+                                     float facing) const {
+    const Seen& one = seen[surface];
+    const Shading& shade = shading[surface];
+    const float u = one.u_offset + z * dot(one.u, x, y);
+    const float v = one.v_offset + z * dot(one.v, x, y);
+    // The footprint of a pixel is longer the more slanted the surface: its mean side.
+    const float slant = std::max(facing, 0.05F);
+    const float level = shade.lod + pixel_lod + rough_log2(z) - 0.5F * rough_log2(slant);
+    const std::uint32_t texel = shade.texture->sample(u, v, level);
 
-void Job::look(const Rigid3& world_from_camera) {
-  const Eigen::Matrix3d camera_from_world = world_from_camera.rotation().transpose();
-  const Vector3d& eye = world_from_camera.translation();
-  rotation = world_from_camera.rotation().cast<float>();
-  origin = eye.cast<float>();
-  seen.reserve(shading.size());
-  for (const Shading& shade : shading) {
-    const double distance = shade.offset - shade.normal.dot(eye);
-    Seen one;
-    one.distance = static_cast<float>(std::abs(distance));
-    // Skips a surface whose plane contains the camera, because no ray hits it.
-    constexpr double kInPlane = 1e-9;
-    one.plane = std::abs(distance) < kInPlane
-                    ? Vector3f(0.0F, 0.0F, 0.0F)
-                    : Vector3f((camera_from_world * shade.normal / distance).cast<float>());
-    one.u = (camera_from_world * shade.u_gradient).cast<float>();
-    one.v = (camera_from_world * shade.v_gradient).cast<float>();
-    one.u_offset = static_cast<float>(shade.u_offset + shade.u_gradient.dot(eye));
-    one.v_offset = static_cast<float>(shade.v_offset + shade.v_gradient.dot(eye));
-    seen.push_back(one);
+    const LightGrid& grid = shade.grid;
+    const float gx = std::clamp(u * shade.light_u_scale + shade.light_u_offset, 0.0F,
+                                static_cast<float>(grid.columns - 1) - 1e-4F);
+    const float gy = std::clamp(v * shade.light_v_scale + shade.light_v_offset, 0.0F,
+                                static_cast<float>(grid.rows - 1) - 1e-4F);
+    const int column = static_cast<int>(gx);
+    const int row = static_cast<int>(gy);
+    const float fx = gx - static_cast<float>(column);
+    const float fy = gy - static_cast<float>(row);
+    const float* const node =
+        light.data() + grid.first + static_cast<std::size_t>(row * grid.columns + column);
+    const float upper = node[0] + (node[1] - node[0]) * fx;
+    const float lower = node[grid.columns] + (node[grid.columns + 1] - node[grid.columns]) * fx;
+    const float brightness = upper + (lower - upper) * fy;
+    const auto scale =
+        static_cast<std::uint32_t>(brightness * (256.0F * RenderedFrame::kLightPerLevel));
+    return {((texel & 0xffU) * scale) >> 8, (((texel >> 8) & 0xffU) * scale) >> 8,
+            (((texel >> 16) & 0xffU) * scale) >> 8};
   }
-}
 
-void Job::trace(Packet& packet, const std::array<float, 16>& x, const std::array<float, 16>& y,
-                std::array<std::uint32_t, 16>& hit) const {
-  constexpr float kNearest = 0.01F;
-  for (std::size_t i = 0; i < 16; ++i) {
-    packet.rays.ray.org_x[i] = origin.x();
-    packet.rays.ray.org_y[i] = origin.y();
-    packet.rays.ray.org_z[i] = origin.z();
-    packet.rays.ray.dir_x[i] = rotation(0, 0) * x[i] + rotation(0, 1) * y[i] + rotation(0, 2);
-    packet.rays.ray.dir_y[i] = rotation(1, 0) * x[i] + rotation(1, 1) * y[i] + rotation(1, 2);
-    packet.rays.ray.dir_z[i] = rotation(2, 0) * x[i] + rotation(2, 1) * y[i] + rotation(2, 2);
-    packet.rays.ray.tnear[i] = kNearest;
-    packet.rays.ray.tfar[i] = std::numeric_limits<float>::infinity();
-    packet.rays.ray.time[i] = 0.0F;
-    packet.rays.ray.mask[i] = ~0U;
-    packet.rays.ray.flags[i] = 0;
-    packet.rays.hit.geomID[i] = kNothing;
-  }
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  rtcIntersect16(packet.valid.data(), embree, &context, &packet.rays);
-  for (std::size_t i = 0; i < 16; ++i) {
-    hit[i] = packet.rays.hit.geomID[i] == kNothing ? kNothing
-                                                   : surface_of_triangle[packet.rays.hit.primID[i]];
-  }
-}
-
-float Job::depth(std::uint32_t surface, float x, float y) const {
-  const float inverse = dot(seen[surface].plane, x, y);
-  return inverse > 0.0F ? 1.0F / inverse : 0.0F;
-}
-
-std::array<std::uint32_t, 3> Job::color(std::uint32_t surface, float x, float y, float z,
-                                        float facing) const {
-  const Seen& one = seen[surface];
-  const Shading& shade = shading[surface];
-  const float u = one.u_offset + z * dot(one.u, x, y);
-  const float v = one.v_offset + z * dot(one.v, x, y);
-  // The footprint of a pixel is longer the more slanted the surface: its mean side.
-  const float slant = std::max(facing, 0.05F);
-  const float level = shade.lod + pixel_lod + rough_log2(z) - 0.5F * rough_log2(slant);
-  const std::uint32_t texel = shade.texture->sample(u, v, level);
-
-  const LightGrid& grid = shade.grid;
-  const float gx = std::clamp(u * shade.light_u_scale + shade.light_u_offset, 0.0F,
-                              static_cast<float>(grid.columns - 1) - 1e-4F);
-  const float gy = std::clamp(v * shade.light_v_scale + shade.light_v_offset, 0.0F,
-                              static_cast<float>(grid.rows - 1) - 1e-4F);
-  const int column = static_cast<int>(gx);
-  const int row = static_cast<int>(gy);
-  const float fx = gx - static_cast<float>(column);
-  const float fy = gy - static_cast<float>(row);
-  const float* const node =
-      light.data() + grid.first + static_cast<std::size_t>(row * grid.columns + column);
-  const float upper = node[0] + (node[1] - node[0]) * fx;
-  const float lower = node[grid.columns] + (node[grid.columns + 1] - node[grid.columns]) * fx;
-  const float brightness = upper + (lower - upper) * fy;
-  const auto scale =
-      static_cast<std::uint32_t>(brightness * (256.0F * RenderedFrame::kLightPerLevel));
-  return {((texel & 0xffU) * scale) >> 8, (((texel >> 8) & 0xffU) * scale) >> 8,
-          (((texel >> 16) & 0xffU) * scale) >> 8};
-}
-
-std::uint16_t clipped(std::uint32_t light) {
-  return static_cast<std::uint16_t>(
-      std::min<std::uint32_t>(light, std::numeric_limits<std::uint16_t>::max()));
-}
-
-void Job::centres(std::uint32_t first_row, std::uint32_t last_row) {
-  Packet packet;
-  std::array<float, 16> x{};
-  std::array<float, 16> y{};
-  std::array<std::uint32_t, 16> hit{};
-  for (std::uint32_t top = first_row; top < last_row; top += 4) {
-    for (std::uint32_t left = 0; left < frame.width; left += 4) {
-      for (std::uint32_t i = 0; i < 16; ++i) {
-        const bool inside = left + i % 4 < frame.width && top + i / 4 < last_row;
-        const std::uint32_t column = std::min(left + i % 4, frame.width - 1);
-        const std::uint32_t row = std::min(top + i / 4, last_row - 1);
-        const std::size_t pixel = std::size_t{row} * frame.width + column;
-        packet.valid[i] = inside ? -1 : 0;
-        x[i] = rays.x[pixel];
-        y[i] = rays.y[pixel];
-      }
-      trace(packet, x, y, hit);
-      for (std::uint32_t i = 0; i < 16; ++i) {
-        if (packet.valid[i] == 0) continue;
-        const std::size_t pixel = std::size_t{top + i / 4} * frame.width + left + i % 4;
-        const std::uint32_t surface = hit[i];
-        const float z = surface == kNothing ? 0.0F : depth(surface, x[i], y[i]);
-        surfaces[pixel] = z > 0.0F ? surface : kNothing;
-        if (!(z > 0.0F)) continue;
-        const float length = std::sqrt(x[i] * x[i] + y[i] * y[i] + 1.0F);
-        const float facing = std::min(1.0F, seen[surface].distance / (z * length));
-        frame.depth_m[pixel] = z;
-        frame.facing[pixel] = facing;
-        const auto bgr = color(surface, x[i], y[i], z, facing);
-        for (std::size_t k = 0; k < 3; ++k) frame.bgr[3 * pixel + k] = clipped(bgr[k]);
+  void centres(std::uint32_t first_row, std::uint32_t last_row) {
+    Packet packet;
+    std::array<float, 16> x{};
+    std::array<float, 16> y{};
+    std::array<std::uint32_t, 16> hit{};
+    for (std::uint32_t top = first_row; top < last_row; top += 4) {
+      for (std::uint32_t left = 0; left < frame.width; left += 4) {
+        for (std::uint32_t i = 0; i < 16; ++i) {
+          const bool inside = left + i % 4 < frame.width && top + i / 4 < last_row;
+          const std::uint32_t column = std::min(left + i % 4, frame.width - 1);
+          const std::uint32_t row = std::min(top + i / 4, last_row - 1);
+          const std::size_t pixel = std::size_t{row} * frame.width + column;
+          packet.valid[i] = inside ? -1 : 0;
+          x[i] = rays.x[pixel];
+          y[i] = rays.y[pixel];
+        }
+        trace(packet, x, y, hit);
+        for (std::uint32_t i = 0; i < 16; ++i) {
+          if (packet.valid[i] == 0) continue;
+          const std::size_t pixel = std::size_t{top + i / 4} * frame.width + left + i % 4;
+          const std::uint32_t surface = hit[i];
+          const float z = surface == kNothing ? 0.0F : depth(surface, x[i], y[i]);
+          surfaces[pixel] = z > 0.0F ? surface : kNothing;
+          if (!(z > 0.0F)) continue;
+          const float length = std::sqrt(x[i] * x[i] + y[i] * y[i] + 1.0F);
+          const float facing = std::min(1.0F, seen[surface].distance / (z * length));
+          frame.depth_m[pixel] = z;
+          frame.facing[pixel] = facing;
+          const auto bgr = color(surface, x[i], y[i], z, facing);
+          for (std::size_t k = 0; k < 3; ++k) frame.bgr[3 * pixel + k] = clipped(bgr[k]);
+        }
       }
     }
   }
-}
 
-bool Job::on_edge(std::uint32_t column, std::uint32_t row) const {
-  const std::size_t pixel = std::size_t{row} * frame.width + column;
-  const std::uint32_t own = surfaces[pixel];
-  const auto differs = [&](std::size_t other) {
-    const std::uint32_t its = surfaces[other];
-    if (its == own) return false;
-    if (its == kNothing || own == kNothing) return true;
-    // Adjacent facets of a round object have no edge between them.
-    const bool continues = shading[its].object == shading[own].object &&
-                           shading[its].texture_index == shading[own].texture_index;
-    constexpr float kJump = 0.02F;
-    if (continues &&
-        std::abs(frame.depth_m[other] - frame.depth_m[pixel]) <= kJump * frame.depth_m[pixel]) {
+  bool on_edge(std::uint32_t column, std::uint32_t row) const {
+    const std::size_t pixel = std::size_t{row} * frame.width + column;
+    const std::uint32_t own = surfaces[pixel];
+    const auto differs = [&](std::size_t other) {
+      const std::uint32_t its = surfaces[other];
+      if (its == own) return false;
+      if (its == kNothing || own == kNothing) return true;
+      // Adjacent facets of a round object have no edge between them.
+      const bool continues = shading[its].object == shading[own].object &&
+                             shading[its].texture_index == shading[own].texture_index;
+      constexpr float kJump = 0.02F;
+      if (continues &&
+          std::abs(frame.depth_m[other] - frame.depth_m[pixel]) <= kJump * frame.depth_m[pixel]) {
+        return false;
+      }
+      // An invisible edge needs no smoothing.
+      constexpr int kFaint = 8 * RenderedFrame::kLightPerLevel;
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (std::abs(frame.bgr[3 * other + k] - frame.bgr[3 * pixel + k]) > kFaint) return true;
+      }
       return false;
-    }
-    // An invisible edge needs no smoothing.
-    constexpr int kFaint = 8 * RenderedFrame::kLightPerLevel;
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (std::abs(frame.bgr[3 * other + k] - frame.bgr[3 * pixel + k]) > kFaint) return true;
-    }
-    return false;
-  };
-  return (column > 0 && differs(pixel - 1)) || (column + 1 < frame.width && differs(pixel + 1)) ||
-         (row > 0 && differs(pixel - frame.width)) ||
-         (row + 1 < frame.height && differs(pixel + frame.width));
-}
+    };
+    return (column > 0 && differs(pixel - 1)) || (column + 1 < frame.width && differs(pixel + 1)) ||
+           (row > 0 && differs(pixel - frame.width)) ||
+           (row + 1 < frame.height && differs(pixel + frame.width));
+  }
 
-void Job::find_edges(std::uint32_t first_row, std::uint32_t last_row) {
-  for (std::uint32_t row = first_row; row < last_row; ++row) {
-    for (std::uint32_t column = 0; column < frame.width; ++column) {
-      edge[std::size_t{row} * frame.width + column] = on_edge(column, row) ? 1 : 0;
+  void find_edges(std::uint32_t first_row, std::uint32_t last_row) {
+    for (std::uint32_t row = first_row; row < last_row; ++row) {
+      for (std::uint32_t column = 0; column < frame.width; ++column) {
+        edge[std::size_t{row} * frame.width + column] = on_edge(column, row) ? 1 : 0;
+      }
     }
   }
-}
 
-void Job::smooth_edges(std::uint32_t first_row, std::uint32_t last_row) {
-  // A rotated grid: each row and column of a quarter pixel once.
-  constexpr std::array<std::array<float, 2>, 4> kOffsets = {
-      {{-0.125F, -0.375F}, {0.375F, -0.125F}, {0.125F, 0.375F}, {-0.375F, 0.125F}}};
-  Packet packet;
-  std::array<float, 16> x{};
-  std::array<float, 16> y{};
-  std::array<std::uint32_t, 16> hit{};
-  std::array<std::size_t, 4> pixels{};
-  std::size_t waiting = 0;
-  const auto fire = [&] {
-    for (std::size_t i = 0; i < 16; ++i) packet.valid[i] = i < 4 * waiting ? -1 : 0;
-    trace(packet, x, y, hit);
-    for (std::size_t k = 0; k < waiting; ++k) {
-      std::array<std::uint32_t, 3> sum{};
-      for (std::size_t i = 4 * k; i < 4 * k + 4; ++i) {
-        const float z = hit[i] == kNothing ? 0.0F : depth(hit[i], x[i], y[i]);
-        if (!(z > 0.0F)) continue;
-        const float length = std::sqrt(x[i] * x[i] + y[i] * y[i] + 1.0F);
-        const float facing = std::min(1.0F, seen[hit[i]].distance / (z * length));
-        const auto bgr = color(hit[i], x[i], y[i], z, facing);
-        for (std::size_t c = 0; c < 3; ++c) sum[c] += bgr[c];
+  void smooth_edges(std::uint32_t first_row, std::uint32_t last_row) {
+    // A rotated grid: each row and column of a quarter pixel once.
+    constexpr std::array<std::array<float, 2>, 4> kOffsets = {
+        {{-0.125F, -0.375F}, {0.375F, -0.125F}, {0.125F, 0.375F}, {-0.375F, 0.125F}}};
+    Packet packet;
+    std::array<float, 16> x{};
+    std::array<float, 16> y{};
+    std::array<std::uint32_t, 16> hit{};
+    std::array<std::size_t, 4> pixels{};
+    std::size_t waiting = 0;
+    const auto fire = [&] {
+      for (std::size_t i = 0; i < 16; ++i) packet.valid[i] = i < 4 * waiting ? -1 : 0;
+      trace(packet, x, y, hit);
+      for (std::size_t k = 0; k < waiting; ++k) {
+        std::array<std::uint32_t, 3> sum{};
+        for (std::size_t i = 4 * k; i < 4 * k + 4; ++i) {
+          const float z = hit[i] == kNothing ? 0.0F : depth(hit[i], x[i], y[i]);
+          if (!(z > 0.0F)) continue;
+          const float length = std::sqrt(x[i] * x[i] + y[i] * y[i] + 1.0F);
+          const float facing = std::min(1.0F, seen[hit[i]].distance / (z * length));
+          const auto bgr = color(hit[i], x[i], y[i], z, facing);
+          for (std::size_t c = 0; c < 3; ++c) sum[c] += bgr[c];
+        }
+        for (std::size_t c = 0; c < 3; ++c) frame.bgr[3 * pixels[k] + c] = clipped(sum[c] / 4);
       }
-      for (std::size_t c = 0; c < 3; ++c) frame.bgr[3 * pixels[k] + c] = clipped(sum[c] / 4);
-    }
-    waiting = 0;
-  };
-  for (std::uint32_t row = first_row; row < last_row; ++row) {
-    for (std::uint32_t column = 0; column < frame.width; ++column) {
-      const std::size_t pixel = std::size_t{row} * frame.width + column;
-      if (edge[pixel] == 0) continue;
-      // The distance of rays, from the next pixel or, at the border, from the previous one.
-      const std::size_t left = column + 1 < frame.width || column == 0 ? pixel : pixel - 1;
-      const std::size_t right = std::min(left + 1, std::size_t{row + 1} * frame.width - 1);
-      const std::size_t above = row + 1 < frame.height || row == 0 ? pixel : pixel - frame.width;
-      const std::size_t below = row + 1 < frame.height || row > 0 ? above + frame.width : above;
-      for (std::size_t i = 0; i < 4; ++i) {
-        const auto [across, down] = kOffsets[i];
-        x[4 * waiting + i] = rays.x[pixel] + across * (rays.x[right] - rays.x[left]) +
-                             down * (rays.x[below] - rays.x[above]);
-        y[4 * waiting + i] = rays.y[pixel] + across * (rays.y[right] - rays.y[left]) +
-                             down * (rays.y[below] - rays.y[above]);
+      waiting = 0;
+    };
+    for (std::uint32_t row = first_row; row < last_row; ++row) {
+      for (std::uint32_t column = 0; column < frame.width; ++column) {
+        const std::size_t pixel = std::size_t{row} * frame.width + column;
+        if (edge[pixel] == 0) continue;
+        // The distance of rays, from the next pixel or, at the border, from the previous one.
+        const std::size_t left = column + 1 < frame.width || column == 0 ? pixel : pixel - 1;
+        const std::size_t right = std::min(left + 1, std::size_t{row + 1} * frame.width - 1);
+        const std::size_t above = row + 1 < frame.height || row == 0 ? pixel : pixel - frame.width;
+        const std::size_t below = row + 1 < frame.height || row > 0 ? above + frame.width : above;
+        for (std::size_t i = 0; i < 4; ++i) {
+          const auto [across, down] = kOffsets[i];
+          x[4 * waiting + i] = rays.x[pixel] + across * (rays.x[right] - rays.x[left]) +
+                               down * (rays.x[below] - rays.x[above]);
+          y[4 * waiting + i] = rays.y[pixel] + across * (rays.y[right] - rays.y[left]) +
+                               down * (rays.y[below] - rays.y[above]);
+        }
+        pixels[waiting++] = pixel;
+        if (waiting == 4) fire();
       }
-      pixels[waiting++] = pixel;
-      if (waiting == 4) fire();
     }
+    if (waiting > 0) fire();
   }
-  if (waiting > 0) fire();
-}
+};
 
 }  // namespace
 
 RenderedFrame Renderer::render(const Camera& camera, const RayTable& rays,
                                const Rigid3& world_from_camera, const Executor& executor) const {
   const std::size_t count = std::size_t{camera.width} * camera.height;
-  if (count == 0 || rays.x.size() != count || rays.y.size() != count) {
-    throw Error(ErrorKind::kMisuse, "Renderer::render",
-                fmt::format("{} rays for {} pixels", rays.x.size(), count),
-                "the camera's own ray_table");
-  }
+  refuse_if(count == 0 || rays.x.size() != count || rays.y.size() != count, "Renderer::render",
+            fmt::format("{} rays for {} pixels", rays.x.size(), count),
+            "the camera's own ray_table");
   Job job{state_->shading,
           state_->light,
           state_->surface_of_triangle,

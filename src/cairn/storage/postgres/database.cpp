@@ -14,7 +14,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
-#include "cairn/storage/detail/connection.hpp"
 
 namespace cairn::postgres {
 
@@ -175,7 +174,25 @@ class PostgresCursor : public storage::detail::Cursor {
   }
   void bind(int parameter, std::nullptr_t) override { put(parameter, std::nullopt); }
 
-  bool step() override;
+  bool step() override {
+    blobs_.clear();
+    if (rows_) {
+      ++row_;
+    } else {
+      std::vector<const char*> parameters;
+      for (const auto& value : parameters_) {
+        parameters.push_back(value ? value->c_str() : nullptr);
+      }
+      rows_ = connection_.run([&](pqxx::transaction_base& transaction) {
+        return transaction.exec_params(sql_, pqxx::prepare::make_dynamic_params(parameters));
+      });
+      row_ = 0;
+    }
+    if (row_ < rows_->size()) return true;
+    rows_.reset();
+    return false;
+  }
+
   void reset() override {
     rows_.reset();
     parameters_.clear();
@@ -183,17 +200,53 @@ class PostgresCursor : public storage::detail::Cursor {
 
   const std::string& database() const override { return connection_.name; }
   std::string column_name(int column) const override { return field(column).name(); }
-  ColumnType type(int column) const override;
+
+  ColumnType type(int column) const override {
+    const pqxx::field one = field(column);
+    if (one.is_null()) return ColumnType::kNull;
+    switch (one.type()) {
+      case kInt8:
+      case kInt4:
+        return ColumnType::kInteger;
+      case kFloat8:
+        return ColumnType::kReal;
+      case kText:
+        return ColumnType::kText;
+      case kBytea:
+        return ColumnType::kBlob;
+      default:
+        return ColumnType::kOther;
+    }
+  }
+
   std::int64_t integer(int column) const override { return field(column).as<std::int64_t>(); }
-  double real(int column) const override;
+
+  double real(int column) const override {
+    const auto number = parse_number(text(column));
+    if (!number) {
+      throw Error(ErrorKind::kInput, connection_.name, fmt::format("column {}", column),
+                  "a finite number");
+    }
+    return *number;
+  }
+
   std::string_view text(int column) const override {
     const pqxx::field one = field(column);
     return {one.c_str(), one.size()};
   }
-  std::span<const std::byte> blob(int column) const override;
+
+  std::span<const std::byte> blob(int column) const override {
+    const auto [found, added] = blobs_.try_emplace(column, pqxx::binarystring(field(column)));
+    return std::as_bytes(std::span(found->second.data(), found->second.size()));
+  }
 
  private:
-  void put(int parameter, std::optional<std::string> value);
+  void put(int parameter, std::optional<std::string> value) {
+    const auto index = static_cast<std::size_t>(parameter - 1);
+    if (parameters_.size() <= index) parameters_.resize(index + 1);
+    parameters_[index] = std::move(value);
+  }
+
   pqxx::field field(int column) const { return (*rows_)[row_][column]; }
 
   PostgresConnection& connection_;
@@ -203,63 +256,6 @@ class PostgresCursor : public storage::detail::Cursor {
   pqxx::result::size_type row_ = 0;
   mutable std::map<int, pqxx::binarystring> blobs_;  // of the current row, as far as they were read
 };
-
-void PostgresCursor::put(int parameter, std::optional<std::string> value) {
-  const auto index = static_cast<std::size_t>(parameter - 1);
-  if (parameters_.size() <= index) parameters_.resize(index + 1);
-  parameters_[index] = std::move(value);
-}
-
-bool PostgresCursor::step() {
-  blobs_.clear();
-  if (rows_) {
-    ++row_;
-  } else {
-    std::vector<const char*> parameters;
-    for (const auto& value : parameters_) {
-      parameters.push_back(value ? value->c_str() : nullptr);
-    }
-    rows_ = connection_.run([&](pqxx::transaction_base& transaction) {
-      return transaction.exec_params(sql_, pqxx::prepare::make_dynamic_params(parameters));
-    });
-    row_ = 0;
-  }
-  if (row_ < rows_->size()) return true;
-  rows_.reset();
-  return false;
-}
-
-ColumnType PostgresCursor::type(int column) const {
-  const pqxx::field one = field(column);
-  if (one.is_null()) return ColumnType::kNull;
-  switch (one.type()) {
-    case kInt8:
-    case kInt4:
-      return ColumnType::kInteger;
-    case kFloat8:
-      return ColumnType::kReal;
-    case kText:
-      return ColumnType::kText;
-    case kBytea:
-      return ColumnType::kBlob;
-    default:
-      return ColumnType::kOther;
-  }
-}
-
-double PostgresCursor::real(int column) const {
-  const auto number = parse_number(text(column));
-  if (!number) {
-    throw Error(ErrorKind::kInput, connection_.name, fmt::format("column {}", column),
-                "a finite number");
-  }
-  return *number;
-}
-
-std::span<const std::byte> PostgresCursor::blob(int column) const {
-  const auto [found, added] = blobs_.try_emplace(column, pqxx::binarystring(field(column)));
-  return std::as_bytes(std::span(found->second.data(), found->second.size()));
-}
 
 PostgresConnection::PostgresConnection(const std::string& url, std::string its_name,
                                        const OpenOptions& options)
@@ -302,9 +298,7 @@ void PostgresConnection::execute(const std::string& sql) {
 }
 
 void PostgresConnection::begin(Transaction::Kind kind) {
-  if (open_ != nullptr) {
-    throw Error(ErrorKind::kMisuse, name, "a transaction within another", "one at a time");
-  }
+  refuse_if(open_ != nullptr, name, "a transaction within another", "one at a time");
   if (kind == Transaction::Kind::kWrite) return wait_to_write();
   guarded(*this, [&] {
     if (kind == Transaction::Kind::kRead) {

@@ -4,13 +4,11 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
-#include <utility>
 
 #include <fmt/format.h>
 #include <sqlite3.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/storage/detail/connection.hpp"
 
 namespace cairn::sqlite {
 namespace {
@@ -55,11 +53,9 @@ void require_regular_file(const fs::path& path, const std::string& name, Access 
     throw Error(ErrorKind::kInput, name, "no such file", "an SQLite database");
   }
   if (failure) throw Error(ErrorKind::kInput, name, failure.message(), "an SQLite database");
-  if (status.type() != fs::file_type::regular) {
-    throw Error(ErrorKind::kInput, name,
-                status.type() == fs::file_type::directory ? "is a folder" : "is no regular file",
-                "an SQLite database");
-  }
+  reject_if(status.type() != fs::file_type::regular, name,
+            status.type() == fs::file_type::directory ? "is a folder" : "is no regular file",
+            "an SQLite database");
 }
 
 std::uint64_t size_of(const fs::path& path) {
@@ -130,74 +126,6 @@ class SqliteConnection : public storage::detail::Connection {
   bool untrusted_;
 };
 
-class SqliteCursor : public storage::detail::Cursor {
- public:
-  SqliteCursor(const SqliteConnection& connection, std::string_view sql)
-      : connection_(connection), sql_(sql) {
-    const char* rest = nullptr;
-    check(sqlite3_prepare_v3(connection.handle(), sql_.c_str(), static_cast<int>(sql_.size()) + 1,
-                             0, &statement_, &rest));
-    const std::string_view left = rest == nullptr ? std::string_view() : std::string_view(rest);
-    if (statement_ == nullptr || left.find_first_not_of(" \t\r\n;") != left.npos) {
-      sqlite3_finalize(statement_);
-      throw Error(ErrorKind::kMisuse, connection.name, "SQL " + printable(sql), "one statement");
-    }
-  }
-  ~SqliteCursor() override { sqlite3_finalize(statement_); }
-  SqliteCursor(const SqliteCursor&) = delete;
-  SqliteCursor& operator=(const SqliteCursor&) = delete;
-
-  void bind(int parameter, std::int64_t value) override {
-    check(sqlite3_bind_int64(statement_, parameter, value));
-  }
-  void bind(int parameter, double value) override {
-    check(sqlite3_bind_double(statement_, parameter, value));
-  }
-  // A null pointer would bind NULL, which an empty text or blob is not.
-  void bind(int parameter, std::string_view text) override {
-    check(sqlite3_bind_text64(statement_, parameter, text.data() == nullptr ? "" : text.data(),
-                              text.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
-  }
-  void bind(int parameter, std::span<const std::byte> blob) override {
-    const void* const data = blob.data() == nullptr ? static_cast<const void*>("") : blob.data();
-    check(sqlite3_bind_blob64(statement_, parameter, data, blob.size(), SQLITE_TRANSIENT));
-  }
-  void bind(int parameter, std::nullptr_t) override {
-    check(sqlite3_bind_null(statement_, parameter));
-  }
-
-  bool step() override;
-  void reset() override {
-    sqlite3_reset(statement_);
-    sqlite3_clear_bindings(statement_);
-  }
-
-  const std::string& database() const override { return connection_.name; }
-  std::string column_name(int column) const override {
-    const char* const name = sqlite3_column_name(statement_, column);
-    return name == nullptr ? fmt::format("column {}", column) : name;
-  }
-  ColumnType type(int column) const override {
-    return type_of(sqlite3_column_type(statement_, column));
-  }
-  std::int64_t integer(int column) const override {
-    return sqlite3_column_int64(statement_, column);
-  }
-  double real(int column) const override { return sqlite3_column_double(statement_, column); }
-  // SQLite returns a null pointer for an empty value, but also if memory is exhausted.
-  std::string_view text(int column) const override;
-  std::span<const std::byte> blob(int column) const override;
-
- private:
-  void check(int code) const {
-    if (code != SQLITE_OK) connection_.fail(code, sql_);
-  }
-
-  const SqliteConnection& connection_;
-  std::string sql_;
-  sqlite3_stmt* statement_ = nullptr;
-};
-
 void SqliteConnection::fail(int code, std::string_view doing) const {
   // Prefers the extended code, which is more specific.
   const int extended = handle_ == nullptr ? code : sqlite3_extended_errcode(handle_);
@@ -249,10 +177,8 @@ void SqliteConnection::fail(int code, std::string_view doing) const {
 
 SqliteConnection::SqliteConnection(const fs::path& path, const OpenOptions& options)
     : Connection(path.string()), stop_(options.stop), untrusted_(options.untrusted) {
-  if (options.immutable && options.access != Access::kRead) {
-    throw Error(ErrorKind::kMisuse, "OpenOptions.immutable", "true with write access",
-                "read access: nobody may write what is immutable");
-  }
+  refuse_if(options.immutable && options.access != Access::kRead, "OpenOptions.immutable",
+            "true with write access", "read access: nobody may write what is immutable");
   require_regular_file(path, name, options.access);
 
   int flags = SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
@@ -310,37 +236,102 @@ void SqliteConnection::configure_all(const fs::path& path, const OpenOptions& op
   prepare("SELECT count(*) FROM sqlite_schema")->step();
 }
 
-bool SqliteCursor::step() {
-  const int code = sqlite3_step(statement_);
-  if (code == SQLITE_ROW) return true;
-  if (code != SQLITE_DONE) {
-    try {
-      connection_.fail(code, sql_);
-    } catch (...) {
-      // Resets after the message is made, which resetting would lose; without it, the statement would keep
-      // its locks.
-      sqlite3_reset(statement_);
-      throw;
+class SqliteCursor : public storage::detail::Cursor {
+ public:
+  SqliteCursor(const SqliteConnection& connection, std::string_view sql)
+      : connection_(connection), sql_(sql) {
+    const char* rest = nullptr;
+    check(sqlite3_prepare_v3(connection.handle(), sql_.c_str(), static_cast<int>(sql_.size()) + 1,
+                             0, &statement_, &rest));
+    const std::string_view left = rest == nullptr ? std::string_view() : std::string_view(rest);
+    if (statement_ == nullptr || left.find_first_not_of(" \t\r\n;") != left.npos) {
+      sqlite3_finalize(statement_);
+      throw Error(ErrorKind::kMisuse, connection.name, "SQL " + printable(sql), "one statement");
     }
   }
-  sqlite3_reset(statement_);
-  return false;
-}
+  ~SqliteCursor() override { sqlite3_finalize(statement_); }
+  SqliteCursor(const SqliteCursor&) = delete;
+  SqliteCursor& operator=(const SqliteCursor&) = delete;
 
-std::string_view SqliteCursor::text(int column) const {
-  const auto* const data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
-  if (data == nullptr) connection_.fail(SQLITE_NOMEM, sql_);
-  return {data, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column))};
-}
+  void bind(int parameter, std::int64_t value) override {
+    check(sqlite3_bind_int64(statement_, parameter, value));
+  }
+  void bind(int parameter, double value) override {
+    check(sqlite3_bind_double(statement_, parameter, value));
+  }
+  // A null pointer would bind NULL, which an empty text or blob is not.
+  void bind(int parameter, std::string_view text) override {
+    check(sqlite3_bind_text64(statement_, parameter, text.data() == nullptr ? "" : text.data(),
+                              text.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
+  }
+  void bind(int parameter, std::span<const std::byte> blob) override {
+    const void* const data = blob.data() == nullptr ? static_cast<const void*>("") : blob.data();
+    check(sqlite3_bind_blob64(statement_, parameter, data, blob.size(), SQLITE_TRANSIENT));
+  }
+  void bind(int parameter, std::nullptr_t) override {
+    check(sqlite3_bind_null(statement_, parameter));
+  }
 
-std::span<const std::byte> SqliteCursor::blob(int column) const {
-  const auto* const data = static_cast<const std::byte*>(sqlite3_column_blob(statement_, column));
-  const int size = sqlite3_column_bytes(statement_, column);
-  const bool is_short =
-      data == nullptr && (size > 0 || sqlite3_errcode(connection_.handle()) == SQLITE_NOMEM);
-  if (is_short) connection_.fail(SQLITE_NOMEM, sql_);
-  return {data, static_cast<std::size_t>(size)};
-}
+  bool step() override {
+    const int code = sqlite3_step(statement_);
+    if (code == SQLITE_ROW) return true;
+    if (code != SQLITE_DONE) {
+      try {
+        connection_.fail(code, sql_);
+      } catch (...) {
+        // Resets after the message is made, which resetting would lose; without it, the statement would keep
+        // its locks.
+        sqlite3_reset(statement_);
+        throw;
+      }
+    }
+    sqlite3_reset(statement_);
+    return false;
+  }
+
+  void reset() override {
+    sqlite3_reset(statement_);
+    sqlite3_clear_bindings(statement_);
+  }
+
+  const std::string& database() const override { return connection_.name; }
+  std::string column_name(int column) const override {
+    const char* const name = sqlite3_column_name(statement_, column);
+    return name == nullptr ? fmt::format("column {}", column) : name;
+  }
+  ColumnType type(int column) const override {
+    return type_of(sqlite3_column_type(statement_, column));
+  }
+  std::int64_t integer(int column) const override {
+    return sqlite3_column_int64(statement_, column);
+  }
+  double real(int column) const override { return sqlite3_column_double(statement_, column); }
+
+  // SQLite returns a null pointer for an empty value, but also if memory is exhausted.
+  std::string_view text(int column) const override {
+    const auto* const data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+    if (data == nullptr) connection_.fail(SQLITE_NOMEM, sql_);
+    return {data, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column))};
+  }
+
+  std::span<const std::byte> blob(int column) const override {
+    const auto* const data = static_cast<const std::byte*>(sqlite3_column_blob(statement_, column));
+    const int size = sqlite3_column_bytes(statement_, column);
+    const bool is_short =
+        data == nullptr && (size > 0 || sqlite3_errcode(connection_.handle()) == SQLITE_NOMEM);
+    if (is_short) connection_.fail(SQLITE_NOMEM, sql_);
+    return {data, static_cast<std::size_t>(size)};
+  }
+
+ private:
+  void check(int code) const {
+    if (code != SQLITE_OK) connection_.fail(code, sql_);
+  }
+
+  const SqliteConnection& connection_;
+  std::string sql_;
+  sqlite3_stmt* statement_ = nullptr;
+};
 
 std::unique_ptr<storage::detail::Cursor> SqliteConnection::prepare(std::string_view sql) {
   return std::make_unique<SqliteCursor>(*this, sql);

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "cairn/vision/detail/landmark_graph.hpp"
 

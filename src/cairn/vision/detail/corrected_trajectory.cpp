@@ -19,9 +19,7 @@ Rigid3 carried(const CorrectedKeyframe& by, const Rigid3& world_from_camera) {
 }  // namespace
 
 Trajectory corrected(const Trajectory& trajectory, std::span<const CorrectedKeyframe> keyframes) {
-  if (keyframes.empty()) {
-    throw Error(ErrorKind::kMisuse, "keyframes", "none", "at least one");
-  }
+  refuse_if(keyframes.empty(), "keyframes", "none", "at least one");
   for (std::size_t i = 1; i < keyframes.size(); ++i) {
     if (keyframes[i].timestamp_s > keyframes[i - 1].timestamp_s) continue;
     throw Error(ErrorKind::kMisuse, "keyframes",

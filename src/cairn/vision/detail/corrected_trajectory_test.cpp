@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/vision/detail/corrected_trajectory.hpp"
 
-#include <string>
 #include <vector>
 
 #include <gmock/gmock.h>

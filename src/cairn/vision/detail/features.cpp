@@ -359,15 +359,12 @@ Eigen::Vector2d FeatureExtractor::depth_slope(const cv::Mat& depth_m, const Pixe
 }
 
 Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) const {
-  if (gray.type() != CV_8UC1 || gray.size() != size_) {
-    throw Error(ErrorKind::kMisuse, "image", fmt::format("{} x {} pixels", gray.cols, gray.rows),
-                fmt::format("{} x {} of 8 bit, as the camera has", size_.width, size_.height));
-  }
-  if (!depth_m.empty() && (depth_m.type() != CV_32FC1 || depth_m.size() != size_)) {
-    throw Error(ErrorKind::kMisuse, "depth image",
-                fmt::format("{} x {} pixels", depth_m.cols, depth_m.rows),
-                fmt::format("{} x {} of 32-bit float", size_.width, size_.height));
-  }
+  refuse_if(gray.type() != CV_8UC1 || gray.size() != size_, "image",
+            fmt::format("{} x {} pixels", gray.cols, gray.rows),
+            fmt::format("{} x {} of 8 bit, as the camera has", size_.width, size_.height));
+  refuse_if(!depth_m.empty() && (depth_m.type() != CV_32FC1 || depth_m.size() != size_),
+            "depth image", fmt::format("{} x {} pixels", depth_m.cols, depth_m.rows),
+            fmt::format("{} x {} of 32-bit float", size_.width, size_.height));
   double share = 0.0;  // corners go to the levels in proportion to their side lengths
   for (const double scale : scales_) share += 1.0 / scale;
 

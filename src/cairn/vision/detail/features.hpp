@@ -38,10 +38,8 @@ struct Pinhole : Intrinsics {
 /// @throws Error (misuse) if its number of values does not match its size
 template <class T>
 cv::Mat matrix_of(const Image<T>& image) {
-  if (!image.consistent()) {
-    throw Error(ErrorKind::kMisuse, "image", fmt::format("{} values", image.values.size()),
-                fmt::format("those of {} x {} pixels", image.width, image.height));
-  }
+  refuse_if(!image.consistent(), "image", fmt::format("{} values", image.values.size()),
+            fmt::format("those of {} x {} pixels", image.width, image.height));
   cv::Mat_<T> matrix(static_cast<int>(image.height), static_cast<int>(image.width));
   std::copy(image.values.begin(), image.values.end(), matrix.template ptr<T>());
   return matrix;

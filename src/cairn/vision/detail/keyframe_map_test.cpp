@@ -2,7 +2,6 @@
 #include "cairn/vision/detail/keyframe_map.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cstdint>
 #include <optional>
 #include <vector>
 

@@ -2,7 +2,6 @@
 #include "cairn/vision/detail/landmark_matching.hpp"
 
 #include <cmath>
-#include <set>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -454,12 +454,10 @@ bool Tracker::can_begin_new_map() const {
 }
 
 FinishedMap Tracker::begin_new_map(const MapOptions& options) {
-  if (!can_begin_new_map()) {
-    throw Error(ErrorKind::kMisuse, "begin_new_map",
-                last_pose() ? "the last frame has too few corners with depth"
-                            : "the last frame was not tracked",
-                "a call where can_begin_new_map()");
-  }
+  refuse_if(!can_begin_new_map(), "begin_new_map",
+            last_pose() ? "the last frame has too few corners with depth"
+                        : "the last frame was not tracked",
+            "a call where can_begin_new_map()");
   complete();
   options.validate();
   Link link;

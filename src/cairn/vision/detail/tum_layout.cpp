@@ -31,18 +31,12 @@ NumberedEntry parse_entry(std::string_view line, const std::string& source, std:
   const std::string place = fmt::format("{}:{}", source, number);
   const std::string_view time = line.substr(0, line.find_first_of(kBlanks));
   const auto timestamp = parse_number(time);
-  if (!timestamp) {
-    throw Error(ErrorKind::kInput, place + ": field 1 (timestamp)",
-                printable(time) + " is not a number", "seconds");
-  }
+  reject_if(!timestamp, place + ": field 1 (timestamp)", printable(time) + " is not a number",
+            "seconds");
   const std::string file(trimmed(line.substr(time.size())));
-  if (file.empty()) {
-    throw Error(ErrorKind::kInput, place + ": field 2 (file)", "missing", "timestamp file");
-  }
-  if (!stays_inside(file)) {
-    throw Error(ErrorKind::kInput, place + ": field 2 (file)",
-                printable(file) + " leaves the sequence's folder", "a path inside it");
-  }
+  reject_if(file.empty(), place + ": field 2 (file)", "missing", "timestamp file");
+  reject_if(!stays_inside(file), place + ": field 2 (file)",
+            printable(file) + " leaves the sequence's folder", "a path inside it");
   return {{*timestamp, file}, number};
 }
 
@@ -56,9 +50,7 @@ std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) 
     if (text.empty() || text.front() == '#') continue;
     entries.push_back(parse_entry(text, source.name(), lines.line_number()));
   }
-  if (entries.empty()) {
-    throw Error(ErrorKind::kInput, source.name(), "no images", "lines of timestamp and file");
-  }
+  reject_if(entries.empty(), source.name(), "no images", "lines of timestamp and file");
   const auto earlier = [](const NumberedEntry& a, const NumberedEntry& b) {
     return a.entry.timestamp_s < b.entry.timestamp_s;
   };
@@ -68,12 +60,10 @@ std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) 
   }
   std::vector<ImageEntry> result;
   for (NumberedEntry& entry : entries) {
-    if (!result.empty() && result.back().timestamp_s == entry.entry.timestamp_s) {
-      throw Error(ErrorKind::kInput,
-                  fmt::format("{}:{}: field 1 (timestamp)", source.name(), entry.line),
-                  fmt::format("{:.6f} stands above already", entry.entry.timestamp_s),
-                  "each timestamp once");
-    }
+    reject_if(!result.empty() && result.back().timestamp_s == entry.entry.timestamp_s,
+              fmt::format("{}:{}: field 1 (timestamp)", source.name(), entry.line),
+              fmt::format("{:.6f} stands above already", entry.entry.timestamp_s),
+              "each timestamp once");
     result.push_back(std::move(entry.entry));
   }
   return result;

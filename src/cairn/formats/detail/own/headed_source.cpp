@@ -37,10 +37,8 @@ std::string_view HeadedSource::header_line(std::string_view expected) {
     if (bytes.size() == known) break;
   }
   ++header_lines_;
-  if (bytes.size() > kLongest) {
-    throw Error(ErrorKind::kInput, header_place(), "a header line of more than a megabyte",
-                expected);
-  }
+  reject_if(bytes.size() > kLongest, header_place(), "a header line of more than a megabyte",
+            expected);
   throw Error(ErrorKind::kInput, header_place(), "the file ends within its header", expected);
 }
 

@@ -181,10 +181,8 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
   };
 
   for (std::size_t i = 0; i < 3; ++i) {
-    if (find(kAxisNames[i]) == nullptr) {
-      throw Error(ErrorKind::kInput, where, fmt::format("no scalar field '{}'", kAxisNames[i]),
-                  "x, y and z");
-    }
+    reject_if(find(kAxisNames[i]) == nullptr, where,
+              fmt::format("no scalar field '{}'", kAxisNames[i]), "x, y and z");
     use(kAxisNames[i], Role::kPosition, i);
   }
   has_covariances_ =

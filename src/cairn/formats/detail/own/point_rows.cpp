@@ -71,10 +71,8 @@ PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType posi
     if (has_counts && name == "observations") continue;
     const bool taken = std::any_of(fields_.begin(), fields_.end(),
                                    [&](const PointField& field) { return field.name == name; });
-    if (taken || (format == PointFormat::kPcd && name == "_")) {
-      throw Error(ErrorKind::kMisuse, "column " + printable(name),
-                  "the format has another meaning for this name", "another name");
-    }
+    refuse_if(taken || (format == PointFormat::kPcd && name == "_"), "column " + printable(name),
+              "the format has another meaning for this name", "another name");
     add(name, ScalarType::kFloat64, Content::kColumn, i);
   }
 }
