@@ -108,6 +108,13 @@ LandmarkMap read_nerfstudio(ByteSource& source, const std::filesystem::path& fol
 void write_nerfstudio(const LandmarkMap& map, const std::filesystem::path& path,
                       const MapWriteOptions& options = {});
 
+/// Reads a CSV file of camera registrations of RealityCapture (docs/formats.md): frames, numbered from 0, and the cameras of
+/// those whose images are there.
+/// @param folder to which names of images are relative
+/// @throws Error (input) naming source, line, field, value and constraint
+LandmarkMap read_realitycapture(ByteSource& source, const std::filesystem::path& folder,
+                                const MapReadOptions& options = {});
+
 /// The files of a kapture folder, by their paths below it, e.g. "sensors/sensors.txt".
 struct KaptureFiles {
   std::string name;  ///< of the folder, for messages
@@ -202,6 +209,7 @@ bool is_archive_of_arrays(const MapInput& input);
 LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options);
+LandmarkMap read_realitycapture_file(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options);
 
 /// The row of one form of COLMAP's models.
