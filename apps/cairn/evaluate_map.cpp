@@ -100,9 +100,8 @@ std::vector<std::optional<Eigen::Vector3d>> true_positions_from_depth(
     const auto depth = depth_between_pixels(depths[keyframe->value], pixel);
     const Camera& camera = map.cameras()[map.frames().cameras[keyframe->value]->value];
     const auto ray = unproject(camera, pixel);
-    if (!depth || !ray) continue;
-    const double metres = *depth / depth_units_per_metre;
-    positions[i] = Eigen::Vector3d(ray->x() * metres, ray->y() * metres, metres);
+    if (!depth || !ray || !(ray->z() > 0.0)) continue;
+    positions[i] = *ray * (*depth / depth_units_per_metre / ray->z());
   }
   return positions;
 }

@@ -4,7 +4,7 @@
 
 #include "fuzz/imported.hpp"
 
-// Points as text, .npy and .npz, and what moves a PLY file.
+// Points as text, .npy and .npz, cameras as CSV, and what moves a PLY file.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   for (auto* const read : {&cairn::detail::read_plain_points, &cairn::detail::read_npy_points,
                            &cairn::detail::read_npz_points}) {
@@ -13,6 +13,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       read(source, {});
     });
   }
+  cairn::testing::expect_read_or_refused([&] {
+    cairn::MemoryReader source(cairn::testing::text_of(data, size), "input");
+    cairn::detail::read_realitycapture(source, "/nowhere");
+  });
   cairn::testing::expect_read_or_refused([&] {
     cairn::MemoryReader source(cairn::testing::text_of(data, size), "input");
     cairn::move_ply(source, {}, [](std::string_view) {});

@@ -46,6 +46,37 @@ inline Reprojection reprojection(const LandmarkMap& map) {
   return {errors[errors.size() / 2], errors.back(), errors.size()};
 }
 
+/// Two maps have the same frames (poses to 1e-12), cameras (parameters to 1e-9), landmarks and observations.
+inline void expect_same_model(const LandmarkMap& a, const LandmarkMap& b) {
+  ASSERT_EQ(a.frames().ids, b.frames().ids);
+  EXPECT_EQ(a.frames().image_names, b.frames().image_names);
+  EXPECT_EQ(a.frames().cameras, b.frames().cameras);
+  for (std::uint32_t i = 0; i < a.frame_count(); ++i) {
+    const Rigid3 off =
+        a.world_from_camera(FrameIndex{i}).inverse() * b.world_from_camera(FrameIndex{i});
+    EXPECT_LT((off.rotation() - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+    EXPECT_LT(off.translation().norm(), 1e-12 * (1.0 + a.frames().translations[i].norm()));
+  }
+  ASSERT_EQ(a.cameras().size(), b.cameras().size());
+  for (std::size_t i = 0; i < a.cameras().size(); ++i) {
+    const Camera& camera = a.cameras()[i];
+    const Camera& other = b.cameras()[i];
+    EXPECT_EQ(camera.id, other.id);
+    ASSERT_EQ(camera.model, other.model);
+    EXPECT_EQ(camera.width, other.width);
+    EXPECT_EQ(camera.height, other.height);
+    for (std::size_t k = 0; k < camera.parameters.size(); ++k) {
+      EXPECT_NEAR(camera.parameters[k], other.parameters[k], 1e-9) << camera.model << ' ' << k;
+    }
+  }
+  EXPECT_EQ(a.landmarks().ids, b.landmarks().ids);
+  EXPECT_EQ(a.landmarks().positions, b.landmarks().positions);
+  EXPECT_EQ(a.observations().offsets, b.observations().offsets);
+  EXPECT_EQ(a.observations().frames, b.observations().frames);
+  EXPECT_EQ(a.observations().pixels, b.observations().pixels);
+  EXPECT_EQ(a.observations().keypoints, b.observations().keypoints);
+}
+
 /// Tests of an importer: each has a folder of its own, and keeps what reading and writing remark.
 class ImportTest : public ::testing::Test {
  protected:

@@ -186,6 +186,10 @@ void Adjustment::add_blocks(ceres::Problem& problem, ceres::ParameterBlockOrderi
     const std::vector<double>& expected = calibration_[i].parameters;
     problem.AddParameterBlock(parameters_of(i), static_cast<int>(expected.size()));
     ordering.AddElementToGroup(parameters_of(i), 2);  // after the poses, wherever these lie
+    if (projections_[i].focal_lengths() == 0) {       // the size of a panorama is no unknown
+      problem.SetParameterBlockConstant(parameters_of(i));
+      continue;
+    }
     const ceres::Matrix weights =
         calibration_deviations(calibration_[i]).cwiseInverse().asDiagonal();
     problem.AddResidualBlock(

@@ -45,7 +45,7 @@ struct AdjustOptions {
   std::optional<MeasurementNoise> noise;
   RobustKernel kernel = RobustKernel::kHuber;
   /// Also adjusts all parameters of all cameras, with the given ones as a prior: standard deviations 2 % of
-  /// the focal length, 1 % of the image size, and 0.05 for each other parameter.
+  /// the focal length, 1 % of the image size, and 0.05 for each other parameter. EQUIRECTANGULAR has none to adjust.
   bool refine_intrinsics = false;
   int max_iterations = 50;  ///< per run of the solver; at least 1
   /// Landmarks with fewer observations only move with the first frame that observed them. At least 1.

@@ -2,10 +2,12 @@
 #include "cairn/adjustment/adjust.hpp"
 
 #include <memory>
+#include <numbers>
 #include <stop_token>
 #include <utility>
 #include <vector>
 
+#include <Eigen/Geometry>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -108,6 +110,56 @@ TEST(Adjust, FindsTheFocalLengthIfAsked) {
   const AdjustResult result = adjust(start, options);
   EXPECT_NEAR(result.map.cameras()[0].parameters[0], focal, 1e-3 * focal);
   EXPECT_LT(largest_error(result.map, truth), 2e-3);
+}
+
+// The same scene seen by cameras that look elsewhere: with another lens, turned about its vertical axis.
+LandmarkMap turned(const LandmarkMap& map, const Camera& camera, double turn_deg) {
+  LandmarkMap copy = map;
+  MapTables tables = std::move(copy).tables();
+  tables.cameras = {camera};
+  const Eigen::Quaterniond turn(
+      Eigen::AngleAxisd(turn_deg * std::numbers::pi / 180.0, Eigen::Vector3d::UnitY()));
+  for (std::size_t i = 0; i < tables.frames.ids.size(); ++i) {
+    const auto& q = tables.frames.quaternions[i];
+    const Eigen::Quaterniond pose = Eigen::Quaterniond(q[0], q[1], q[2], q[3]) * turn;
+    tables.frames.quaternions[i] = {pose.w(), pose.x(), pose.y(), pose.z()};
+    tables.frames.cameras.set(i, CameraIndex{0});
+  }
+  tables.observations.depths.clear();
+  const LandmarkMap seen{MapTables(tables)};
+  for (std::size_t l = 0; l < tables.landmarks.ids.size(); ++l) {
+    for (auto k = tables.observations.offsets[l]; k < tables.observations.offsets[l + 1]; ++k) {
+      const auto pixel =
+          project(camera, seen.world_from_camera(tables.observations.frames[k]).inverse() *
+                              tables.landmarks.positions[l]);
+      EXPECT_TRUE(pixel.has_value()) << camera.model;
+      tables.observations.pixels[k] = pixel.value_or(Pixel{});
+    }
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(Adjust, RecoversMapsThatWideCamerasSeeBesideAndBehindThem) {
+  const LandmarkMap scene = synthetic_map(small_scene(2, 0.0, 0.0));
+  const std::vector<std::pair<Camera, double>> cameras = {
+      {{CameraId{0}, "SIMPLE_FISHEYE", 640, 480, {200, 320, 240}}, 80.0},
+      {{CameraId{0}, "EUCM", 640, 480, {200, 200, 320, 240, 0.55, 1.1}}, 70.0},
+      {{CameraId{0}, "SIMPLE_DIVISION", 640, 480, {200, 320, 240, -0.3}}, 80.0},
+      // The scene lies on both borders of the image.
+      {{CameraId{0}, "EQUIRECTANGULAR", 640, 320, {640, 320}}, 180.0}};
+  for (const auto& [camera, turn_deg] : cameras) {
+    SCOPED_TRACE(camera.model);
+    const LandmarkMap truth = turned(scene, camera, turn_deg);
+    const LandmarkMap start = disturbed(truth, 0.02);
+    AdjustOptions options = options_with(1.0, 0.003);
+    options.max_iterations = 200;
+    options.refine_intrinsics = camera.model == "EQUIRECTANGULAR";
+    const AdjustResult result = adjust(start, options);
+    EXPECT_GT(result.initial_rms_px, 1.0);
+    EXPECT_LT(result.final_rms_px, 1e-2);
+    EXPECT_LT(largest_error(result.map, scaled_like(truth, start)), 1e-3);
+    EXPECT_EQ(result.map.cameras()[0], camera) << "a panorama has no unknowns";
+  }
 }
 
 TEST(Adjust, WrongObservationsHardlyCount) {

@@ -75,11 +75,11 @@ double mean_reprojection_error(const LandmarkMap& map, const std::vector<Rigid3>
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const auto camera = map.frames().cameras[frames[i].value];
     if (!camera) continue;
-    const auto projected =
-        project(map.cameras()[camera->value],
-                camera_from_world[frames[i].value] * map.landmarks().positions[landmark.value]);
-    if (!projected) return -1.0;
-    sum += std::hypot(projected->u - pixels[i].u, projected->v - pixels[i].v);
+    const auto error = reprojection(
+        map.cameras()[camera->value],
+        camera_from_world[frames[i].value] * map.landmarks().positions[landmark.value], pixels[i]);
+    if (!error) return -1.0;
+    sum += error->norm();
     ++count;
   }
   return count > 0 ? sum / count : -1.0;

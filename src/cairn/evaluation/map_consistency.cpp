@@ -59,18 +59,17 @@ MapConsistency map_consistency(const LandmarkMap& map, double inlier_px) {
   double depth_sum = 0.0;
 
   const auto add_pixel = [&](std::uint64_t i, const Camera& camera, const Eigen::Vector3d& x) {
-    const auto projected = project(camera, x);
-    const Pixel& pixel = observations.pixels[i];
+    const auto off = reprojection(camera, x, observations.pixels[i]);
     Projections* octave = nullptr;
     if (!observations.octaves.empty() && observations.octaves[i]) {
       octave = &by_octave[*observations.octaves[i]];
     }
-    if (!projected) {
+    if (!off) {
       ++all.behind;
       if (octave != nullptr) ++octave->behind;
       return;
     }
-    const double error = std::hypot(projected->u - pixel.u, projected->v - pixel.v);
+    const double error = off->norm();
     result.reprojection_px[i] = error;
     all.errors_px.push_back(error);
     if (octave != nullptr) octave->errors_px.push_back(error);

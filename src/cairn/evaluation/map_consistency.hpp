@@ -34,7 +34,7 @@ struct MapConsistency {
   std::optional<ReprojectionStatistics>
       reprojection;                           ///< std::nullopt if no landmark could be projected
   std::vector<OctaveReprojection> by_octave;  ///< ascending; of observations with a known octave
-  std::size_t observations_behind = 0;        ///< of landmarks behind the observing camera
+  std::size_t observations_behind = 0;        ///< of landmarks that the camera cannot see
   std::optional<ErrorStatistics> depth;       ///< |measured - map's depth|, the map's unit
   std::optional<double> depth_bias;           ///< mean of measured - map's depth, the map's unit
 

@@ -14,6 +14,10 @@
 
 namespace cairn {
 
+namespace detail {
+struct Lens;
+}  // namespace detail
+
 /// An image point: u to the right, v down, in pixels; the centre of the top-left pixel is (0, 0), as in
 /// OpenCV.
 struct Pixel {
@@ -42,14 +46,17 @@ struct CameraModel {
   std::vector<std::string_view> parameters;
 };
 
-/// All models Cairn can project with.
+/// All models, in the order of their ids in COLMAP, from 0.
 std::span<const CameraModel> camera_models();
+/// The model of this name; null if there is none.
+const CameraModel* camera_model(std::string_view name);
 
-/// The defect of `camera` (unknown model, wrong number of parameters, a focal length that is not positive,
-/// a parameter that is not finite, no size); empty if it has none.
+/// The defect of `camera` (unknown model, wrong number of parameters, a parameter that is not finite or out of
+/// its range, no size); empty if it has none.
 std::string camera_defect(const Camera& camera);
 
-/// The parameters that every model has: focal lengths and principal point.
+/// Scales and origin of the image: what a pixel is of the model's plane. On the optical axis, focal lengths and
+/// principal point.
 struct Intrinsics {
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< pixels
 };
@@ -57,16 +64,24 @@ struct Intrinsics {
 /// Intrinsics of `camera`, which must have no defect.
 Intrinsics intrinsics(const Camera& camera);
 
-/// Pixel of a point in camera coordinates (x right, y down, z forward), also outside the image;
-/// std::nullopt if the point is not in front of the camera. `camera` must have no defect.
+/// Pixel of a point in camera coordinates (x right, y down, z forward), also outside the image; std::nullopt if
+/// the camera's model cannot see it. Perspective models see what is in front of the camera, wide-angle ones
+/// (fisheyes, EUCM, DIVISION) as far to the side and behind as their formula is invertible, EQUIRECTANGULAR
+/// everything. `camera` must have no defect.
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera);
 
-/// The inverse of project: the (x, y) for which (x, y, 1) in camera coordinates projects to `pixel`, to
-/// 1e-3 pixels. std::nullopt if no line of sight belongs to the pixel because the distortion folds the
-/// image. `camera` must have no defect.
+/// How far the projection of a point is from where it was observed, in pixels, projection minus observation;
+/// the shorter way round a panorama. std::nullopt as project().
+std::optional<Eigen::Vector2d> reprojection(const Camera& camera,
+                                            const Eigen::Vector3d& x_in_camera,
+                                            const Pixel& observed);
+
+/// The inverse of project: the line of sight of `pixel` in camera coordinates, a unit vector, which projects to
+/// it within 1e-3 pixels. std::nullopt if no line of sight belongs to the pixel, e.g. because the distortion
+/// folds the image. `camera` must have no defect.
 /// @param near a nearby solution, e.g. of the neighbouring pixel; saves iterations
-std::optional<Eigen::Vector2d> unproject(const Camera& camera, const Pixel& pixel,
-                                         const Eigen::Vector2d& near = Eigen::Vector2d::Zero());
+std::optional<Eigen::Vector3d> unproject(const Camera& camera, const Pixel& pixel,
+                                         const Eigen::Vector3d& near = Eigen::Vector3d::UnitZ());
 
 /// project() of one camera model, looked up by name once, for very many projections.
 class CameraProjection {
@@ -77,14 +92,14 @@ class CameraProjection {
   /// As project(), with these parameters; as many as the model has.
   std::optional<Pixel> operator()(const double* parameters,
                                   const Eigen::Vector3d& x_in_camera) const;
+  /// `to` minus `from` in pixels; in a panorama the shorter way round.
+  Eigen::Vector2d difference(const double* parameters, const Pixel& to, const Pixel& from) const;
   /// Number of focal lengths with which the parameters begin; the principal point follows, then distortion.
-  int focal_lengths() const { return focal_lengths_; }
+  /// 0: a panorama, whose parameters are the size of its image.
+  int focal_lengths() const;
 
  private:
-  using Distortion = Eigen::Vector2d (*)(const Eigen::Vector2d& normalised,
-                                         const double* parameters);
-  Distortion distort_;
-  int focal_lengths_;  // 1: fx = fy
+  const detail::Lens* lens_;
 };
 
 }  // namespace cairn

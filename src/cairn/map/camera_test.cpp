@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/map/camera.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -29,14 +33,32 @@ std::vector<Camera> cameras_of_all_models(double distortion) {
   for (const CameraModel& model : camera_models()) {
     std::vector<double> parameters;
     for (const std::string_view name : model.parameters) {
-      const bool focal_length = name[0] == 'f';
-      const bool centre = name[0] == 'c';
-      parameters.push_back(focal_length ? 500.0 : centre ? 300.0 : distortion);
+      double value = distortion;
+      if (name[0] == 'f') value = 500.0;
+      if (name[0] == 'c') value = 300.0;
+      if (name == "beta") value = 1.0 + distortion;
+      if (name == "w") value = 640.0;
+      if (name == "h") value = 480.0;
+      parameters.push_back(value);
     }
     cameras.push_back(camera(std::string(model.name), parameters));
   }
   return cameras;
 }
+
+// What projects a plane in front of the camera onto the image, and nothing else.
+bool is_perspective(const Camera& camera) {
+  static const std::vector<std::string> names = {
+      "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV", "FOV"};
+  return std::find(names.begin(), names.end(), camera.model) != names.end();
+}
+
+// Unit vector that far from the optical axis, turned about it from the image's u axis; radians.
+Eigen::Vector3d ray_at(double angle, double turn) {
+  return {std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn), std::cos(angle)};
+}
+
+constexpr double kDegree = std::numbers::pi / 180.0;
 
 struct Projection {
   Camera camera;
@@ -73,6 +95,149 @@ TEST(Project, FollowsEachModelsFormula) {
     EXPECT_NEAR(pixel->u, p.pixel.u, 1e-10);
     EXPECT_NEAR(pixel->v, p.pixel.v, 1e-10);
   }
+}
+
+// Pixels of two points, computed with COLMAP's own functions (src/colmap/sensor/models.h, commit 5d968cf). The centre
+// of the first pixel is at 0.5 there, which makes a difference only where no principal point is stated.
+TEST(Project, GivesTheNumbersOfColmapsFunctions) {
+  struct Known {
+    const char* model;
+    std::vector<double> parameters;
+    std::vector<Pixel> pixels;  // of the points
+  };
+  const std::array<Eigen::Vector3d, 2> points = {Eigen::Vector3d(-0.7, 0.55, 0.9),
+                                                 Eigen::Vector3d(1.1, 0.4, 0.6)};
+  const std::vector<Known> all = {
+      {"SIMPLE_PINHOLE",
+       {500, 320, 240},
+       {{-68.8888888888889, 545.555555555556}, {1236.66666666667, 573.333333333333}}},
+      {"PINHOLE",
+       {500, 480, 320, 240},
+       {{-68.8888888888889, 533.333333333333}, {1236.66666666667, 560}}},
+      {"SIMPLE_RADIAL",
+       {500, 320, 240, 0.03},
+       {{-80.3034979423868, 554.524176954733}, {1341.31944444444, 611.388888888889}}},
+      {"RADIAL",
+       {500, 320, 240, 0.03, -0.01},
+       {{-76.5808322325526, 551.599225325577}, {1208.56545781893, 563.114711934156}}},
+      {"OPENCV",
+       {500, 480, 320, 240, 0.03, -0.01, 0.002, -0.003},
+       {{-80.8138569239106, 542.160441497739}, {1195.21823559671, 551.176790123457}}},
+      {"OPENCV_FISHEYE",
+       {500, 480, 320, 240, 0.03, -0.01, 0.002, -0.0003},
+       {{8.77361054022754, 474.753619478228}, {848.147402908822, 424.371457015443}}},
+      {"FULL_OPENCV",
+       {500, 480, 320, 240, 0.03, -0.01, 0.002, -0.003, 0.004, 0.02, -0.005, 0.006},
+       {{-74.3127093533763, 537.256718758822}, {1123.99730895661, 526.314212096368}}},
+      {"FOV",
+       {500, 480, 320, 240, 0.8},
+       {{-22.3171246077818, 498.204916847013}, {922.532747762545, 450.33870467347}}},
+      {"SIMPLE_RADIAL_FISHEYE",
+       {500, 320, 240, 0.03},
+       {{7.76439206100906, 485.32797766635}, {854.142840704553, 434.233760256201}}},
+      {"RADIAL_FISHEYE",
+       {500, 320, 240, 0.03, -0.01},
+       {{8.89905888248586, 484.43645373519}, {846.674065226116, 431.517841900406}}},
+      {"THIN_PRISM_FISHEYE",
+       {500, 480, 320, 240, 0.03, -0.01, 0.002, -0.003, 0.004, -0.0005, 0.006, -0.007},
+       {{7.83705055296616, 474.688377455024}, {849.118336741452, 421.191377793835}}},
+      {"RAD_TAN_THIN_PRISM_FISHEYE",
+       {500, 480, 320, 240, 0.03, -0.01, 0.002, -0.0003, 0.0004, -0.00005, 0.002, -0.003, 0.006,
+        -0.007, 0.004, 0.005},
+       {{11.584612091617, 474.730639922771}, {849.063205836259, 429.331104174328}}},
+      {"SIMPLE_DIVISION",
+       {500, 320, 240, -0.12},
+       {{-31.5724895667926, 516.235527516766}, {1003.7557462543, 488.638453183382}}},
+      {"DIVISION",
+       {500, 480, 320, 240, 0.02},
+       {{-76.8118586374991, 539.309516229428}, {1319.63664105238, 588.964063785558}}},
+      {"SIMPLE_FISHEYE",
+       {500, 320, 240},
+       {{13.3602880267232, 480.931202264718}, {835.527462694293, 427.464531888834}}},
+      {"FISHEYE",
+       {500, 480, 320, 240},
+       {{13.3602880267232, 471.293954174129}, {835.527462694293, 419.96595061328}}},
+      {"EUCM",
+       {500, 480, 320, 240, 0.57, 1.13},
+       {{10.6475990271058, 473.34009673384}, {846.132645145025, 423.668123396081}}},
+      {"EQUIRECTANGULAR",
+       {640, 320},
+       {{252.666695731381, 205.781014485209}, {429.13696059384, 191.475360242824}}},
+  };
+  ASSERT_EQ(all.size(), camera_models().size());
+  for (const Known& known : all) {
+    SCOPED_TRACE(known.model);
+    const Camera of_model = camera(known.model, known.parameters);
+    ASSERT_EQ(camera_defect(of_model), "");
+    const double first = of_model.model == "EQUIRECTANGULAR" ? 0.5 : 0.0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const auto pixel = project(of_model, points[i]);
+      ASSERT_TRUE(pixel.has_value());
+      EXPECT_NEAR(pixel->u, known.pixels[i].u - first, 1e-9);
+      EXPECT_NEAR(pixel->v, known.pixels[i].v - first, 1e-9);
+    }
+  }
+}
+
+TEST(Project, WideModelsSeeBeyondNinetyDegrees) {
+  const Eigen::Vector3d x = ray_at(120.0 * kDegree, 0.0);
+  // Equidistant: f times the angle.
+  EXPECT_NEAR(project(camera("SIMPLE_FISHEYE", {300, 320, 240}), x)->u, 320 + 300 * 120.0 * kDegree,
+              1e-9);
+  // EUCM of alpha 1/2 and beta 1 is the stereographic projection, 2·f·tan of half the angle.
+  EXPECT_NEAR(project(camera("EUCM", {100, 100, 320, 240, 0.5, 1.0}), x)->u,
+              320 + 200 * std::tan(60.0 * kDegree), 1e-9);
+  // DIVISION: r/(1 + k·r²) is the tangent, with k = -1/4: r = 2 at 90 degrees, and the root of
+  // r² + 4·r/tan - 4 = 0 beyond.
+  const Camera division = camera("SIMPLE_DIVISION", {100, 320, 240, -0.25});
+  EXPECT_NEAR(project(division, {3.0, 0.0, 0.0})->u, 320 + 200, 1e-9);
+  const double cotangent = 1.0 / std::tan(120.0 * kDegree);
+  EXPECT_NEAR(project(division, x)->u,
+              320 + 100 * (-2.0 * cotangent + 2.0 * std::sqrt(cotangent * cotangent + 1.0)), 1e-9);
+}
+
+TEST(Project, WideModelsSeeNoFartherThanTheirFormulaIsInvertible) {
+  for (const double turn : {0.3, 2.0, 4.4}) {
+    // Alpha 0.8: to where z is -(1 - alpha)/alpha times the length, 104.48 degrees.
+    const Camera eucm = camera("EUCM", {200, 200, 320, 240, 0.8, 1.0});
+    EXPECT_TRUE(project(eucm, ray_at(104.4 * kDegree, turn)));
+    EXPECT_FALSE(project(eucm, ray_at(104.6 * kDegree, turn)));
+    // k = 1/4: to the tangent 1/(2·√k) = 1.
+    const Camera division = camera("DIVISION", {200, 200, 320, 240, 0.25});
+    EXPECT_TRUE(project(division, ray_at(44.9 * kDegree, turn)));
+    EXPECT_FALSE(project(division, ray_at(45.1 * kDegree, turn)));
+    EXPECT_FALSE(project(division, ray_at(170.0 * kDegree, turn)));
+    // a - 0.08·a³ turns back at a = 2.04, 117 degrees; from there on it would be a ghost.
+    const Camera fisheye = camera("SIMPLE_RADIAL_FISHEYE", {200, 320, 240, -0.08});
+    EXPECT_TRUE(project(fisheye, ray_at(110.0 * kDegree, turn)));
+    EXPECT_FALSE(project(fisheye, ray_at(130.0 * kDegree, turn)));
+    EXPECT_FALSE(project(fisheye, ray_at(175.0 * kDegree, turn)));
+  }
+}
+
+TEST(Project, APanoramaHoldsTheWholeSphere) {
+  const Camera panorama{CameraId{1}, "EQUIRECTANGULAR", 800, 400, {800, 400}};
+  // Centres of pixels are integers, so the image reaches from -0.5 to 799.5.
+  EXPECT_EQ(project(panorama, {0, 0, 2}), (Pixel{399.5, 199.5}));
+  EXPECT_NEAR(project(panorama, {5, 0, 0})->u, 599.5, 1e-9);
+  EXPECT_NEAR(project(panorama, {-5, 0, 0})->u, 199.5, 1e-9);
+  EXPECT_NEAR(project(panorama, {1e-9, 0, -1})->u, 799.5, 1e-6);
+  EXPECT_NEAR(project(panorama, {-1e-9, 0, -1})->u, -0.5, 1e-6);
+  EXPECT_NEAR(project(panorama, {0, -1, 0})->v, -0.5, 1e-9) << "up";
+  EXPECT_NEAR(project(panorama, {0, 1, 1})->v, 299.5, 1e-9) << "45 degrees down";
+  EXPECT_EQ(project(panorama, {0, 0, 0}), std::nullopt);
+}
+
+TEST(Reprojection, GoesTheShorterWayRoundAPanorama) {
+  const Camera panorama{CameraId{1}, "EQUIRECTANGULAR", 800, 400, {800, 400}};
+  const auto projected = project(panorama, {0.01, 0.0, -1.0});  // near the right border
+  ASSERT_GT(projected->u, 790.0);
+  const auto off = reprojection(panorama, {0.01, 0.0, -1.0}, {projected->u - 800.0 + 3.0, 201.0});
+  EXPECT_NEAR(off->x(), -3.0, 1e-9);
+  EXPECT_NEAR(off->y(), -1.5, 1e-9);
+  const Camera pinhole = camera("PINHOLE", {500, 500, 320, 240});
+  EXPECT_NEAR(reprojection(pinhole, {10.0, 0.0, 1.0}, {0.0, 240.0})->x(), 5320.0, 1e-9);
+  EXPECT_EQ(reprojection(pinhole, {0.0, 0.0, -1.0}, {0.0, 0.0}), std::nullopt);
 }
 
 TEST(Project, FisheyeModelsAgreeWhereTheyOverlap) {
@@ -157,23 +322,33 @@ TEST(Project, WithoutDistortionEqualsPinhole) {
   const Camera pinhole = camera("PINHOLE", {500, 500, 300, 300});
   for (const Camera& undistorted : cameras_of_all_models(0.0)) {
     SCOPED_TRACE(undistorted.model);
-    // The undistorted form of a fisheye lens is equidistant.
-    if (undistorted.model.find("FISHEYE") != std::string::npos) continue;
+    // The undistorted form of a fisheye lens is equidistant, and a panorama has none.
+    if (undistorted.model.find("FISHEYE") != std::string::npos ||
+        undistorted.model == "EQUIRECTANGULAR") {
+      continue;
+    }
     for (const Eigen::Vector3d& x :
          {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(-0.3, 0.2, 0.4)}) {
-      EXPECT_EQ(project(undistorted, x), project(pinhole, x));
+      EXPECT_NEAR(project(undistorted, x)->u, project(pinhole, x)->u, 1e-10);
+      EXPECT_NEAR(project(undistorted, x)->v, project(pinhole, x)->v, 1e-10);
     }
   }
 }
 
 TEST(Project, PutsTheOpticalAxisAtThePrincipalPoint) {
   for (const Camera& any : cameras_of_all_models(0.1)) {
-    EXPECT_EQ(project(any, {0.0, 0.0, 0.7}), (Pixel{300, 300})) << any.model;
+    const Intrinsics k = intrinsics(any);
+    EXPECT_EQ(project(any, {0.0, 0.0, 0.7}), (Pixel{k.cx, k.cy})) << any.model;
+    EXPECT_EQ(k.cx, any.model == "EQUIRECTANGULAR" ? 319.5 : 300.0) << any.model;
   }
 }
 
-TEST(Project, SeesNothingThatIsNotInFront) {
+TEST(Project, PerspectiveModelsSeeNothingThatIsNotInFront) {
   for (const Camera& any : cameras_of_all_models(0.1)) {
+    if (!is_perspective(any)) {
+      EXPECT_EQ(project(any, {0.1, 0.2, kCameraNan}), std::nullopt) << any.model;
+      continue;
+    }
     for (const double z : {0.0, -0.0, -1e-9, -2.0, -kCameraInfinity, kCameraNan}) {
       EXPECT_EQ(project(any, {0.1, 0.2, z}), std::nullopt) << any.model << ' ' << z;
     }
@@ -215,7 +390,9 @@ TEST(CameraModels, AreThoseOfTheFormatsDocument) {
                   "FULL_OPENCV fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6", "FOV fx fy cx cy omega",
                   "SIMPLE_RADIAL_FISHEYE f cx cy k", "RADIAL_FISHEYE f cx cy k1 k2",
                   "THIN_PRISM_FISHEYE fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1",
-                  "SIMPLE_FISHEYE f cx cy", "FISHEYE fx fy cx cy"));
+                  "RAD_TAN_THIN_PRISM_FISHEYE fx fy cx cy k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3",
+                  "SIMPLE_DIVISION f cx cy k", "DIVISION fx fy cx cy k", "SIMPLE_FISHEYE f cx cy",
+                  "FISHEYE fx fy cx cy", "EUCM fx fy cx cy alpha beta", "EQUIRECTANGULAR w h"));
 }
 
 TEST(CameraDefect, IsNoneForEveryModel) {
@@ -224,10 +401,12 @@ TEST(CameraDefect, IsNoneForEveryModel) {
 
 TEST(CameraDefect, SaysWhatIsWrong) {
   EXPECT_EQ(
-      camera_defect(camera("EUCM", {1, 2})),
-      "camera model 'EUCM' is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, "
+      camera_defect(camera("DOUBLE_SPHERE", {1, 2})),
+      "camera model 'DOUBLE_SPHERE' is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, "
+      "OPENCV, "
       "OPENCV_FISHEYE, FULL_OPENCV, FOV, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
-      "THIN_PRISM_FISHEYE, SIMPLE_FISHEYE, FISHEYE");
+      "THIN_PRISM_FISHEYE, RAD_TAN_THIN_PRISM_FISHEYE, SIMPLE_DIVISION, DIVISION, SIMPLE_FISHEYE, "
+      "FISHEYE, EUCM, EQUIRECTANGULAR");
   EXPECT_EQ(camera_defect(camera("pinhole", {500, 500, 320, 240})).substr(0, 22),
             "camera model 'pinhole'");
   EXPECT_EQ(camera_defect(camera("PINHOLE", {500, 500, 320})),
@@ -244,6 +423,12 @@ TEST(CameraDefect, SaysWhatIsWrong) {
             "camera parameter fy is not finite");
   EXPECT_EQ(camera_defect(camera("OPENCV", {500, 500, 320, 240, 0, 0, kCameraNan, 0})),
             "camera parameter p1 is not finite");
+  EXPECT_EQ(camera_defect(camera("EUCM", {500, 500, 320, 240, 1.5, 1})),
+            "camera parameter alpha is 1.5, not 0 to 1");
+  EXPECT_EQ(camera_defect(camera("EUCM", {500, 500, 320, 240, 0.5, 0})),
+            "camera parameter beta is 0, not positive");
+  EXPECT_EQ(camera_defect(camera("EQUIRECTANGULAR", {640, -1})),
+            "camera parameter h is -1, not positive");
   for (const auto& [width, height] : {std::pair{0U, 480U}, std::pair{640U, 0U}}) {
     Camera no_size = camera("PINHOLE", {500, 500, 320, 240});
     no_size.width = width;
@@ -269,17 +454,27 @@ TEST(Intrinsics, AreTheProjectionOfTheAxisAndItsDerivativesThere) {
 }
 
 TEST(Unproject, InvertsEveryModel) {
-  for (const double strength : {0.0, 0.05}) {
+  for (const double strength : {0.0, 1e-5, 0.05}) {
     for (const Camera& camera : cameras_of_all_models(strength)) {
-      SCOPED_TRACE(camera.model);
-      for (const Eigen::Vector2d& x :
-           {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(0.3, -0.2), Eigen::Vector2d(-0.45, 0.35)}) {
-        const auto pixel = project(camera, {x.x(), x.y(), 1.0});
-        ASSERT_TRUE(pixel);
-        const auto found = unproject(camera, *pixel);
-        ASSERT_TRUE(found);
-        EXPECT_LT((*found - x).norm(), 1e-6);
+      SCOPED_TRACE(fmt::format("{} {}", camera.model, strength));
+      const double step = strength > 0.01 || is_perspective(camera) ? 7.0 : 17.0;  // to 28 or 170
+      int seen = 0;
+      for (int i = 0; i <= (step > 10.0 ? 10 : 4); ++i) {
+        for (const double turn : {0.4, 1.9, 3.6, 5.1}) {
+          const Eigen::Vector3d x = ray_at(i * step * kDegree, turn);
+          const auto pixel = project(camera, 2.5 * x);
+          if (!pixel) continue;
+          ++seen;
+          const auto found = unproject(camera, *pixel);
+          ASSERT_TRUE(found) << i * step;
+          EXPECT_LT((*found - x).norm(), 1e-9) << i * step;
+          // From a neighbour as from the axis.
+          const auto from_near = unproject(camera, *pixel, (x + Eigen::Vector3d(0.01, 0, 0)));
+          ASSERT_TRUE(from_near) << i * step;
+          EXPECT_LT((*from_near - x).norm(), 1e-9) << i * step;
+        }
       }
+      EXPECT_GE(seen, 20);
     }
   }
 }

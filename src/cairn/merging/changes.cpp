@@ -24,8 +24,8 @@ constexpr double kLargestTurn =
     0.71;                         // cosine: views of a landmark from directions within 45 degrees
 constexpr double kNearer = 0.5;   // ranges at which a landmark is seen again, as shares of the
 constexpr double kFarther = 1.6;  // least and of the greatest at which it was seen
-constexpr double kCell = 0.02;    // of the sight's grid: tangents, about one degree
-constexpr double kDepthShare = 0.04;   // by which depths along one direction may differ
+constexpr double kCell = 0.02;    // of the sight's grid: focal lengths, about one degree
+constexpr double kRangeShare = 0.04;   // by which ranges along one direction may differ
 constexpr double kLikeShare = 0.25;    // largest share of differing bits of similar descriptors
 constexpr double kChanceFound = 0.04;  // that a landmark that is gone has a counterpart
 constexpr double kSeenThroughIfGone = 0.5;
@@ -103,12 +103,15 @@ class MapSights {
       const auto camera = map.frames().cameras.empty() ? std::nullopt : map.frames().cameras[f];
       if (!camera) continue;
       view.camera = camera->value;
+      view.intrinsics = intrinsics(map.cameras()[view.camera]);
       view.unit = 1.0 / view.camera_from_world.scale();
       for (const std::uint32_t i : seen[f]) {
         const Eigen::Vector3d x =
             view.camera_from_world * (world_from_map * map.landmarks().positions[i]);
-        if (x.z() <= 0.0) continue;
-        view.depths[cell(x.x() / x.z(), x.y() / x.z())].push_back(view.unit * x.z());
+        const auto pixel = project(map.cameras()[view.camera], x);
+        if (!pixel) continue;
+        const Eigen::Vector2d at = view.on_plane(*pixel);
+        view.ranges[cell(at.x(), at.y())].push_back(view.unit * x.norm());
       }
       views_.push_back(std::move(view));
     }
@@ -158,8 +161,14 @@ class MapSights {
     Similarity3 camera_from_world;
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     std::uint32_t camera = 0;
+    Intrinsics intrinsics;
     double unit = 1.0;  // of the world, a unit of the camera
-    std::unordered_map<std::int64_t, std::vector<double>> depths;
+    std::unordered_map<std::int64_t, std::vector<double>> ranges;
+
+    // In focal lengths from the principal point.
+    Eigen::Vector2d on_plane(const Pixel& pixel) const {
+      return {(pixel.u - intrinsics.cx) / intrinsics.fx, (pixel.v - intrinsics.cy) / intrinsics.fy};
+    }
   };
 
   static std::int64_t cell(double x, double y) {
@@ -177,18 +186,18 @@ class MapSights {
                         pixel->u <= camera.width - kBorderPx &&
                         pixel->v <= camera.height - kBorderPx;
     if (!inside) return Sight::kNone;
-    const double depth = view.unit * x.z();
-    const double margin = tolerance_ + kDepthShare * depth;
+    const double range = view.unit * x.norm();
+    const double margin = tolerance_ + kRangeShare * range;
+    const Eigen::Vector2d at = view.on_plane(*pixel);
     std::size_t before = 0;
     std::size_t behind = 0;
     for (int dx = -1; dx <= 1; ++dx) {
       for (int dy = -1; dy <= 1; ++dy) {
-        const auto found =
-            view.depths.find(cell(x.x() / x.z() + dx * kCell, x.y() / x.z() + dy * kCell));
-        if (found == view.depths.end()) continue;
+        const auto found = view.ranges.find(cell(at.x() + dx * kCell, at.y() + dy * kCell));
+        if (found == view.ranges.end()) continue;
         for (const double other : found->second) {
-          if (std::abs(other - depth) <= margin) return Sight::kAgrees;
-          ++(other < depth ? before : behind);
+          if (std::abs(other - range) <= margin) return Sight::kAgrees;
+          ++(other < range ? before : behind);
         }
       }
     }

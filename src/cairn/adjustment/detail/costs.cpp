@@ -63,10 +63,10 @@ bool CalibrationCost::Evaluate(const double* const* parameters, double* residual
       pose.inverse() * Eigen::Vector3d(parameters[1][0], parameters[1][1], parameters[1][2]);
   if (camera_from_body_ != nullptr) x_in_camera = *camera_from_body_ * x_in_camera;
   const auto count = static_cast<std::size_t>(parameter_block_sizes()[2]);
-  const Eigen::Matrix2Xd by_parameters =
-      pixel_by_parameters(projection_, {parameters[2], count}, x_in_camera) / sigma_px_;
+  const auto by_parameters = pixel_by_parameters(projection_, {parameters[2], count}, x_in_camera);
+  if (!by_parameters) return false;
   Eigen::Map<Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>>(
-      jacobians[2], 2, by_parameters.cols()) = by_parameters;
+      jacobians[2], 2, by_parameters->cols()) = *by_parameters / sigma_px_;
   return true;
 }
 

@@ -83,6 +83,10 @@ std::vector<Camera> cameras() {
       if (name == "cx") value = 320.0;
       if (name == "cy") value = 240.0;
       if (name == "omega") value = 0.8;
+      if (name == "alpha") value = 0.55;
+      if (name == "beta") value = 1.1;
+      if (name == "w") value = 640.0;
+      if (name == "h") value = 480.0;
       camera.parameters.push_back(value);
     }
     EXPECT_EQ(camera_defect(camera), "");
@@ -107,6 +111,27 @@ TEST(CalibrationCost, DerivativesOfAllModelsAgreeWithNumericOnes) {
           cost, {numbers(pose), {point.x(), point.y(), point.z()}, camera.parameters}, 1e-4);
     }
   }
+}
+
+TEST(CalibrationCost, DerivativesAgreeBesideAndBehindTheCamera) {
+  Random random(7);
+  std::size_t seen = 0;
+  for (const Camera& camera : cameras()) {
+    SCOPED_TRACE(camera.model);
+    const Rigid3 pose = random_pose(random);
+    for (const Eigen::Vector3d& x :
+         {Eigen::Vector3d(1.5, -0.7, -0.3), Eigen::Vector3d(1e-8, 0.2, -2.0)}) {
+      const auto pixel = project(camera, x);
+      if (!pixel) continue;
+      ++seen;
+      const Eigen::Vector3d point = pose * x;
+      // The second point lies on the border of a panorama, this observation beyond it.
+      const CalibrationCost cost(camera, {pixel->u + 2.0, pixel->v}, 0.7);
+      expect_true_derivatives(
+          cost, {numbers(pose), {point.x(), point.y(), point.z()}, camera.parameters}, 1e-4);
+    }
+  }
+  EXPECT_GE(seen, 9U) << "fisheyes, EUCM and the panorama see sideways";
 }
 
 TEST(PointCost, DepthDerivativesAgreeWithNumericOnes) {

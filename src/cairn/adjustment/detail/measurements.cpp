@@ -97,7 +97,8 @@ std::vector<std::vector<Measurement>> measurements_of(const LandmarkMap& map,
       measurement.sigma_px =
           noise.sigma_px(table.octaves.empty() ? 0 : table.octaves[k].value_or(0));
       const bool in_metres = map.info().length_unit == LengthUnit::kMetres;
-      if (in_metres && !table.depths.empty() && table.depths[k] && *table.depths[k] > 0.0) {
+      const bool has_depth = !table.depths.empty() && table.depths[k] && *table.depths[k] > 0.0;
+      if (in_metres && has_depth && x_in_camera.z() > 0.0) {
         measurement.depth = table.depths[k];
         measurement.sigma_depth = noise.sigma_depth(*measurement.depth);
       }
@@ -113,14 +114,14 @@ std::optional<SquaredResiduals> squared_residuals(const LandmarkMap& map,
   const Camera& camera = map.cameras()[map.frames().cameras[measurement.frame.value]->value];
   const Eigen::Vector3d x_in_camera =
       map.world_from_camera(measurement.frame).inverse() * x_in_world;
-  const auto at = project(camera, x_in_camera);
-  if (!at) return std::nullopt;
+  const auto off =
+      reprojection(camera, x_in_camera, {measurement.pixel.x(), measurement.pixel.y()});
+  if (!off) return std::nullopt;
   SquaredResiduals squared;
-  squared.pixel = (Eigen::Vector2d(at->u, at->v) - measurement.pixel).squaredNorm() /
-                  (measurement.sigma_px * measurement.sigma_px);
+  squared.pixel = off->squaredNorm() / (measurement.sigma_px * measurement.sigma_px);
   if (measurement.depth) {
-    const double off = (x_in_camera.z() - *measurement.depth) / measurement.sigma_depth;
-    squared.depth = off * off;
+    const double depth_off = (x_in_camera.z() - *measurement.depth) / measurement.sigma_depth;
+    squared.depth = depth_off * depth_off;
   }
   return squared;
 }

@@ -33,7 +33,7 @@ std::optional<SeenPoint> seen_from_body(const Rigid3* camera_from_body,
 
 /// Residual of the point's projection, for any camera model.
 /// @param parameters of the camera
-/// @return std::nullopt if the point is not in front of the camera
+/// @return std::nullopt if the camera cannot see the point, as project()
 std::optional<SeenPoint> seen_pixel(const CameraProjection& projection, const double* parameters,
                                     const Eigen::Vector2d& pixel, double sigma_px,
                                     const Eigen::Vector3d& x_in_camera);
@@ -42,10 +42,10 @@ std::optional<SeenPoint> seen_pixel(const CameraProjection& projection, const do
 /// @return std::nullopt if the point is not in front of the camera
 std::optional<SeenPoint> seen_depth(double depth, double sigma, const Eigen::Vector3d& x_in_camera);
 
-/// Derivative of the point's pixel with respect to the camera's parameters, in their order; the point is in
-/// front of the camera.
-Eigen::Matrix2Xd pixel_by_parameters(const CameraProjection& projection,
-                                     std::span<const double> parameters,
-                                     const Eigen::Vector3d& x_in_camera);
+/// Derivative of the point's pixel with respect to the camera's parameters, in their order.
+/// @return std::nullopt if the camera cannot see the point
+std::optional<Eigen::Matrix2Xd> pixel_by_parameters(const CameraProjection& projection,
+                                                    std::span<const double> parameters,
+                                                    const Eigen::Vector3d& x_in_camera);
 
 }  // namespace cairn::detail

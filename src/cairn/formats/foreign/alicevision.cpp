@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cmath>
+#include <algorithm>
+#include <array>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -27,12 +29,13 @@ class AliceVisionReader {
   AliceVisionReader(const std::string& name, const MapReadOptions& options) : out_(name, options) {}
 
   LandmarkMap read(const JsonValue& all) {
+    if (all.has("version")) read_version(all.at("version"));
     if (all.has("intrinsics")) {
-      all.at("intrinsics").each([&](const JsonValue& json) { read_camera(json); });
+      each(all.at("intrinsics"), [&](const JsonValue& json) { read_camera(json); });
     }
     read_frames(all.at("poses"), all.at("views"));
     if (all.has("structure")) {
-      all.at("structure").each([&](const JsonValue& json) { read_point(json); });
+      each(all.at("structure"), [&](const JsonValue& json) { read_point(json); });
     }
     out_.lost(unposed_, "observations by views without a pose are left out");
     return std::move(out_).finish();
@@ -57,10 +60,15 @@ class AliceVisionReader {
     return *number;
   }
 
+  // As JsonValue::each; an empty list is written as an empty text.
+  template <class Take>
+  static void each(const JsonValue& array, const Take& take) {
+    if (!array.json().is_string() || !array.text().empty()) array.each(take);
+  }
+
   static std::vector<double> numbers(const JsonValue& array) {
     std::vector<double> result;
-    if (array.json().is_string()) return result;  // an empty list is written as an empty text
-    array.each([&](const JsonValue& value) { result.push_back(number(value)); });
+    each(array, [&](const JsonValue& value) { result.push_back(number(value)); });
     return result;
   }
 
@@ -85,56 +93,124 @@ class AliceVisionReader {
     out_.add_camera(key, std::move(camera), std::move(defect));
   }
 
+  void read_version(const JsonValue& json) {
+    const std::vector<double> parts = numbers(json);
+    version_ = {};
+    for (std::size_t i = 0; i < std::min(parts.size(), version_.size()); ++i) {
+      version_[i] = parts[i];
+    }
+  }
+
+  bool is_before(double minor, double revision) const {
+    return version_ < std::array<double, 3>{1.0, minor, revision};
+  }
+
+  // Focal lengths in pixels; std::nullopt if the file states none. The ratio is of the pixels' width and height from
+  // version 1.2.5 on, before of the focal lengths.
+  std::optional<Eigen::Vector2d> focal_lengths(const JsonValue& json, double width) const {
+    if (json.has("focalLength") && json.has("sensorWidth")) {
+      const double focal = number(json.at("focalLength")) / number(json.at("sensorWidth")) * width;
+      const double ratio = json.has("pixelRatio") ? number(json.at("pixelRatio")) : 1.0;
+      if (is_before(2, 5)) return Eigen::Vector2d(focal, focal / ratio);
+      if (is_before(2, 11)) return Eigen::Vector2d(focal, focal * ratio);
+      return Eigen::Vector2d(focal / ratio, focal);
+    }
+    if (!json.has("pxFocalLength")) return std::nullopt;
+    const JsonValue value = json.at("pxFocalLength");
+    if (!value.json().is_array()) return Eigen::Vector2d::Constant(number(value));
+    const std::vector<double> focal = numbers(value, 2, "is no pair");
+    return Eigen::Vector2d(focal[0], focal[1]);
+  }
+
+  // The lens and its distortion. Before version 1.2.8 one name is for both.
+  struct LensType {
+    std::string lens;
+    std::string distortion;
+  };
+
+  static LensType lens_type(const JsonValue& json) {
+    const std::string& type = json.at("type").text();
+    if (json.has("distortionType")) return {type, json.at("distortionType").text()};
+    static const std::map<std::string_view, LensType> old = {
+        {"pinhole", {"pinhole", "none"}},
+        {"radial1", {"pinhole", "radialk1"}},
+        {"radial3", {"pinhole", "radialk3"}},
+        {"brown", {"pinhole", "brown"}},
+        {"fisheye4", {"pinhole", "fisheye"}},
+        {"fisheye1", {"pinhole", "fisheye1"}},
+        {"equidistant", {"equidistant", "none"}},
+        {"equidistant_r3", {"equidistant", "radialk3pt"}}};
+    const auto found = old.find(type);
+    return found == old.end() ? LensType{type, "none"} : found->second;
+  }
+
+  // Half the field of view, in radians: the unit of the angle that an equidistant lens distorts. It is the circle of the
+  // image.
+  static double equidistant_unit(const JsonValue& json, const Camera& camera, double focal) {
+    const double width_mm = number(json.at("sensorWidth"));
+    const double height_mm = number(json.at("sensorHeight"));
+    const double focal_mm = focal * width_mm / std::max<double>(camera.width, camera.height);
+    return 0.5 * std::min(width_mm, height_mm) / focal_mm;
+  }
+
   // @return why Cairn has no such camera; empty if it has
-  static std::string set_lens(Camera& camera, const JsonValue& json) {
+  std::string set_lens(Camera& camera, const JsonValue& json) const {
     camera.width = static_cast<std::uint32_t>(whole(json.at("width"), kMostAliceVision));
     camera.height = static_cast<std::uint32_t>(whole(json.at("height"), kMostAliceVision));
-    double focal = 0.0;
-    if (json.has("focalLength") && json.has("sensorWidth")) {
-      focal = number(json.at("focalLength")) / number(json.at("sensorWidth")) * camera.width;
-    } else if (json.has("pxFocalLength")) {
-      const JsonValue value = json.at("pxFocalLength");
-      focal = number(value.json().is_array() ? value.at(0) : value);
-    } else {
-      return "it has no focal length";
-    }
-    if (json.has("pixelRatio") && number(json.at("pixelRatio")) != 1.0) {
-      return "its pixels are not square";
-    }
+    const auto focal = focal_lengths(json, camera.width);
+    if (!focal) return "it has no focal length";
     const std::vector<double> centre = numbers(json.at("principalPoint"), 2, "is no point");
-    // An offset from the image's centre; in old files, from its corner. Offsets below a quarter of the width
-    // are from the centre.
-    const bool is_offset = std::abs(centre[0]) < 0.25 * camera.width;
-    const double cx = centre[0] + (is_offset ? 0.5 * camera.width : 0.0);
-    const double cy = centre[1] + (is_offset ? 0.5 * camera.height : 0.0);
-    const std::vector<double> d =
+    // From version 1.2.1 on an offset from the image's centre.
+    const double half = is_before(2, 1) ? 0.0 : 0.5;
+    const double cx = centre[0] + half * camera.width;
+    const double cy = centre[1] + half * camera.height;
+    const LensType type = lens_type(json);
+    std::vector<double> d =
         json.has("distortionParams") ? numbers(json.at("distortionParams")) : std::vector<double>{};
-    const std::string type = json.at("type").text();
-    const auto with = [&](const char* model, std::vector<double> parameters) {
+    if (json.has("undistortionType") && json.at("undistortionType").text() != "none") {
+      return "its undistortion " + printable(json.at("undistortionType").text()) +
+             " is none of Cairn's";
+    }
+    Eigen::Vector2d scale = *focal;
+    const std::string& name = d.empty() ? "none" : type.distortion;
+    if (name == "radialk3pt" && d.size() == 3) scale /= 1.0 + d[0] + d[1] + d[2];
+    const auto with = [&](const char* model, std::vector<double> distortion) {
       camera.model = model;
-      camera.parameters = std::move(parameters);
+      camera.parameters = {scale.x()};
+      if (!camera.model.starts_with("SIMPLE_")) camera.parameters.push_back(scale.y());
+      camera.parameters.insert(camera.parameters.end(), {cx, cy});
+      camera.parameters.insert(camera.parameters.end(), distortion.begin(), distortion.end());
       return std::string();
     };
-    if (type == "pinhole" || d.empty()) return with("SIMPLE_PINHOLE", {focal, cx, cy});
-    if (type == "radial1" && d.size() == 1) return with("SIMPLE_RADIAL", {focal, cx, cy, d[0]});
-    if (type == "radial3" && d.size() == 3) {
-      return with("FULL_OPENCV", {focal, focal, cx, cy, d[0], d[1], 0.0, 0.0, d[2], 0.0, 0.0, 0.0});
+    const bool is_cubic = (name == "radialk3" || name == "radialk3pt") && d.size() == 3;
+    if (type.lens == "equidistant" && (is_cubic || name == "none")) {
+      const double unit = equidistant_unit(json, camera, focal->x());
+      scale *= number(json.at("fisheyeCircleRadius")) / (unit * focal->x());
+      d.resize(3, 0.0);
+      const double u2 = unit * unit;
+      return with("OPENCV_FISHEYE", {d[0] / u2, d[1] / (u2 * u2), d[2] / (u2 * u2 * u2), 0.0});
     }
-    if (type == "brown" && d.size() == 5) {
-      return with("FULL_OPENCV",
-                  {focal, focal, cx, cy, d[0], d[1], d[3], d[4], d[2], 0.0, 0.0, 0.0});
+    if (type.lens == "pinhole") {
+      const bool is_square = scale.x() == scale.y();
+      if (name == "none") return with(is_square ? "SIMPLE_PINHOLE" : "PINHOLE", {});
+      if (name == "radialk1" && d.size() == 1) {
+        return is_square ? with("SIMPLE_RADIAL", d) : with("OPENCV", {d[0], 0.0, 0.0, 0.0});
+      }
+      if (is_cubic) return with("FULL_OPENCV", {d[0], d[1], 0.0, 0.0, d[2], 0.0, 0.0, 0.0});
+      if (name == "brown" && d.size() == 5) {
+        return with("FULL_OPENCV", {d[0], d[1], d[3], d[4], d[2], 0.0, 0.0, 0.0});
+      }
+      if (name == "fisheye" && d.size() == 4) return with("OPENCV_FISHEYE", d);
+      if (name == "fisheye1" && d.size() == 1) return with("FOV", d);
     }
-    if (type == "fisheye4" && d.size() == 4) {
-      return with("OPENCV_FISHEYE", {focal, focal, cx, cy, d[0], d[1], d[2], d[3]});
-    }
-    return fmt::format("its type {} with {} parameters is none of Cairn's", printable(type),
-                       d.size());
+    return fmt::format("its type {} with {} parameters is none of Cairn's",
+                       printable(json.at("type").text()), d.size());
   }
 
   void read_frames(const JsonValue& poses, const JsonValue& views) {
     std::unordered_map<std::uint64_t, std::size_t> places;
-    for (std::size_t i = 0; i < poses.size(); ++i)
-      places.emplace(whole(poses.at(i).at("poseId")), i);
+    std::size_t place = 0;
+    each(poses, [&](const JsonValue& pose) { places.emplace(whole(pose.at("poseId")), place++); });
     std::size_t without_pose = 0;
     views.each([&](const JsonValue& view) {
       const std::uint64_t id = whole(view.at("viewId"));
@@ -169,7 +245,7 @@ class AliceVisionReader {
     if (json.has("color")) color = color_of(vector3(json.at("color")));
     out_.add_landmark(id, position, color);
     if (!json.has("observations")) return;
-    json.at("observations").each([&](const JsonValue& seen) {
+    each(json.at("observations"), [&](const JsonValue& seen) {
       const auto frame = frame_of_view_.find(whole(seen.at("observationId")));
       if (frame == frame_of_view_.end()) {
         ++unposed_;
@@ -186,6 +262,7 @@ class AliceVisionReader {
   }
 
   SfmBuilder out_;
+  std::array<double, 3> version_ = {1.0, 2.0, 11.0};  // the newest unless stated
   std::unordered_map<std::uint64_t, FrameIndex> frame_of_view_;
   std::size_t unposed_ = 0;
 };

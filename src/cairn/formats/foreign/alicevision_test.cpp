@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
 #include <string>
+#include <vector>
 
 #include <Eigen/LU>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/map_file.hpp"
 
 #include "support/imported_maps.hpp"
+#include "support/maps.hpp"
 #include "support/real_data.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -72,6 +77,110 @@ TEST_F(AliceVisionTest, EachTypeHasItsModel) {
               Contains(HasSubstr("camera 1 is unknown to the map: its type '3deanamorphic4'")));
 }
 
+// A camera of 200 x 100 pixels with its principal point in the middle, and what else its JSON says.
+std::string alicevision_camera(const std::string& version, const std::string& more) {
+  return R"({"version": )" + version +
+         R"(, "views": [], "poses": "", "intrinsics": [{"intrinsicId": "1",
+    "width": "200", "height": "100", "sensorWidth": "8", "sensorHeight": "4", "focalLength": "4",
+    "principalPoint": ["0", "0"], )" +
+         more + "}]}";
+}
+
+TEST_F(AliceVisionTest, NewVersionsNameLensAndDistortion) {
+  const auto camera = [&](const std::string& more) {
+    const LandmarkMap map = read_bytes(alicevision_camera(R"(["1","2","11"])", more), "a.sfm");
+    return map.cameras().empty() ? Camera{} : map.cameras()[0];
+  };
+  const Camera radial = camera(
+      R"("type": "pinhole", "distortionType": "radialk3", "distortionParams": ["0.1","0.2","0.3"])");
+  EXPECT_EQ(radial.model, "FULL_OPENCV");
+  EXPECT_THAT(radial.parameters, ElementsAre(100, 100, 100, 50, 0.1, 0.2, 0, 0, 0.3, 0, 0, 0));
+  const Camera fov =
+      camera(R"("type": "pinhole", "distortionType": "fisheye1", "distortionParams": ["0.8"])");
+  EXPECT_EQ(fov.model, "FOV");
+  EXPECT_THAT(fov.parameters, ElementsAre(100, 100, 100, 50, 0.8));
+  // Divided by 1 + k1 + k2 + k3: 1.25.
+  const Camera normalised = camera(
+      R"("type": "pinhole", "distortionType": "radialk3pt", "distortionParams": ["0.05","0.15","0.05"])");
+  EXPECT_NEAR(project(normalised, {0.5, 0.0, 1.0})->u,
+              100 + 100 * 0.5 * (1 + 0.05 / 4 + 0.15 / 16 + 0.05 / 64) / 1.25, 1e-9);
+  // The focal length is along y, where pixels are higher than wide.
+  EXPECT_THAT(
+      camera(R"("type": "pinhole", "distortionType": "none", "pixelRatio": "0.8")").parameters,
+      ElementsAre(125, 100, 100, 50));
+  EXPECT_EQ(camera(R"("type": "pinhole", "distortionType": "none",
+                      "undistortionType": "3declassicld")")
+                .model,
+            "");
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("its undistortion '3declassicld' is none")));
+}
+
+TEST_F(AliceVisionTest, EquidistantLensesAreScaledByTheirCircle) {
+  // 8 mm / 200 pixels, so 4 mm of focal length; half the field of view is 0.5 * 4 / 4 = 0.5 radians at 60 pixels.
+  const LandmarkMap map = read_bytes(
+      alicevision_camera(R"(["1","2","8"])", R"("type": "equidistant", "distortionType": "radialk3",
+        "distortionParams": ["0.1","0.02","0.003"], "fisheyeCircleRadius": "60")"),
+      "a.sfm");
+  ASSERT_EQ(map.cameras().size(), 1U);
+  const double angle = 0.7;
+  const double r = angle / 0.5;
+  EXPECT_NEAR(
+      project(map.cameras()[0], {std::sin(angle), 0.0, std::cos(angle)})->u,
+      100 + 60 * r * (1 + 0.1 * std::pow(r, 2) + 0.02 * std::pow(r, 4) + 0.003 * std::pow(r, 6)),
+      1e-9);
+}
+
+TEST_F(AliceVisionTest, OldVersionsCountFromTheCornerAndDivideByTheRatio) {
+  const auto parameters = [&](const std::string& version) {
+    return read_bytes(alicevision_camera(version, R"("type": "pinhole", "pixelRatio": "0.8")"),
+                      "a.sfm")
+        .cameras()[0]
+        .parameters;
+  };
+  EXPECT_THAT(parameters(R"(["1","2","0"])"), ElementsAre(100, 125, 0, 0));
+  EXPECT_THAT(parameters(R"(["1","2","4"])"), ElementsAre(100, 125, 100, 50));
+  EXPECT_THAT(parameters(R"(["1","2","6"])"), ElementsAre(100, 80, 100, 50));
+}
+
+TEST_F(AliceVisionTest, EachModelComesBackFromItsWriter) {
+  MapTables tables = testing::plain_tables();
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {"a.jpg", "b.jpg"};
+  for (const Camera& camera : std::vector<Camera>{
+           {CameraId{3}, "SIMPLE_PINHOLE", 200, 100, {150, 99, 49}},
+           {CameraId{3}, "PINHOLE", 200, 100, {150, 160, 99, 49}},
+           {CameraId{3}, "SIMPLE_RADIAL", 200, 100, {150, 99, 49, 0.1}},
+           {CameraId{3}, "FULL_OPENCV", 200, 100, {150, 160, 99, 49, 0.1, 0.2, 0, 0, 0.3, 0, 0, 0}},
+           {CameraId{3}, "FULL_OPENCV", 200, 100, {150, 160, 99, 49, 0.1, 0.2, 1, 2, 0.3, 0, 0, 0}},
+           {CameraId{3}, "OPENCV_FISHEYE", 200, 100, {150, 160, 99, 49, 0.1, 0.2, 0.3, 0.4}},
+           {CameraId{3}, "FOV", 200, 100, {150, 160, 99, 49, 0.8}}}) {
+    SCOPED_TRACE(camera.model);
+    tables.cameras = {camera};
+    const LandmarkMap map{MapTables(tables)};
+    testing::expect_same_model(read(write(map, "out.sfm")), map);
+  }
+  tables.cameras = {{CameraId{4}, "EQUIRECTANGULAR", 200, 100, {200, 100}}};
+  EXPECT_THAT(testing::message_of(ErrorKind::kInput,
+                                  [&] { write(LandmarkMap(MapTables(tables)), "out.sfm"); }),
+              HasSubstr("camera 4: is of model EQUIRECTANGULAR, which AliceVision does not have"));
+}
+
+TEST_F(AliceVisionTest, WritingSaysWhatHasNoPlace) {
+  MapTables tables = testing::full_tables();
+  EXPECT_THAT(
+      testing::message_of(ErrorKind::kInput,
+                          [&] { write(LandmarkMap(MapTables(tables)), "out.sfm"); }),
+      HasSubstr("frame 18446744073709551615: has no camera, and a view of AliceVision needs"));
+  tables.frames.cameras.assign(3, CameraIndex{0});
+  const LandmarkMap map{MapTables(tables)};
+  const LandmarkMap back = read(write(map, "out.sfm"));
+  EXPECT_EQ(back.landmark_count(), map.landmark_count());
+  EXPECT_EQ(back.observations().pixels, map.observations().pixels);
+  write(map, "out.sfm");
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("AliceVision has no place for: ")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("ids of frames are too large for AliceVision")));
+}
+
 TEST_F(AliceVisionTest, ErrorsNameThePlace) {
   EXPECT_THAT(refused(alicevision_json("radial1", R"(["x"])")),
               HasSubstr("/intrinsics/0/distortionParams/0: 'x' is not a number"));
@@ -105,6 +214,41 @@ TEST(RealAliceVision, CamerasLookAtOneObject) {
   const Eigen::Vector3d object = a.inverse() * b;
   for (std::uint32_t i = 0; i < 34; ++i) {
     EXPECT_GT((map.world_from_camera(FrameIndex{i}).inverse() * object).z(), 0.0);
+  }
+}
+
+// What the file of AliceVision says of views, lens and poses; its metadata have no place in a map.
+TEST(RealAliceVision, ComesBackFromItsWriter) {
+  const auto data = testing::real_data();
+  if (!data) GTEST_SKIP() << testing::kNoRealData;
+  const std::filesystem::path file = *data / "foreign/alicevision/cameras.sfm";
+  const testing::TemporaryFolder folder;
+  const LandmarkMap map = all_formats().read(file);
+  all_formats().write(map, folder / "out.sfm");
+  testing::expect_same_model(all_formats().read(folder / "out.sfm"), map);
+  const nlohmann::json original = nlohmann::json::parse(testing::read_text(file));
+  const nlohmann::json written = nlohmann::json::parse(testing::read_text(folder / "out.sfm"));
+  std::size_t views = 0;
+  for (const nlohmann::json& view : written.at("views")) {
+    for (const nlohmann::json& other : original.at("views")) {
+      if (other.at("viewId") != view.at("viewId")) continue;
+      ++views;
+      for (const char* key : {"intrinsicId", "path", "width", "height"}) {
+        EXPECT_EQ(view.at(key), other.at(key)) << key;
+      }
+    }
+  }
+  EXPECT_EQ(views, 34U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto parameter = [&](const nlohmann::json& json) {
+      const auto& text = json.at("intrinsics").at(0).at("distortionParams").at(i);
+      return std::stod(text.get<std::string>());
+    };
+    EXPECT_EQ(parameter(written), parameter(original));
+  }
+  for (const char* key : {"type", "width", "height", "pixelRatio"}) {
+    EXPECT_EQ(written.at("intrinsics").at(0).at(key), original.at("intrinsics").at(0).at(key))
+        << key;
   }
 }
 

@@ -343,15 +343,15 @@ class BinaryForm {
     for (std::uint64_t i = 0; i < count; ++i) {
       const std::uint32_t id = in.u32("camera id");
       const std::int32_t model = in.i32("camera model");
-      if (model < 0 || static_cast<std::size_t>(model) >= kColmapModels.size()) {
+      if (model < 0 || static_cast<std::size_t>(model) >= camera_models().size()) {
         in.refuse("camera model", fmt::format("{} is no model of COLMAP", model),
-                  fmt::format("0 to {}", kColmapModels.size() - 1));
+                  fmt::format("0 to {}", camera_models().size() - 1));
       }
-      const ColmapModel& known = kColmapModels.at(static_cast<std::size_t>(model));
+      const CameraModel& known = camera_models()[static_cast<std::size_t>(model)];
       const std::uint64_t width = in.u64("width");
       const std::uint64_t height = in.u64("height");
       std::vector<double> parameters;
-      for (std::size_t j = 0; j < known.parameters; ++j) {
+      for (std::size_t j = 0; j < known.parameters.size(); ++j) {
         parameters.push_back(in.f64("camera parameter"));
       }
       out.add_camera(id, std::string(known.name), width, height, std::move(parameters));
@@ -445,12 +445,10 @@ class TextForm {
       const std::uint64_t height = in.unsigned_number("height");
       std::vector<double> parameters;
       while (in.has_word()) parameters.push_back(in.number("camera parameter"));
-      const auto known = std::find_if(kColmapModels.begin(), kColmapModels.end(),
-                                      [&](const ColmapModel& m) { return m.name == model; });
-      if (known != kColmapModels.end() && known->parameters != parameters.size() &&
-          known->name != "EQUIRECTANGULAR") {
+      const CameraModel* const known = camera_model(model);
+      if (known != nullptr && known->parameters.size() != parameters.size()) {
         in.refuse("camera parameters", fmt::format("{} of them", parameters.size()),
-                  fmt::format("{}, as {} has", known->parameters, model));
+                  fmt::format("{}, as {} has", known->parameters.size(), model));
       }
       out.add_camera(id, std::move(model), width, height, std::move(parameters));
     }

@@ -228,10 +228,10 @@ TEST_F(ColmapTest, MissingCamerasLeaveThePoses) {
 }
 
 TEST_F(ColmapTest, CamerasThatCairnCannotProjectWithAreUnknown) {
-  write_text("3 EUCM 200 100 100 100 100 50 0.5 1\n");
+  write_text("3 DOUBLE_SPHERE 200 100 100 100 100 50 0.5 1\n");
   EXPECT_TRUE(read().frames().cameras.empty());
   EXPECT_THAT(remarks_.texts,
-              Contains(HasSubstr("camera 3 is unknown to the map: camera model 'EUCM'")));
+              Contains(HasSubstr("camera 3 is unknown to the map: camera model 'DOUBLE_SPHERE'")));
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("2 of 2 frames have no known camera")));
 }
 

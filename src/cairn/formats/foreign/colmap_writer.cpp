@@ -36,9 +36,9 @@ double reprojection_error(const LandmarkMap& map, LandmarkIndex landmark) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const Eigen::Vector3d x =
         map.world_from_camera(frames[i]).inverse() * map.landmarks().positions[landmark.value];
-    const auto pixel = project(camera_of(map, frames[i]), x);
-    if (!pixel) return -1.0;
-    sum += std::hypot(pixel->u - pixels[i].u, pixel->v - pixels[i].v);
+    const auto error = reprojection(camera_of(map, frames[i]), x, pixels[i]);
+    if (!error) return -1.0;
+    sum += error->norm();
   }
   return frames.empty() ? -1.0 : sum / static_cast<double>(frames.size());
 }
@@ -191,14 +191,10 @@ class ColmapWriter {
         form_(form),
         options_(options),
         image_names_(image_names(map)),
+        ids_(map, kMostSmall, kNoPoint >> 1, 1),
         observations_(map),
         rigs_(map) {
     check_frames();
-    std::vector<CameraId> camera_ids;
-    for (const Camera& camera : map.cameras()) camera_ids.push_back(camera.id);
-    camera_ids_ = fitting_ids(camera_ids, kMostSmall, 1);
-    image_ids_ = fitting_ids(map.frames().ids, kMostSmall, 1);
-    point_ids_ = fitting_ids(map.landmarks().ids, kNoPoint >> 1, 1);
     keypoint_of_observation_.resize(map.observation_count());
     for (const auto& of_frame : observations_.of_frame) {
       for (std::uint32_t k = 0; k < of_frame.size(); ++k) keypoint_of_observation_[of_frame[k]] = k;
@@ -214,16 +210,7 @@ class ColmapWriter {
           "{}: has rigs, which COLMAP reads from 3.12 on; before, it reads the images' poses only",
           folder_.string()));
     }
-    const auto note = [&](bool renumbered, std::string_view what) {
-      if (renumbered) {
-        options_.log({fmt::format("{}: ids of {} are too large for COLMAP: numbered from 1",
-                                  folder_.string(), what),
-                      RemarkKind::kLoss});
-      }
-    };
-    note(!image_ids_.empty() && image_ids_[0] != map_.frames().ids[0].value, "frames");
-    note(!point_ids_.empty() && point_ids_[0] != map_.landmarks().ids[0].value, "landmarks");
-    note(!camera_ids_.empty() && camera_ids_[0] != map_.cameras()[0].id.value, "cameras");
+    ids_.log_replaced(options_.log, map_, "COLMAP", folder_.string());
   }
 
   void write_cameras(const ByteSink& sink) const {
@@ -233,14 +220,11 @@ class ColmapWriter {
     for (std::size_t i = 0; i < map_.cameras().size(); ++i) {
       Camera camera = map_.cameras()[i];
       shift_centre(camera, kPixelCentre);
-      out.both(static_cast<std::uint32_t>(camera_ids_[i]));
+      out.both(static_cast<std::uint32_t>(ids_.cameras[i]));
       if (out.is_text()) {
         out.word(camera.model);
       } else {
-        const auto model =
-            std::find_if(kColmapModels.begin(), kColmapModels.end(),
-                         [&](const ColmapModel& m) { return m.name == camera.model; });
-        out.binary(static_cast<std::int32_t>(model - kColmapModels.begin()));
+        out.binary(static_cast<std::int32_t>(camera_model(camera.model) - camera_models().data()));
       }
       out.both(std::uint64_t{camera.width});
       out.both(std::uint64_t{camera.height});
@@ -260,11 +244,11 @@ class ColmapWriter {
       const auto& q = frames.quaternions[i];
       const Eigen::Vector3d t =
           map_.world_from_camera(FrameIndex{i}).inverse() * Eigen::Vector3d::Zero();
-      out.both(static_cast<std::uint32_t>(image_ids_[i]));
+      out.both(static_cast<std::uint32_t>(ids_.frames[i]));
       out.both(q[0]);
       for (std::size_t j = 1; j < 4; ++j) out.both(-q[j]);
       for (int j = 0; j < 3; ++j) out.both(t[j]);
-      out.both(static_cast<std::uint32_t>(camera_ids_[frames.cameras[i]->value]));
+      out.both(static_cast<std::uint32_t>(ids_.cameras[frames.cameras[i]->value]));
       const std::string& name = image_names_[i];
       if (out.is_text()) {
         out.word(name);
@@ -279,7 +263,7 @@ class ColmapWriter {
         const Pixel& pixel = map_.observations().pixels[observation];
         out.both(pixel.u + kPixelCentre);
         out.both(pixel.v + kPixelCentre);
-        out.both(point_ids_[observations_.landmark_of[observation]]);
+        out.both(ids_.landmarks[observations_.landmark_of[observation]]);
       }
       if (out.is_text()) out.end_line();
     }
@@ -294,7 +278,7 @@ class ColmapWriter {
     const LandmarkTable& landmarks = map_.landmarks();
     const NamedColumn* const errors = map_.column(kErrorColumn);
     for (std::uint32_t i = 0; i < map_.landmark_count(); ++i) {
-      out.both(point_ids_[i]);
+      out.both(ids_.landmarks[i]);
       for (int j = 0; j < 3; ++j) out.both(landmarks.positions[i][j]);
       const Color color = color_of(map_, i);
       out.both(color.red);
@@ -309,7 +293,7 @@ class ColmapWriter {
       const std::uint64_t first =
           map_.observations().offsets.empty() ? 0 : map_.observations().offsets[i];
       for (std::size_t j = 0; j < frames.size(); ++j) {
-        out.both(static_cast<std::uint32_t>(image_ids_[frames[j].value]));
+        out.both(static_cast<std::uint32_t>(ids_.frames[frames[j].value]));
         out.both(keypoint_of_observation_[first + j]);
       }
       if (out.is_text()) out.end_line();
@@ -357,7 +341,7 @@ class ColmapWriter {
       out.both(static_cast<std::uint32_t>(images.size()));
       for (const std::uint32_t image : images) {
         sensor(out, *frames.cameras[image]);
-        out.both(image_ids_[image]);
+        out.both(ids_.frames[image]);
       }
       if (out.is_text()) out.end_line();
     }
@@ -371,7 +355,7 @@ class ColmapWriter {
     } else {
       out.binary(std::int32_t{0});
     }
-    out.both(static_cast<std::uint32_t>(camera_ids_[camera.value]));
+    out.both(static_cast<std::uint32_t>(ids_.cameras[camera.value]));
   }
 
   void check_frames() const {
@@ -414,9 +398,7 @@ class ColmapWriter {
   ColmapForm form_;
   const MapWriteOptions& options_;
   std::vector<std::string> image_names_;
-  std::vector<std::uint64_t> camera_ids_;
-  std::vector<std::uint64_t> image_ids_;
-  std::vector<std::uint64_t> point_ids_;
+  WrittenIds ids_;
   FrameObservations observations_;
   std::vector<std::uint32_t> keypoint_of_observation_;
   ColmapRigs rigs_;

@@ -81,13 +81,8 @@ Camera reread_camera(const Camera& read, const ConventionReading& reading) {
   const double by = reading.focal == FocalReading::kAsRead       ? 1.0
                     : reading.focal == FocalReading::kNormalised ? side
                                                                  : 1.0 / side;
-  for (const CameraModel& model : camera_models()) {
-    if (model.name != camera.model) continue;
-    for (std::size_t i = 0; i < model.parameters.size(); ++i) {
-      const bool is_focal = model.parameters[i] == "f" || model.parameters[i].starts_with("f");
-      if (is_focal && model.parameters[i].size() <= 2) camera.parameters[i] *= by;
-    }
-  }
+  const auto focal_lengths = static_cast<std::size_t>(CameraProjection(camera).focal_lengths());
+  for (std::size_t i = 0; i < focal_lengths; ++i) camera.parameters[i] *= by;
   return camera;
 }
 
@@ -103,17 +98,12 @@ Pixel reread_pixel(const Pixel& read, const Intrinsics& k, const ConventionReadi
 }
 
 bool has_distortion(const Camera& camera) {
-  const bool is_plain = camera.model == "PINHOLE" || camera.model == "SIMPLE_PINHOLE";
-  const std::size_t first = camera.model.starts_with("SIMPLE_") || camera.model == "RADIAL" ||
-                                    camera.model == "RADIAL_FISHEYE"
-                                ? 3
-                                : 4;
-  const bool is_fisheye = camera.model.find("FISHEYE") != std::string::npos;
-  return !is_plain &&
-         (is_fisheye ||
-          std::any_of(camera.parameters.begin() +
-                          static_cast<std::ptrdiff_t>(std::min(first, camera.parameters.size())),
-                      camera.parameters.end(), [](double x) { return x != 0.0; }));
+  const Intrinsics k = intrinsics(camera);
+  const Eigen::Vector2d x(0.3, 0.2);
+  const auto off =
+      reprojection(camera, x.homogeneous(), {k.fx * x.x() + k.cx, k.fy * x.y() + k.cy});
+  constexpr double kNone = 1e-6;  // pixels
+  return !off || off->norm() > kNone;
 }
 
 struct Sample {
@@ -172,17 +162,17 @@ class Checker {
       const Sample& sample = samples_[i];
       const Pose pose = reread_pose(pose_of(sample.frame), reading);
       const Camera& camera = camera_of(sample.camera, reading);
-      const auto pixel =
-          project(camera, pose.world_from_camera.conjugate() * (sample.landmark - pose.centre));
-      if (!pixel) {
+      const Pixel seen =
+          reread_pixel(sample.pixel, intrinsics(map_.cameras()[sample.camera]), reading);
+      const auto off = reprojection(
+          camera, pose.world_from_camera.conjugate() * (sample.landmark - pose.centre), seen);
+      if (!off) {
         errors_.push_back(kInfinite);
         continue;
       }
-      const Pixel seen =
-          reread_pixel(sample.pixel, intrinsics(map_.cameras()[sample.camera]), reading);
-      du_.push_back(seen.u - pixel->u);
-      dv_.push_back(seen.v - pixel->v);
-      errors_.push_back(std::hypot(du_.back(), dv_.back()));
+      du_.push_back(-off->x());
+      dv_.push_back(-off->y());
+      errors_.push_back(off->norm());
     }
     return upper_median(errors_);
   }

@@ -73,8 +73,8 @@ std::vector<Mistake> mistakes() {
   Mistake undistorted{"observations are undistorted"};
   undistorted.pixel = [](const Camera& camera, const Pixel& p) {
     const Intrinsics k = intrinsics(camera);
-    const auto x = unproject(camera, p);
-    return x ? Pixel{k.fx * x->x() + k.cx, k.fy * x->y() + k.cy} : p;
+    const auto ray = unproject(camera, p);
+    return ray ? Pixel{k.fx * ray->x() / ray->z() + k.cx, k.fy * ray->y() / ray->z() + k.cy} : p;
   };
   undistorted.needs_distortion = true;
   all.push_back(undistorted);

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -70,56 +69,94 @@ class NerfstudioReader {
             .centre = pose.col(3)};
   }
 
-  // Values of a frame override those for the whole file.
+  // What a frame says of its camera, or else the whole file.
+  struct Stated {
+    const JsonValue& frame;
+    const JsonValue& all;
+
+    std::optional<JsonValue> value(const char* key) const {
+      if (frame.has(key)) return frame.at(key);
+      if (all.has(key)) return all.at(key);
+      return std::nullopt;
+    }
+    std::optional<double> number(const char* key) const {
+      const auto stated = value(key);
+      return stated ? std::optional(stated->number()) : std::nullopt;
+    }
+  };
+
   std::optional<CameraIndex> camera_of(const JsonValue& frame, const JsonValue& all) {
     std::vector<Camera>& cameras = out_.tables().cameras;
-    const auto number = [&](const char* key) -> std::optional<double> {
-      if (frame.has(key)) return frame.at(key).number();
-      if (all.has(key)) return all.at(key).number();
-      return std::nullopt;
-    };
-    const auto width = number("w");
-    const auto height = number("h");
+    std::optional<Camera> camera = lens_of({frame, all}, CameraId{cameras.size()});
+    if (!camera || !camera_defect(*camera).empty()) return std::nullopt;
+    if (cameras.empty() || !is_same_lens(cameras.back(), *camera)) {
+      cameras.push_back(std::move(*camera));
+    }
+    return CameraIndex{static_cast<std::uint32_t>(cameras.size() - 1)};
+  }
+
+  // std::nullopt for a camera that is not stated, or none of Cairn's models.
+  static std::optional<Camera> lens_of(const Stated& stated, CameraId id) {
+    const auto width = stated.number("w");
+    const auto height = stated.number("h");
     if (!width || !height) return std::nullopt;
     const auto size = [](double x) {
       return x >= 1.0 && x < 4294967296.0 ? static_cast<std::uint32_t>(x) : 0U;
     };
-    auto fx = number("fl_x");
+    auto fx = stated.number("fl_x");
+    const auto stated_model = stated.value("camera_model");
+    const std::string model = stated_model ? stated_model->text() : std::string("OPENCV");
+    if (model == "EQUIRECTANGULAR") {
+      // Other focal lengths make it a part of the sphere.
+      if (fx && std::abs(*fx - 0.5 * *width) > 1e-6 * *width) return std::nullopt;
+      return Camera{id, model, size(*width), size(*height), {*width, *height}};
+    }
     // instant-ngp states the field of view.
-    if (const auto angle = number("camera_angle_x"); !fx && angle) {
+    if (const auto angle = stated.number("camera_angle_x"); !fx && angle) {
       fx = 0.5 * *width / std::tan(0.5 * *angle);
     }
     if (!fx) return std::nullopt;
-    const double fy = number("fl_y").value_or(*fx);
-    const double cx = number("cx").value_or(0.5 * *width) - kPixelCentre;
-    const double cy = number("cy").value_or(0.5 * *height) - kPixelCentre;
-    const auto coefficient = [&](const char* key) { return number(key).value_or(0.0); };
-    const JsonValue& stated = frame.has("camera_model") ? frame : all;
-    const std::string model =
-        stated.has("camera_model") ? stated.at("camera_model").text() : std::string("OPENCV");
+    const Intrinsics k{*fx, stated.number("fl_y").value_or(*fx),
+                       stated.number("cx").value_or(0.5 * *width) - kPixelCentre,
+                       stated.number("cy").value_or(0.5 * *height) - kPixelCentre};
+    const auto list = stated.value("distortion_params");
+    if (model == "FISHEYE624") {
+      Camera camera{
+          id, "RAD_TAN_THIN_PRISM_FISHEYE", size(*width), size(*height), {k.fx, k.fy, k.cx, k.cy}};
+      if (!list) return std::nullopt;
+      const std::vector<double> d = list->numbers(12);
+      camera.parameters.insert(camera.parameters.end(), d.begin(), d.end());
+      return camera;
+    }
+    const auto d = distortion_of(stated, model, list ? list->numbers(6) : std::vector<double>{});
+    if (!d) return std::nullopt;
+    return opencv_camera(id, size(*width), size(*height), k, *d);
+  }
+
+  // @param listed k1 k2 k3 k4 p1 p2, or nothing
+  static std::optional<Distortion> distortion_of(const Stated& stated, const std::string& model,
+                                                 const std::vector<double>& listed) {
+    const auto coefficient = [&](const char* key, std::size_t place) {
+      return listed.empty() ? stated.number(key).value_or(0.0) : listed[place];
+    };
     const bool is_fisheye =
-        model == "OPENCV_FISHEYE" || (all.has("is_fisheye") && all.at("is_fisheye").json() == true);
+        model == "OPENCV_FISHEYE" ||
+        (stated.all.has("is_fisheye") && stated.all.at("is_fisheye").json() == true);
     Distortion d{.is_fisheye = is_fisheye,
-                 .k1 = coefficient("k1"),
-                 .k2 = coefficient("k2"),
-                 .k3 = coefficient("k3"),
-                 .k4 = coefficient("k4")};
+                 .k1 = coefficient("k1", 0),
+                 .k2 = coefficient("k2", 1),
+                 .k3 = coefficient("k3", 2),
+                 .k4 = coefficient("k4", 3)};
+    if (is_fisheye) return d;
     // Nerfstudio takes all of these for one model, whatever their names say.
     constexpr std::array<std::string_view, 5> kPerspective = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE",
                                                               "RADIAL", "SIMPLE_RADIAL"};
-    if (!is_fisheye) {
-      const bool is_perspective =
-          std::find(kPerspective.begin(), kPerspective.end(), model) != kPerspective.end();
-      if (!is_perspective || d.k4 != 0.0) return std::nullopt;  // none of Cairn's models
-      d.p1 = coefficient("p1");
-      d.p2 = coefficient("p2");
-    }
-    Camera camera =
-        opencv_camera(CameraId{cameras.size()}, size(*width), size(*height), {*fx, fy, cx, cy}, d);
-    if (!camera_defect(camera).empty()) return std::nullopt;
-    if (cameras.empty() || !is_same_lens(cameras.back(), camera))
-      cameras.push_back(std::move(camera));
-    return CameraIndex{static_cast<std::uint32_t>(cameras.size() - 1)};
+    const bool is_perspective =
+        std::find(kPerspective.begin(), kPerspective.end(), model) != kPerspective.end();
+    if (!is_perspective || d.k4 != 0.0) return std::nullopt;
+    d.p1 = coefficient("p1", 4);
+    d.p2 = coefficient("p2", 5);
+    return d;
   }
 
   void read_points(const fs::path& path) {
@@ -137,18 +174,31 @@ class NerfstudioReader {
 
 // The fields of a camera; std::nullopt for a model that nerfstudio does not have.
 std::optional<nlohmann::ordered_json> nerfstudio_camera(const Camera& camera) {
+  const auto with = [&](const char* model, const Intrinsics& k) {
+    return nlohmann::ordered_json{{"camera_model", model},
+                                  {"w", camera.width},
+                                  {"h", camera.height},
+                                  {"fl_x", k.fx},
+                                  {"fl_y", k.fy},
+                                  {"cx", k.cx + kPixelCentre},
+                                  {"cy", k.cy + kPixelCentre}};
+  };
   const Intrinsics k = intrinsics(camera);
+  if (is_panorama(camera)) {  // focal lengths in pixels for half a turn
+    const auto height = static_cast<double>(camera.height);
+    return with("EQUIRECTANGULAR", {0.5 * camera.width, height, k.cx, k.cy});
+  }
+  if (camera.model == "RAD_TAN_THIN_PRISM_FISHEYE") {
+    nlohmann::ordered_json json = with("FISHEYE624", k);
+    json["distortion_params"] =
+        std::vector<double>(camera.parameters.begin() + 4, camera.parameters.end());
+    return json;
+  }
   const auto d = opencv_distortion(camera);
   if (!d) return std::nullopt;
-  nlohmann::ordered_json json = {{"camera_model", d->is_fisheye ? "OPENCV_FISHEYE" : "OPENCV"},
-                                 {"w", camera.width},
-                                 {"h", camera.height},
-                                 {"fl_x", k.fx},
-                                 {"fl_y", k.fy},
-                                 {"cx", k.cx + kPixelCentre},
-                                 {"cy", k.cy + kPixelCentre},
-                                 {"k1", d->k1},
-                                 {"k2", d->k2}};
+  nlohmann::ordered_json json = with(d->is_fisheye ? "OPENCV_FISHEYE" : "OPENCV", k);
+  json["k1"] = d->k1;
+  json["k2"] = d->k2;
   if (d->is_fisheye) {
     json["k3"] = d->k3;
     json["k4"] = d->k4;
@@ -182,15 +232,10 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   }
   if (is_one_camera) all = cameras[0];
   all["frames"] = nlohmann::ordered_json::array();
-  const std::vector<std::string> names = image_names(map);
+  const std::vector<std::string> names = json_image_names(map);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     nlohmann::ordered_json frame = nlohmann::ordered_json::object();
-    const std::string& name = names[i];
-    if (!is_utf8(name)) {
-      throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
-                  "image name " + printable(name), "a name in UTF-8, as JSON needs it");
-    }
-    frame["file_path"] = name;
+    frame["file_path"] = names[i];
     if (!is_one_camera) frame.update(cameras[map.frames().cameras[i]->value]);
     const Rigid3 pose = map.world_from_camera(FrameIndex{i});
     const Eigen::Matrix3d rotation =

@@ -72,6 +72,39 @@ TEST_F(NerfstudioTest, OtherModelsAreNotTakenForPerspective) {
   }
 }
 
+// What programs write besides nerfstudio's own fields.
+TEST_F(NerfstudioTest, VariantsOfOtherProgramsAreRead) {
+  // Polycam: all of a camera in each frame, 4 x 4 poses in single precision, points beside it.
+  const LandmarkMap polycam = read_bytes(R"({"camera_model": "OPENCV", "ply_file_path": "none.ply",
+    "orientation_override": "none", "auto_scale_poses_override": false, "frames": [
+    {"fl_x": 1439.7, "fl_y": 1439.7, "cx": 957.9, "cy": 715.6, "w": 1920, "h": 1440,
+     "file_path": "./images/frame_00001.jpg", "depth_file_path": "./depth/frame_00001.png",
+     "transform_matrix": [[0.6, -0.8, 0, 1], [0.8, 0.6000001, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]},
+    {"fl_x": 1441.2, "fl_y": 1441.2, "cx": 957.1, "cy": 715.2, "w": 1920, "h": 1440,
+     "file_path": "./images/frame_00002.jpg",
+     "transform_matrix": [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]}]})",
+                                         "transforms.json");
+  EXPECT_EQ(polycam.frame_count(), 2U);
+  ASSERT_EQ(polycam.cameras().size(), 2U);
+  EXPECT_THAT(polycam.cameras()[1].parameters, ElementsAre(1441.2, 1441.2, 956.6, 714.7));
+  // Record3D: one camera, no model, rows without the last.
+  const LandmarkMap record3d =
+      read_bytes(R"({"fl_x": 720.5, "fl_y": 720.5, "cx": 360.0, "cy": 480.0,
+    "w": 720, "h": 960, "camera_angle_x": 0.92, "aabb_scale": 2, "integer_depth_scale": 0.001,
+    "frames": [{"file_path": "images/0.jpg", "sharpness": 20.1, "depth_path": "depth/0.png",
+      "transform_matrix": [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3]]}]})",
+                 "transforms.json");
+  EXPECT_THAT(record3d.cameras()[0].parameters, ElementsAre(720.5, 720.5, 359.5, 479.5));
+  // nerfstudio: distortion as one list, of all frames or of one.
+  const LandmarkMap listed =
+      read_bytes(transforms_json(R"(, "distortion_params": [0.1, 0.2, 0, 0, 0.3, 0.4])"));
+  EXPECT_EQ(listed.cameras()[0].model, "OPENCV");
+  EXPECT_THAT(listed.cameras()[0].parameters,
+              ElementsAre(150, 160, 99.5, 49.5, 0.1, 0.2, 0.3, 0.4));
+  EXPECT_THAT(refused(transforms_json(R"(, "distortion_params": [0.1])")),
+              HasSubstr("/distortion_params: has 1 entries; expected 6 numbers"));
+}
+
 TEST_F(NerfstudioTest, PointsLieInAFileBeside) {
   folder_.write(
       "sparse_pc.ply",
@@ -117,18 +150,27 @@ TEST_F(NerfstudioTest, WhatIsWrittenIsReadBack) {
   MapTables tables = testing::plain_tables();
   tables.cameras = {
       {CameraId{0}, "OPENCV", 200, 100, {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003}},
-      {CameraId{1}, "OPENCV_FISHEYE", 200, 100, {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003}}};
-  tables.frames.cameras = {CameraIndex{0}, CameraIndex{1}};
-  tables.frames.image_names = {"a.png", "b.png"};
+      {CameraId{1}, "OPENCV_FISHEYE", 200, 100, {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003}},
+      {CameraId{2},
+       "RAD_TAN_THIN_PRISM_FISHEYE",
+       200,
+       100,
+       {150, 160, 90, 50, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06}},
+      {CameraId{3}, "EQUIRECTANGULAR", 200, 100, {200, 100}}};
+  tables.frames.ids = {FrameId{1}, FrameId{2}, FrameId{3}, FrameId{4}};
+  tables.frames.translations.resize(4, Eigen::Vector3d(0.0, 0.2, 0.0));
+  tables.frames.quaternions.resize(4, {1.0, 0.0, 0.0, 0.0});
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{1}, CameraIndex{2}, CameraIndex{3}};
+  tables.frames.image_names = {"a.png", "b.png", "c.png", "d.png"};
   tables.frames.quaternions[1] = {0.8, 0.0, 0.6, 0.0};
   const LandmarkMap map{std::move(tables)};
   const LandmarkMap back = read(write(map, "transforms.json"));
-  EXPECT_EQ(back.cameras()[0], map.cameras()[0]);
-  EXPECT_EQ(back.cameras()[1], map.cameras()[1]);
+  ASSERT_EQ(back.cameras().size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(back.cameras()[i], map.cameras()[i]);
   EXPECT_EQ(back.frames().image_names, map.frames().image_names);
   EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
   EXPECT_TRUE(back.has_covariances());
-  for (std::uint32_t i = 0; i < 2; ++i) {
+  for (std::uint32_t i = 0; i < 4; ++i) {
     const Rigid3 pose = map.world_from_camera(FrameIndex{i});
     EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
   }

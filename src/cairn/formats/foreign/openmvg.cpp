@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -44,24 +45,39 @@ class OpenMvgReader {
   void read_camera(const JsonValue& entry) {
     const std::uint64_t id = entry.at("key").unsigned_number(kMostOpenMvg);
     const JsonValue data = data_of(entry);
-    // Spherical cameras have no focal length.
+    // Spherical cameras have no focal length, and their size lies deeper.
     if (data.has("focal_length")) {
       out_.add_camera(std::to_string(id), camera_of(data, CameraId{id}));
+    } else if (const auto [width, height] = size_of(data.at("value0")); width == 2 * height) {
+      out_.add_camera(std::to_string(id),
+                      Camera{CameraId{id},
+                             "EQUIRECTANGULAR",
+                             width,
+                             height,
+                             {static_cast<double>(width), static_cast<double>(height)}});
+      panoramas_.insert(id);
     } else {
-      out_.add_camera(std::to_string(id), {}, "it has no focal length");
+      out_.add_camera(std::to_string(id), {}, "it is a sphere that is not twice as wide as high");
     }
+  }
+
+  static std::pair<std::uint32_t, std::uint32_t> size_of(const JsonValue& data) {
+    return {static_cast<std::uint32_t>(data.at("width").unsigned_number(kMostOpenMvg)),
+            static_cast<std::uint32_t>(data.at("height").unsigned_number(kMostOpenMvg))};
   }
 
   // The distortion parameters identify the model.
   static Camera camera_of(const JsonValue& data, CameraId id) {
-    const auto width = static_cast<std::uint32_t>(data.at("width").unsigned_number(kMostOpenMvg));
-    const auto height = static_cast<std::uint32_t>(data.at("height").unsigned_number(kMostOpenMvg));
+    const auto [width, height] = size_of(data);
     const double focal = data.at("focal_length").number();
     const std::vector<double> centre = data.at("principal_point").numbers(2);
     const double cx = centre[0];
     const double cy = centre[1];
+    Camera camera{id, {}, width, height, {}};
     const auto with = [&](const char* model, std::vector<double> parameters) {
-      return Camera{id, model, width, height, std::move(parameters)};
+      camera.model = model;
+      camera.parameters = std::move(parameters);
+      return camera;
     };
     if (data.has("disto_k1")) {
       return with("SIMPLE_RADIAL", {focal, cx, cy, data.at("disto_k1").numbers(1)[0]});
@@ -113,10 +129,16 @@ class OpenMvgReader {
            .world_from_camera = Eigen::Quaterniond(rotation).conjugate().normalized(),
            .centre = value.at("center").vector3(),
            .camera = out_.camera(std::to_string(camera)),
-           .image_name = view.at("filename").text()});
-      frame_of_view_.emplace(id, frame);
+           .image_name = image_name(view)});
+      frame_of_view_.emplace(id, SeenBy{frame, panoramas_.contains(camera)});
     });
     out_.lost(without_pose, "views without a pose are left out");
+  }
+
+  static std::string image_name(const JsonValue& view) {
+    std::string folder = view.has("local_path") ? view.at("local_path").text() : std::string();
+    if (!folder.empty() && folder.back() != '/') folder += '/';
+    return folder + view.at("filename").text();
   }
 
   void read_point(const JsonValue& entry) {
@@ -137,13 +159,22 @@ class OpenMvgReader {
         const auto number = seen.at("id_feat").json().get<std::uint64_t>();
         if (number < kMostOpenMvg) feature = static_cast<std::uint32_t>(number);
       }
-      out_.add_observation(
-          {.landmark_id = id, .frame = frame->second, .pixel = {x[0], x[1]}, .keypoint = feature});
+      const double first = frame->second.is_panorama ? kOpenMvgPanorama : 0.0;
+      out_.add_observation({.landmark_id = id,
+                            .frame = frame->second.frame,
+                            .pixel = {x[0] - first, x[1] - first},
+                            .keypoint = feature});
     });
   }
 
+  struct SeenBy {
+    FrameIndex frame;
+    bool is_panorama = false;
+  };
+
   SfmBuilder out_;
-  std::unordered_map<std::uint64_t, FrameIndex> frame_of_view_;
+  std::unordered_set<std::uint64_t> panoramas_;  // ids of cameras
+  std::unordered_map<std::uint64_t, SeenBy> frame_of_view_;
   std::size_t unposed_ = 0;
 };
 

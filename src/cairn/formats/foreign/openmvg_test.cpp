@@ -6,12 +6,14 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/map_file.hpp"
 
 #include "support/imported_maps.hpp"
+#include "support/maps.hpp"
 #include "support/real_data.hpp"
 #include "support/refusal.hpp"
 #include "support/temporary_folder.hpp"
@@ -73,6 +75,53 @@ TEST_F(OpenMvgTest, DistortionNamesTheModel) {
   EXPECT_EQ(camera(R"(, "fisheye": [0.1, 0.2, 0.3, 0.4])").model, "OPENCV_FISHEYE");
 }
 
+// OpenMVG: u = longitude/2pi * w + w/2, and v with the same scale.
+TEST_F(OpenMvgTest, SphericalViewsKeepTheirLinesOfSight) {
+  std::string json = openmvg_json("", R"({"key": 9, "value": {"X": [1,2,1], "observations": [
+             {"key": 4, "value": {"id_feat": 3, "x": [200, 50]}}]}})");
+  const std::size_t begin = json.find(R"("width": 200)");
+  const std::size_t end = json.find("[99, 49]") + 8;
+  json.replace(begin, end - begin, R"("value0": {"width": 200, "height": 100})");
+  const LandmarkMap map = read(json);
+  ASSERT_EQ(map.cameras().size(), 1U);
+  EXPECT_EQ(map.cameras()[0].model, "EQUIRECTANGULAR");
+  // The point lies exactly behind the camera, on the border of the image.
+  const auto off = cairn::reprojection(map.cameras()[0], {1e-12, 0.0, -2.0},
+                                       map.observed_pixels(LandmarkIndex{0})[0]);
+  EXPECT_LT(off->norm(), 1e-9);
+  testing::expect_same_model(this->ImportTest::read(write(map, "sfm_data.json")), map);
+  json.replace(json.find("100}"), 4, "90} ");
+  EXPECT_TRUE(read(json).cameras().empty());
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("a sphere that is not twice as wide as high")));
+}
+
+TEST_F(OpenMvgTest, EachModelComesBackFromItsWriter) {
+  MapTables tables = testing::plain_tables();
+  tables.frames.cameras = {CameraIndex{0}, CameraIndex{0}};
+  tables.frames.image_names = {"left/a.jpg", "b.jpg"};
+  for (const Camera& camera : std::vector<Camera>{
+           {CameraId{3}, "SIMPLE_PINHOLE", 200, 100, {150, 99, 49}},
+           {CameraId{3}, "SIMPLE_RADIAL", 200, 100, {150, 99, 49, 0.1}},
+           {CameraId{3}, "FULL_OPENCV", 200, 100, {150, 150, 99, 49, 0.1, 0.2, 0, 0, 0.3, 0, 0, 0}},
+           {CameraId{3}, "FULL_OPENCV", 200, 100, {150, 150, 99, 49, 0.1, 0.2, 1, 2, 0.3, 0, 0, 0}},
+           {CameraId{3}, "OPENCV_FISHEYE", 200, 100, {150, 150, 99, 49, 0.1, 0.2, 0.3, 0.4}},
+           {CameraId{3}, "EQUIRECTANGULAR", 200, 100, {200, 100}}}) {
+    SCOPED_TRACE(camera.model);
+    tables.cameras = {camera};
+    const LandmarkMap map{MapTables(tables)};
+    testing::expect_same_model(this->ImportTest::read(write(map, "sfm_data.json")), map);
+  }
+  const auto refusal_of = [&](const Camera& camera) {
+    tables.cameras = {camera};
+    return testing::message_of(ErrorKind::kInput,
+                               [&] { write(LandmarkMap(MapTables(tables)), "sfm_data.json"); });
+  };
+  EXPECT_THAT(refusal_of({CameraId{4}, "FOV", 200, 100, {150, 150, 99, 49, 0.5}}),
+              HasSubstr("camera 4: is of model FOV, which OpenMVG does not have"));
+  EXPECT_THAT(refusal_of({CameraId{4}, "PINHOLE", 200, 100, {150, 151, 99, 49}}),
+              HasSubstr("camera 4: has focal lengths 150 and 151, and OpenMVG has one"));
+}
+
 TEST_F(OpenMvgTest, ErrorsSayWhere) {
   EXPECT_THAT(refused(openmvg_json(R"(, "disto_k3": [0.1])", "")),
               HasSubstr("scene.json: /intrinsics/0/value/ptr_wrapper/data/disto_k3: has 1 entries; "
@@ -96,6 +145,39 @@ TEST(RealOpenMvg, ReprojectsOntoItsObservations) {
   const testing::Reprojection errors = testing::reprojection(map);
   ASSERT_GT(errors.count, 700U);
   EXPECT_LT(errors.median, 1.0);
+}
+
+// Equal as JSON, where numbers may differ by 1e-12.
+void expect_same_json(const nlohmann::json& a, const nlohmann::json& b, const std::string& place) {
+  if (a.is_number_float() && b.is_number()) {
+    EXPECT_NEAR(a.get<double>(), b.get<double>(), 1e-12) << place;
+    return;
+  }
+  if (!a.is_structured()) {
+    EXPECT_EQ(a, b) << place;
+    return;
+  }
+  ASSERT_EQ(a.size(), b.size()) << place;
+  for (const auto& [key, value] : a.items()) {
+    const nlohmann::json* const other = a.is_array()      ? &b[std::stoul(key)]
+                                        : b.contains(key) ? &b[key]
+                                                          : nullptr;
+    ASSERT_NE(other, nullptr) << place << '/' << key;
+    expect_same_json(value, *other, place + '/' + key);
+  }
+}
+
+// The file that OpenMVG wrote, key by key: its library's marks of types and pointers too.
+TEST(RealOpenMvg, ComesBackFromItsWriter) {
+  const auto data = testing::real_data();
+  if (!data) GTEST_SKIP() << testing::kNoRealData;
+  const std::filesystem::path file = *data / "foreign/openmvg/sfm_data.json";
+  const testing::TemporaryFolder folder;
+  all_formats().write(all_formats().read(file), folder / "sfm_data.json");
+  nlohmann::json original = nlohmann::json::parse(testing::read_text(file));
+  original["root_path"] = "";
+  expect_same_json(original, nlohmann::json::parse(testing::read_text(folder / "sfm_data.json")),
+                   "");
 }
 
 }  // namespace

@@ -66,11 +66,18 @@ std::optional<Camera> opensfm_lens(const JsonValue& camera, const ImageFrame& im
   const Pixel centre = image.pixel(optional("c_x"), optional("c_y"));
   const double k1 = optional("k1");
   const double k2 = optional("k2");
-  if (type == "perspective") {
+  // Between a perspective camera (transition 1) and a fisheye (0) Cairn has no model.
+  const double transition = type == "dual" ? camera.number_or("transition", 0.5) : -1.0;
+  if (type == "perspective" || transition == 1.0) {
     return result("RADIAL", {focal("focal"), centre.u, centre.v, k1, k2});
   }
-  if (type == "fisheye") {
+  if (type == "fisheye" || transition == 0.0) {
     return result("RADIAL_FISHEYE", {focal("focal"), centre.u, centre.v, k1, k2});
+  }
+  if (type == "spherical" || type == "equirectangular") {
+    // The scale of both axes is that of the width.
+    if (image.width != 2.0 * image.height) return std::nullopt;
+    return result("EQUIRECTANGULAR", {image.width, image.height});
   }
   const auto two_focals = [&](const char* model, std::vector<double> distortion) {
     std::vector<double> parameters = {focal("focal_x"), focal("focal_y"), centre.u, centre.v};
@@ -84,6 +91,25 @@ std::optional<Camera> opensfm_lens(const JsonValue& camera, const ImageFrame& im
   }
   if (type == "fisheye_opencv") {
     return two_focals("OPENCV_FISHEYE", {k1, k2, optional("k3"), optional("k4")});
+  }
+  if (type == "fisheye62" || type == "fisheye624") {
+    // Equal to COLMAP's models but where both high powers of the angle and tangential or prism terms are in use: OpenSfM
+    // takes these of the angle, COLMAP of the point that the powers moved.
+    const auto none_of = [&](std::initializer_list<const char*> keys) {
+      return std::all_of(keys.begin(), keys.end(),
+                         [&](const char* key) { return optional(key) == 0.0; });
+    };
+    const double k3 = optional("k3");
+    const double k4 = optional("k4");
+    if (none_of({"k5", "k6", "s1", "s3"})) {
+      return two_focals("THIN_PRISM_FISHEYE", {k1, k2, optional("p1"), optional("p2"), k3, k4,
+                                               optional("s0"), optional("s2")});
+    }
+    if (none_of({"p1", "p2", "s0", "s1", "s2", "s3"})) {
+      return two_focals(
+          "RAD_TAN_THIN_PRISM_FISHEYE",
+          {k1, k2, k3, k4, optional("k5"), optional("k6"), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0});
+    }
   }
   return std::nullopt;
 }
@@ -451,22 +477,42 @@ std::optional<nlohmann::json> opensfm_camera(const Camera& camera) {
   const auto brown = [&](double k1, double k2, double p1, double p2, double k3) {
     return two_focals("brown", {{"k1", k1}, {"k2", k2}, {"p1", p1}, {"p2", p2}, {"k3", k3}});
   };
-  const auto fisheye = [&](double k1, double k2, double k3, double k4) {
-    return two_focals("fisheye_opencv", {{"k1", k1}, {"k2", k2}, {"k3", k3}, {"k4", k4}});
-  };
   const std::string& model = camera.model;
   const double k1 = p.size() > 3 ? p[3] : 0.0;
   const double k2 = p.size() > 4 ? p[4] : 0.0;
   if (is_centred && (model == "SIMPLE_PINHOLE" || model == "SIMPLE_RADIAL" || model == "RADIAL")) {
     return one_focal("perspective", k1, k2);
   }
-  if (const auto d = opencv_distortion(camera)) {
-    return d->is_fisheye ? fisheye(d->k1, d->k2, d->k3, d->k4)
-                         : brown(d->k1, d->k2, d->p1, d->p2, d->k3);
+  if (is_centred && (model == "SIMPLE_FISHEYE" || model == "SIMPLE_RADIAL_FISHEYE" ||
+                     model == "RADIAL_FISHEYE")) {
+    return one_focal("fisheye", k1, k2);
   }
-  if (model == "FISHEYE") return fisheye(0.0, 0.0, 0.0, 0.0);
-  if (model == "SIMPLE_FISHEYE" || model == "SIMPLE_RADIAL_FISHEYE" || model == "RADIAL_FISHEYE") {
-    return is_centred ? one_focal("fisheye", k1, k2) : fisheye(k1, k2, 0.0, 0.0);
+  if (const auto d = opencv_distortion(camera)) {
+    if (!d->is_fisheye) return brown(d->k1, d->k2, d->p1, d->p2, d->k3);
+    return two_focals("fisheye_opencv",
+                      {{"k1", d->k1}, {"k2", d->k2}, {"k3", d->k3}, {"k4", d->k4}});
+  }
+  if (model == "THIN_PRISM_FISHEYE") {
+    return two_focals("fisheye624", {{"k1", p[4]},
+                                     {"k2", p[5]},
+                                     {"k3", p[8]},
+                                     {"k4", p[9]},
+                                     {"p1", p[6]},
+                                     {"p2", p[7]},
+                                     {"s0", p[10]},
+                                     {"s2", p[11]}});
+  }
+  const auto zero_from = [&](std::ptrdiff_t first) {
+    return std::all_of(p.begin() + first, p.end(), [](double x) { return x == 0.0; });
+  };
+  if (model == "RAD_TAN_THIN_PRISM_FISHEYE" && zero_from(10)) {
+    return two_focals(
+        "fisheye62",
+        {{"k1", p[4]}, {"k2", p[5]}, {"k3", p[6]}, {"k4", p[7]}, {"k5", p[8]}, {"k6", p[9]}});
+  }
+  if (is_panorama(camera) && camera.width == 2 * camera.height) {
+    json["projection_type"] = "spherical";
+    return json;
   }
   return std::nullopt;
 }

@@ -336,7 +336,21 @@ TEST_F(OpenSfmTest, EachProjectionHasItsModel) {
            {100, 100, 99.5, 49.5, 1, 2, 0, 0}},
           {R"("projection_type":"fisheye_opencv","focal_x":0.5,"focal_y":0.5,"k1":1,"k2":2,"k3":3,"k4":4)",
            "OPENCV_FISHEYE",
-           {100, 100, 99.5, 49.5, 1, 2, 3, 4}}}) {
+           {100, 100, 99.5, 49.5, 1, 2, 3, 4}},
+          {R"("projection_type":"fisheye624","focal_x":0.5,"focal_y":0.5,"k1":1,"k2":2,"k3":3,"k4":4,)"
+           R"("p1":5,"p2":6,"s0":7,"s2":8)",
+           "THIN_PRISM_FISHEYE",
+           {100, 100, 99.5, 49.5, 1, 2, 5, 6, 3, 4, 7, 8}},
+          {R"("projection_type":"fisheye62","focal_x":0.5,"focal_y":0.5,"k1":1,"k6":6)",
+           "RAD_TAN_THIN_PRISM_FISHEYE",
+           {100, 100, 99.5, 49.5, 1, 0, 0, 0, 0, 6, 0, 0, 0, 0, 0, 0}},
+          {R"("projection_type":"dual","focal":0.5,"transition":1,"k1":0.1)",
+           "RADIAL",
+           {100, 99.5, 49.5, 0.1, 0}},
+          {R"("projection_type":"dual","focal":0.5,"transition":0,"k1":0.1)",
+           "RADIAL_FISHEYE",
+           {100, 99.5, 49.5, 0.1, 0}},
+          {R"("projection_type":"equirectangular")", "EQUIRECTANGULAR", {200, 100}}}) {
     const LandmarkMap map = read(
         R"([{"cameras":{"c":{"width":200,"height":100,)" + c.camera + R"(}},"shots":{}}])", "");
     ASSERT_EQ(map.cameras().size(), 1U) << c.camera;
@@ -349,13 +363,19 @@ TEST_F(OpenSfmTest, EachProjectionHasItsModel) {
 }
 
 TEST_F(OpenSfmTest, CamerasWithoutAModelAreUnknown) {
-  const LandmarkMap map = read(
-      R"([{"cameras":{"c":{"projection_type":"spherical","width":200,"height":100}},
+  for (
+      const std::string camera :
+      {R"("projection_type":"spherical","height":90)",
+       R"("projection_type":"dual","height":100,"focal":0.5)",
+       R"("projection_type":"fisheye62","height":100,"focal_x":0.5,"focal_y":0.5,"k6":1,"p1":1)"}) {
+    const LandmarkMap map = read(R"([{"cameras":{"c":{"width":200,)" + camera + R"(}},
            "shots":{"a":{"rotation":[0,0,0],"translation":[0,0,0],"camera":"c"}}}])",
-      "");
-  EXPECT_EQ(map.frame_count(), 1U);
-  EXPECT_TRUE(map.frames().cameras.empty());
-  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("projection 'spherical' has no model in Cairn")));
+                                 "");
+    EXPECT_EQ(map.frame_count(), 1U);
+    EXPECT_TRUE(map.frames().cameras.empty()) << camera;
+    EXPECT_THAT(remarks_.losses, Contains(HasSubstr("has no model in Cairn"))) << camera;
+    remarks_.clear();
+  }
 }
 
 TEST_F(OpenSfmTest, ErrorsSayWhere) {
@@ -466,7 +486,20 @@ TEST_F(OpenSfmTest, CamerasAreWrittenAsModelsOfOpenSfm) {
             {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003, 0.02, 0, 0, 0}},
            {CameraId{0}, "OPENCV_FISHEYE", 200, 100, {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003}},
            {CameraId{0}, "RADIAL_FISHEYE", 200, 100, {150, 99.5, 49.5, 0.1, 0.02}},
-           {CameraId{0}, "SIMPLE_RADIAL_FISHEYE", 200, 100, {150, 99, 49.5, 0.1}}}) {
+           {CameraId{0}, "SIMPLE_RADIAL_FISHEYE", 200, 100, {150, 99, 49.5, 0.1}},
+           {CameraId{0}, "SIMPLE_FISHEYE", 200, 100, {150, 99, 49.5}},
+           {CameraId{0}, "FISHEYE", 200, 100, {150, 160, 99, 49.5}},
+           {CameraId{0},
+            "THIN_PRISM_FISHEYE",
+            200,
+            100,
+            {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003, 0.02, 0.01, 0.004, 0.005}},
+           {CameraId{0},
+            "RAD_TAN_THIN_PRISM_FISHEYE",
+            200,
+            100,
+            {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003, 0.02, 0.01, 0, 0, 0, 0, 0, 0}},
+           {CameraId{0}, "EQUIRECTANGULAR", 200, 100, {200, 100}}}) {
     SCOPED_TRACE(camera.model);
     tables.cameras = {camera};
     const std::filesystem::path out = folder_ / ("out" + camera.model) / "reconstruction.json";
@@ -480,13 +513,22 @@ TEST_F(OpenSfmTest, CamerasAreWrittenAsModelsOfOpenSfm) {
     EXPECT_NEAR(a->u, b->u, 1e-9);
     EXPECT_NEAR(a->v, b->v, 1e-9);
   }
+  // Tangential terms of a lens with high powers are OpenSfM's own.
+  tables.cameras = {{CameraId{5},
+                     "RAD_TAN_THIN_PRISM_FISHEYE",
+                     200,
+                     100,
+                     {150, 160, 90, 50, 0.1, 0.02, 0.01, 0.003, 0.02, 0.01, 0.1, 0, 0, 0, 0, 0}}};
+  const auto refused = [&] {
+    return refusal(ErrorKind::kInput, [&] {
+      std::filesystem::remove(folder_ / "tracks.csv");
+      all_formats().write(LandmarkMap(tables), folder_ / "reconstruction.json");
+    });
+  };
+  EXPECT_THAT(refused(),
+              HasSubstr("camera 5: is of model RAD_TAN_THIN_PRISM_FISHEYE, which OpenSfM"));
   tables.cameras = {{CameraId{4}, "FOV", 200, 100, {150, 150, 99, 49, 0.5}}};
-  EXPECT_THAT(refusal(ErrorKind::kInput,
-                      [&] {
-                        std::filesystem::remove(folder_ / "tracks.csv");
-                        all_formats().write(LandmarkMap(tables), folder_ / "reconstruction.json");
-                      }),
-              HasSubstr("camera 4: is of model FOV, which OpenSfM does not have"));
+  EXPECT_THAT(refused(), HasSubstr("camera 4: is of model FOV, which OpenSfM does not have"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "tracks.csv"));
 }
 

@@ -53,8 +53,13 @@ Pixel pixel(MsgpackReader& in, std::string_view field) {
 StellaCamera read_camera(MsgpackReader& in) {
   StellaCamera camera;
   Distortion& d = camera.distortion;
-  const std::map<std::string_view, double*> distortion = {
-      {"k1", &d.k1}, {"k2", &d.k2}, {"p1", &d.p1}, {"p2", &d.p2}, {"k3", &d.k3}, {"k4", &d.k4}};
+  const std::map<std::string_view, double*> distortion = {{"k1", &d.k1},
+                                                          {"k2", &d.k2},
+                                                          {"p1", &d.p1},
+                                                          {"p2", &d.p2},
+                                                          {"k3", &d.k3},
+                                                          {"k4", &d.k4},
+                                                          {"distortion", &camera.division}};
   const std::map<std::string_view, std::optional<double>*> pinhole = {
       {"fx", &camera.fx}, {"fy", &camera.fy}, {"cx", &camera.cx}, {"cy", &camera.cy}};
   const auto size = [&](std::string_view field) {

@@ -82,8 +82,8 @@ class StellaDatabaseReader {
   void read_cameras() {
     if (!database_.has_table("cameras")) return;
     auto row = database_.prepare(
-        "SELECT name, setup_type, model_type, cols, rows, fx, fy, cx, cy, k1, k2, p1, p2, k3, k4 "
-        "FROM cameras ORDER BY id");
+        "SELECT name, setup_type, model_type, cols, rows, fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, "
+        "distortion FROM cameras ORDER BY id");
     while (row.step()) {
       StellaCamera camera;
       camera.setup_type = name(row, 1);
@@ -105,6 +105,7 @@ class StellaDatabaseReader {
       camera.distortion.p2 = row.optional_real(12).value_or(0.0);
       camera.distortion.k3 = row.optional_real(13).value_or(0.0);
       camera.distortion.k4 = row.optional_real(14).value_or(0.0);
+      camera.division = row.optional_real(15).value_or(0.0);
       out_.add_camera(name(row, 0), camera);
     }
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -170,15 +171,52 @@ TEST_F(StellaTest, StereoMapsAreMetric) {
   EXPECT_EQ(read_bytes(bytes_of(json)).info().length_unit, LengthUnit::kMetres);
 }
 
-TEST_F(StellaTest, CamerasThatCairnCannotProjectWithAreUnknown) {
+TEST_F(StellaTest, CamerasOfNoKnownModelAreUnknown) {
   Json json = scene();
-  json["cameras"]["cam"] = {
-      {"model_type", "Equirectangular"}, {"setup_type", "Monocular"}, {"cols", 200}, {"rows", 100}};
+  json["cameras"]["cam"]["model_type"] = "Cubemap";
   const LandmarkMap map = read_bytes(bytes_of(json));
   EXPECT_TRUE(map.cameras().empty());
   EXPECT_EQ(map.observation_count(), 3U);
-  EXPECT_THAT(remarks_.texts,
-              Contains(HasSubstr("its model 'Equirectangular' is none of Cairn's")));
+  EXPECT_THAT(remarks_.texts, Contains(HasSubstr("it is no complete 'Cubemap'")));
+}
+
+// stella_vslam takes a pixel of a panorama as an angle, so that landmark 5 of keyframe 3 is where its formula says.
+TEST_F(StellaTest, PanoramasKeepTheirLinesOfSight) {
+  Json json = scene();
+  json["cameras"]["cam"] = {
+      {"model_type", "Equirectangular"}, {"setup_type", "Monocular"}, {"cols", 200}, {"rows", 100}};
+  json["landmarks"]["5"]["pos_w"] = {1.0, 2.0, -10.0};  // behind the camera
+  const double longitude = std::atan2(1.0, -10.0);
+  const double latitude = std::asin(2.0 / std::sqrt(105.0));
+  const Json seen = {200.0 * (0.5 + longitude / (2.0 * std::numbers::pi)),
+                     100.0 * (0.5 + latitude / std::numbers::pi)};
+  json["keyframes"]["3"]["undist_keypts"][0]["pt"] = seen;
+  const LandmarkMap map = read_bytes(bytes_of(json));
+  ASSERT_EQ(map.cameras().size(), 1U);
+  EXPECT_EQ(map.cameras()[0].model, "EQUIRECTANGULAR");
+  const Pixel& pixel = map.observed_pixels(LandmarkIndex{0})[0];
+  EXPECT_LT(cairn::reprojection(map.cameras()[0], map.landmarks().positions[0], pixel)->norm(),
+            1e-9);
+  const LandmarkMap back = read(write(map, "out.msg"));
+  EXPECT_EQ(back.cameras()[0], map.cameras()[0]);
+  EXPECT_EQ(back.observations().pixels, map.observations().pixels);
+}
+
+TEST_F(StellaTest, DivisionIsAModelOfCairns) {
+  Json json = scene();
+  json["cameras"]["cam"]["model_type"] = "RadialDivision";
+  json["cameras"]["cam"]["distortion"] = -0.2;
+  const LandmarkMap map = read_bytes(bytes_of(json));
+  ASSERT_EQ(map.cameras().size(), 1U);
+  EXPECT_EQ(map.cameras()[0].model, "DIVISION");
+  // stella_vslam undistorts by x / (1 + distortion * r^2): back to (0.1, 0.2), where it is without distortion.
+  const Pixel& pixel = map.observed_pixels(LandmarkIndex{0})[0];
+  const Eigen::Vector2d distorted((pixel.u - 99.5) / 100.0, (pixel.v - 49.5) / 100.0);
+  const Eigen::Vector2d undistorted = distorted / (1.0 - 0.2 * distorted.squaredNorm());
+  EXPECT_NEAR(undistorted.x(), 0.1, 1e-9);
+  EXPECT_NEAR(undistorted.y(), 0.2, 1e-9);
+  EXPECT_LT(reprojection(map).worst, 0.1);
+  EXPECT_EQ(read(write(map, "out.msg")).cameras()[0], map.cameras()[0]);
 }
 
 TEST_F(StellaTest, ObservationsOfMissingLandmarksAreCounted) {

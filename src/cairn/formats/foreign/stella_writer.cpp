@@ -82,11 +82,11 @@ class StellaWriter {
     require_cameras(map_, "a keyframe of stella_vslam");
     for (std::uint32_t i = 0; i < map_.frame_count(); ++i) {
       const Camera& camera = camera_of(map_, FrameIndex{i});
-      if (opencv_distortion(camera)) continue;
+      if (opencv_distortion(camera) || is_panorama(camera) || division_of(camera)) continue;
       throw Error(ErrorKind::kInput, fmt::format("frame {}", map_.frames().ids[i].value),
                   "has a camera of model " + camera.model + ", which stella_vslam does not have",
-                  "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, or "
-                  "FULL_OPENCV with k4 = k5 = k6 = 0");
+                  "a perspective camera with at most k1, k2, p1, p2 and k3, a fisheye with at most "
+                  "k1 to k4, DIVISION or EQUIRECTANGULAR");
     }
   }
 
@@ -120,41 +120,48 @@ class StellaWriter {
   StellaJson cameras() const {
     StellaJson result = StellaJson::object();
     for (const Camera& camera : map_.cameras()) {
-      const Intrinsics k = intrinsics(camera);
-      const Distortion d = opencv_distortion(camera).value_or(Distortion{});
       StellaJson& json = result[stella_camera_name(camera)];
-      json = {{"color_order", "Gray"},
-              {"cols", camera.width},
-              {"rows", camera.height},
-              {"cx", k.cx},
-              {"cy", k.cy},
-              {"fx", k.fx},
-              {"fy", k.fy},
-              {"fps", 30.0},
-              {"focal_x_baseline", 0.0},
-              {"k1", d.k1},
-              {"k2", d.k2},
-              {"k3", d.k3},
-              {"num_grid_cols", 64},
-              {"num_grid_rows", 48},
-              {"setup_type", "Monocular"}};
-      json["model_type"] = d.is_fisheye ? "Fisheye" : "Perspective";
-      if (d.is_fisheye) {
-        json["k4"] = d.k4;
-      } else {
-        json["p1"] = d.p1;
-        json["p2"] = d.p2;
-      }
+      json = {{"color_order", "Gray"}, {"cols", camera.width},     {"rows", camera.height},
+              {"fps", 30.0},           {"focal_x_baseline", 0.0},  {"num_grid_cols", 64},
+              {"num_grid_rows", 48},   {"setup_type", "Monocular"}};
+      json.update(lens_json(camera));
     }
     return result;
+  }
+
+  static std::optional<double> division_of(const Camera& camera) {
+    const bool is_division = camera.model == "DIVISION" || camera.model == "SIMPLE_DIVISION";
+    return is_division ? std::optional(camera.parameters.back()) : std::nullopt;
+  }
+
+  static StellaJson lens_json(const Camera& camera) {
+    if (is_panorama(camera)) return {{"model_type", "Equirectangular"}};
+    const Intrinsics k = intrinsics(camera);
+    StellaJson json = {{"fx", k.fx}, {"fy", k.fy}, {"cx", k.cx}, {"cy", k.cy}};
+    if (const auto division = division_of(camera)) {
+      json["model_type"] = "RadialDivision";
+      json["distortion"] = *division;
+      return json;
+    }
+    const Distortion d = opencv_distortion(camera).value_or(Distortion{});
+    json.update({{"k1", d.k1}, {"k2", d.k2}, {"k3", d.k3}});
+    json["model_type"] = d.is_fisheye ? "Fisheye" : "Perspective";
+    if (d.is_fisheye) {
+      json["k4"] = d.k4;
+    } else {
+      json["p1"] = d.p1;
+      json["p2"] = d.p2;
+    }
+    return json;
   }
 
   // Where the keypoint is in the undistorted image.
   Pixel undistorted(const Camera& camera, const Pixel& pixel) {
     if (camera.model == "PINHOLE" || camera.model == "SIMPLE_PINHOLE") return pixel;
+    if (is_panorama(camera)) return {pixel.u + kStellaPanorama, pixel.v + kStellaPanorama};
     const Intrinsics k = intrinsics(camera);
-    if (const auto x = unproject(camera, pixel)) {
-      return {k.fx * x->x() + k.cx, k.fy * x->y() + k.cy};
+    if (const auto ray = unproject(camera, pixel); ray && ray->z() > 0.0) {
+      return {k.fx * ray->x() / ray->z() + k.cx, k.fy * ray->y() / ray->z() + k.cy};
     }
     ++folded_;
     return pixel;

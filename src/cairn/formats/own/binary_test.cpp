@@ -168,6 +168,23 @@ TEST(WriteBinary, AndTheTextFormatLoseNothingToEachOther) {
   }
 }
 
+TEST(WriteBinary, AndTheTextFormatHoldCamerasOfAllModels) {
+  MapTables tables = testing::plain_tables();
+  for (const CameraModel& model : camera_models()) {
+    Camera camera{CameraId{tables.cameras.size()}, std::string(model.name), 640, 480, {}};
+    for (std::size_t i = 0; i < model.parameters.size(); ++i) {
+      camera.parameters.push_back(0.1 + 0.05 * static_cast<double>(i));
+    }
+    tables.cameras.push_back(camera);
+  }
+  const LandmarkMap map(std::move(tables));
+  EXPECT_EQ(map.cameras().size(), 18U);
+  EXPECT_THAT(read_bytes(binary(map)), EqualsMap(map));
+  const std::string as_text = text(map);
+  MemoryReader source(as_text, "desk.map");
+  EXPECT_THAT(read_native(source), EqualsMap(map));
+}
+
 TEST(WriteBinary, HasOneFormForUnknown) {
   MapTables tables = full_tables();
   const auto odd = std::bit_cast<double>(std::uint64_t{0xfff8000000000123});

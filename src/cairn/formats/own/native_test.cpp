@@ -666,9 +666,10 @@ TEST(ReadNative, RefusesBrokenCameras) {
        "desk.map:7: field 8 (parameter): 'x' is not a number; expected a finite decimal number"},
       {camera("CAMERA 1"), fmt::format("desk.map:7: field 3 (model): {}", kMissing)},
   });
-  EXPECT_THAT(text_refusal(camera("CAMERA 1 EUCM 64 48 50 32 24")),
-              AllOf(StartsWith("desk.map:7: camera model 'EUCM' is none of SIMPLE_PINHOLE, "),
-                    HasSubstr("; expected a usable camera")));
+  EXPECT_THAT(
+      text_refusal(camera("CAMERA 1 DOUBLE_SPHERE 64 48 50 32 24")),
+      AllOf(StartsWith("desk.map:7: camera model 'DOUBLE_SPHERE' is none of SIMPLE_PINHOLE, "),
+            HasSubstr("; expected a usable camera")));
 }
 
 TEST(ReadNative, RefusesBrokenExtrasOfFrames) {

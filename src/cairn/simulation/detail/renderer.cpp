@@ -118,21 +118,22 @@ RayTable ray_table(const Camera& camera) {
   const std::size_t pixels = std::size_t{camera.width} * camera.height;
   table.x.reserve(pixels);
   table.y.reserve(pixels);
-  Eigen::Vector2d row_start = Eigen::Vector2d::Zero();
+  Vector3d row_start = Vector3d::UnitZ();
   for (std::uint32_t row = 0; row < camera.height; ++row) {
-    Eigen::Vector2d x = row_start;
+    Vector3d ray = row_start;
     for (std::uint32_t column = 0; column < camera.width; ++column) {
       const auto solved =
-          unproject(camera, {static_cast<double>(column), static_cast<double>(row)}, x);
-      if (!solved) {
+          unproject(camera, {static_cast<double>(column), static_cast<double>(row)}, ray);
+      if (!solved || !(solved->z() > 0.0)) {
         throw Error(ErrorKind::kMisuse, "ray_table",
-                    fmt::format("no line of sight for pixel ({}, {})", column, row),
-                    "a distortion that can be inverted over the whole image");
+                    fmt::format("no line of sight to the front for pixel ({}, {})", column, row),
+                    "a camera that looks forward with its whole image, whose distortion can be "
+                    "inverted");
       }
-      x = *solved;
-      if (column == 0) row_start = x;
-      table.x.push_back(static_cast<float>(x.x()));
-      table.y.push_back(static_cast<float>(x.y()));
+      ray = *solved;
+      if (column == 0) row_start = ray;
+      table.x.push_back(static_cast<float>(ray.x() / ray.z()));
+      table.y.push_back(static_cast<float>(ray.y() / ray.z()));
     }
   }
   return table;

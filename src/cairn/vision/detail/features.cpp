@@ -219,6 +219,11 @@ FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& o
   if (const std::string defect = camera_defect(camera); !defect.empty()) {
     throw Error(ErrorKind::kMisuse, "camera", defect, "a camera without defect");
   }
+  if (CameraProjection(camera).focal_lengths() == 0) {
+    throw Error(ErrorKind::kMisuse, "camera",
+                "is a panorama (" + camera.model + "), which no undistorted image can hold",
+                "a perspective or fisheye camera");
+  }
   size_ = {static_cast<int>(camera.width), static_cast<int>(camera.height)};
   pinhole_ = Pinhole{intrinsics(camera)};
   for (int level = 0; level < options_.levels; ++level) {
@@ -230,12 +235,12 @@ FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& o
   for (int y = 0; y < table_rows; ++y) {
     for (int x = 0; x < table_columns_; ++x) {
       const Pixel raw{static_cast<double>(x * kTableStep), static_cast<double>(y * kTableStep)};
-      const auto normalised = unproject(
-          camera, raw, {(raw.u - pinhole_.cx) / pinhole_.fx, (raw.v - pinhole_.cy) / pinhole_.fy});
-      // Keeps a pixel without a line of sight; no map point projects there.
-      const Eigen::Vector2d pixel = normalised
-                                        ? pinhole_.project({normalised->x(), normalised->y(), 1.0})
-                                        : Eigen::Vector2d(raw.u, raw.v);
+      const auto ray = unproject(
+          camera, raw,
+          {(raw.u - pinhole_.cx) / pinhole_.fx, (raw.v - pinhole_.cy) / pinhole_.fy, 1.0});
+      // Keeps a pixel without a line of sight to the front; no map point projects there.
+      const Eigen::Vector2d pixel =
+          ray && ray->z() > 0.0 ? pinhole_.project(*ray) : Eigen::Vector2d(raw.u, raw.v);
       table_.push_back(pixel.cast<float>());
     }
   }

@@ -8,6 +8,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/core/detail/hamming.hpp"
@@ -156,6 +157,44 @@ TEST(FeatureExtractor, FindsTheSameCornersInAShiftedImage) {
   }
   EXPECT_GT(inside, 200U);
   EXPECT_GT(static_cast<double>(again), 0.75 * static_cast<double>(inside));
+}
+
+// OpenCV's functions for the models that are named after them.
+TEST(Project, AgreesWithOpenCv) {
+  Random random(11);
+  std::vector<cv::Point3d> points;
+  for (int i = 0; i < 200; ++i) {
+    points.emplace_back(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0), 1.0);
+  }
+  const cv::Vec3d none(0.0, 0.0, 0.0);
+  const cv::Matx33d matrix(500.0, 0.0, 320.0, 0.0, 480.0, 240.0, 0.0, 0.0, 1.0);
+  std::vector<double> d = {0.03, -0.01, 0.002, -0.003, 0.004, 0.02, -0.005, 0.006};
+  std::vector<double> parameters = {500.0, 480.0, 320.0, 240.0};
+  parameters.insert(parameters.end(), d.begin(), d.end());
+  const auto expect_same = [&](const Camera& camera, const std::vector<cv::Point2d>& expected) {
+    ASSERT_EQ(expected.size(), points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const auto pixel = project(camera, {points[i].x, points[i].y, points[i].z});
+      ASSERT_TRUE(pixel.has_value());
+      EXPECT_NEAR(pixel->u, expected[i].x, 1e-9) << camera.model;
+      EXPECT_NEAR(pixel->v, expected[i].y, 1e-9) << camera.model;
+    }
+  };
+  std::vector<cv::Point2d> pixels;
+  cv::projectPoints(points, none, none, matrix, d, pixels);
+  expect_same({{1}, "FULL_OPENCV", 640, 480, parameters}, pixels);
+  d.resize(4);
+  parameters.resize(8);
+  cv::projectPoints(points, none, none, matrix, d, pixels);
+  expect_same({{1}, "OPENCV", 640, 480, parameters}, pixels);
+  cv::fisheye::projectPoints(points, pixels, none, none, matrix, d);
+  expect_same({{1}, "OPENCV_FISHEYE", 640, 480, parameters}, pixels);
+}
+
+TEST(FeatureExtractor, RefusesAPanorama) {
+  const Camera panorama{{1}, "EQUIRECTANGULAR", 640, 320, {640, 320}};
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { FeatureExtractor(panorama, {}); }),
+              HasSubstr("is a panorama (EQUIRECTANGULAR)"));
 }
 
 class UndistortionTest : public ::testing::TestWithParam<Camera> {};

@@ -171,6 +171,7 @@ std::vector<LandmarkIndex> KeyframeMap::worth_seeking(
 // Fixed-point iteration, because the row that sees a point depends on the pixel, and the pixel on the row.
 std::optional<Pixel> KeyframeMap::seen_at(const RowMotion& motion,
                                           const Eigen::Vector3d& x_in_camera) const {
+  if (!(x_in_camera.z() > 0.0)) return std::nullopt;  // where a fisheye sees, but no keypoint is
   auto pixel = project(camera_, x_in_camera);
   if (motion.none()) return pixel;
   constexpr int kSteps = 3;  // each multiplies the error by its share of the image's height

@@ -101,4 +101,27 @@ void JsonValue::refuse(std::string_view what, std::string_view expected) const {
   throw Error(ErrorKind::kInput, place_, what, expected);
 }
 
+void JsonMembers::begin(std::string_view key) {
+  text_ += is_first_ ? "{\n" : ",\n";
+  is_first_ = false;
+  text_ += nlohmann::ordered_json(key).dump() + ": ";
+}
+
+void JsonMembers::member(std::string_view key, const nlohmann::ordered_json& value) {
+  begin(key);
+  text_ += value.dump();
+}
+
+void JsonMembers::flush() {
+  constexpr std::size_t kLarge = std::size_t{1} << 20;
+  if (text_.size() < kLarge) return;
+  sink_(text_);
+  text_.clear();
+}
+
+void JsonMembers::finish() {
+  text_ += "\n}\n";
+  sink_(text_);
+}
+
 }  // namespace cairn::detail

@@ -67,4 +67,34 @@ class JsonValue {
   std::string place_;
 };
 
+/// Writes a JSON object member by member, and its arrays entry by entry, so that memory holds one entry.
+class JsonMembers {
+ public:
+  explicit JsonMembers(const ByteSink& sink) : sink_(sink) {}
+
+  void member(std::string_view key, const nlohmann::ordered_json& value);
+  /// @param entry gives the value of each index
+  template <class Entry>
+  void array(std::string_view key, std::size_t count, const Entry& entry) {
+    begin(key);
+    text_ += '[';
+    for (std::size_t i = 0; i < count; ++i) {
+      text_ += i == 0 ? "\n" : ",\n";
+      text_ += nlohmann::ordered_json(entry(i)).dump();
+      flush();
+    }
+    text_ += ']';
+  }
+  /// Ends the object.
+  void finish();
+
+ private:
+  void begin(std::string_view key);
+  void flush();
+
+  const ByteSink& sink_;
+  std::string text_;
+  bool is_first_ = true;
+};
+
 }  // namespace cairn::detail

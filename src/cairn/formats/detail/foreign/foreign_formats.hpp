@@ -74,15 +74,29 @@ LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std:
 void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
                    const MapWriteOptions& options = {});
 
+/// Both coordinates of the centre of the top-left pixel in OpenMVG's spherical images, whose coordinates are proportional
+/// to the angles; those of its other images are 0.
+inline constexpr double kOpenMvgPanorama = 0.5;
+
 /// Reads sfm_data.json of OpenMVG (docs/formats.md): views with a pose become frames, the structure
 /// landmarks of free scale.
 /// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_openmvg(ByteSource& source, const MapReadOptions& options = {});
 
+/// Writes sfm_data.json, version 0.3.
+/// @throws Error (input) naming a frame without a camera, or a camera model that OpenMVG lacks
+void write_openmvg(const LandmarkMap& map, const ByteSink& sink,
+                   const MapWriteOptions& options = {});
+
 /// Reads an .sfm file of AliceVision in JSON (docs/formats.md): views with a pose become frames, the
 /// structure landmarks of free scale.
 /// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_alicevision(ByteSource& source, const MapReadOptions& options = {});
+
+/// Writes an .sfm file of AliceVision in JSON, version 1.2.6.
+/// @throws Error (input) naming a frame without a camera, or a camera model that AliceVision lacks
+void write_alicevision(const LandmarkMap& map, const ByteSink& sink,
+                       const MapWriteOptions& options = {});
 
 /// Reads transforms.json of nerfstudio or instant-ngp (docs/formats.md): frames and cameras, numbered from
 /// 0. The points of "ply_file_path" become landmarks.
@@ -96,6 +110,13 @@ LandmarkMap read_nerfstudio(ByteSource& source, const std::filesystem::path& fol
 ///        (storage) if sparse_pc.ply exists
 void write_nerfstudio(const LandmarkMap& map, const std::filesystem::path& path,
                       const MapWriteOptions& options = {});
+
+/// Reads a CSV file of camera registrations of RealityCapture (docs/formats.md): frames, numbered from 0, and the cameras of
+/// those whose images are there.
+/// @param folder to which names of images are relative
+/// @throws Error (input) naming source, line, field, value and constraint
+LandmarkMap read_realitycapture(ByteSource& source, const std::filesystem::path& folder,
+                                const MapReadOptions& options = {});
 
 /// The files of a kapture folder, by their paths below it, e.g. "sensors/sensors.txt".
 struct KaptureFiles {
@@ -191,6 +212,7 @@ bool is_archive_of_arrays(const MapInput& input);
 LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options);
+LandmarkMap read_realitycapture_file(const MapInput& input, const MapReadOptions& options);
 LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options);
 
 /// The row of one form of COLMAP's models.

@@ -366,19 +366,11 @@ Color color_of(const Eigen::Vector3d& rgb) {
   return {channel(0), channel(1), channel(2)};
 }
 
-std::size_t centre_place(const Camera& camera) {
-  for (const CameraModel& model : camera_models()) {
-    if (model.name != camera.model) continue;
-    const auto cx = std::find(model.parameters.begin(), model.parameters.end(), "cx");
-    return static_cast<std::size_t>(cx - model.parameters.begin());
-  }
-  return 0;
-}
-
 void shift_centre(Camera& camera, double by) {
-  const std::size_t place = centre_place(camera);
-  camera.parameters.at(place) += by;
-  camera.parameters.at(place + 1) += by;
+  const auto& names = camera_model(camera.model)->parameters;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (names[i] == "cx" || names[i] == "cy") camera.parameters[i] += by;
+  }
 }
 
 bool is_same_lens(const Camera& a, const Camera& b) {

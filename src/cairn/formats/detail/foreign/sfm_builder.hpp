@@ -169,10 +169,8 @@ Color color_of(const Eigen::Vector3d& rgb);
 /// Both coordinates of the centre of the top-left pixel in COLMAP, kapture and nerfstudio.
 inline constexpr double kPixelCentre = 0.5;
 
-/// Index of cx, followed by cy, among a camera's parameters; the focal lengths are before it.
-std::size_t centre_place(const Camera& camera);
-
-/// Adds `by` pixels to both coordinates of the principal point; the camera's model must be known.
+/// Adds `by` pixels to both coordinates of the principal point, which a panorama does not have; the camera's model
+/// must be known.
 void shift_centre(Camera& camera, double by);
 
 /// Whether both have one model, size and parameters.

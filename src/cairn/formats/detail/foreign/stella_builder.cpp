@@ -72,30 +72,37 @@ void StellaBuilder::add_landmark(std::uint64_t id, const Eigen::Vector3d& positi
   found_.values.push_back(found.value_or(kUnknown));
 }
 
+std::optional<Camera> StellaBuilder::lens_of(const StellaCamera& camera) const {
+  const CameraId id{out_.tables().cameras.size()};
+  if (camera.model_type == "Equirectangular") {
+    return Camera{id,
+                  "EQUIRECTANGULAR",
+                  camera.width,
+                  camera.height,
+                  {static_cast<double>(camera.width), static_cast<double>(camera.height)}};
+  }
+  if (!camera.fx || !camera.fy || !camera.cx || !camera.cy) return std::nullopt;
+  const Intrinsics k{*camera.fx, *camera.fy, *camera.cx, *camera.cy};
+  if (camera.model_type == "RadialDivision") {
+    return Camera{
+        id, "DIVISION", camera.width, camera.height, {k.fx, k.fy, k.cx, k.cy, camera.division}};
+  }
+  Distortion distortion = camera.distortion;
+  distortion.is_fisheye = camera.model_type == "Fisheye";
+  if (!distortion.is_fisheye && camera.model_type != "Perspective") return std::nullopt;
+  return opencv_camera(id, camera.width, camera.height, k, distortion);
+}
+
 // @return whether all cameras know the scale
 bool StellaBuilder::place_cameras() {
   bool is_metric = !cameras_.empty();
   for (const auto& [name, camera] : cameras_) {
     const bool knows_scale = camera.setup_type == "Stereo" || camera.setup_type == "RGBD";
     is_metric = is_metric && knows_scale;
-    const bool has_lens = camera.model_type == "Perspective" || camera.model_type == "Fisheye";
-    Distortion distortion = has_lens ? camera.distortion : Distortion{};
-    distortion.is_fisheye = camera.model_type == "Fisheye";
-    if (!camera.fx || !camera.fy || !camera.cx || !camera.cy) {
-      out_.add_camera(printable(name), std::nullopt,
-                      "its model " + printable(camera.model_type) + " is none of Cairn's");
-      continue;
-    }
-    out_.add_camera(
-        printable(name),
-        opencv_camera(CameraId{out_.tables().cameras.size()}, camera.width, camera.height,
-                      {*camera.fx, *camera.fy, *camera.cx, *camera.cy}, distortion));
-    if (!has_lens && out_.camera(printable(name))) {
-      out_.lost(
-          fmt::format("camera {}: the distortion {} is none of Cairn's; the camera is that of the "
-                      "undistorted image",
-                      printable(name), printable(camera.model_type)));
-    }
+    auto lens = lens_of(camera);
+    std::string defect;
+    if (!lens) defect = "it is no complete " + printable(camera.model_type);
+    out_.add_camera(printable(name), std::move(lens), std::move(defect));
   }
   for (std::size_t i = 0; i < camera_of_frame_.size(); ++i) {
     out_.tables().frames.cameras.set(i, out_.camera(printable(camera_of_frame_[i])));
@@ -112,6 +119,10 @@ void StellaBuilder::distort_pixels() {
     if (!index) continue;
     const Camera& camera = tables.cameras[index->value];
     if (camera.model == "PINHOLE") continue;
+    if (camera.model == "EQUIRECTANGULAR") {
+      pixels[i] = {pixels[i].u - kStellaPanorama, pixels[i].v - kStellaPanorama};
+      continue;
+    }
     const Intrinsics k = intrinsics(camera);
     const auto pixel =
         project(camera, {(pixels[i].u - k.cx) / k.fx, (pixels[i].v - k.cy) / k.fy, 1.0});

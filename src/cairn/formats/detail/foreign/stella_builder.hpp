@@ -25,6 +25,7 @@ struct StellaCamera {
   std::uint32_t height = 0;
   std::optional<double> fx, fy, cx, cy;
   Distortion distortion;
+  double division = 0.0;  ///< parameter of "RadialDivision"
 };
 
 struct StellaKeyframe {
@@ -38,6 +39,10 @@ struct StellaKeyframe {
   std::vector<float> depths;          ///< one per keypoint, or empty; unknown unless positive
   std::vector<std::array<std::uint8_t, kOrbBytes>> descriptors;  ///< one per keypoint, or empty
 };
+
+/// Both coordinates of the centre of the top-left pixel of an equirectangular image, whose coordinates are proportional
+/// to the angles; those of its other images are 0.
+inline constexpr double kStellaPanorama = 0.5;
 
 /// Builds a map from parts in any order.
 class StellaBuilder {
@@ -54,6 +59,7 @@ class StellaBuilder {
   LandmarkMap finish() &&;
 
  private:
+  std::optional<Camera> lens_of(const StellaCamera& camera) const;
   bool place_cameras();
   void distort_pixels();
 

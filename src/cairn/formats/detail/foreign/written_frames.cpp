@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/formats/detail/losses.hpp"
 
 namespace cairn::detail {
 
@@ -32,6 +34,29 @@ void refuse_model(const Camera& camera, std::string_view system) {
 Color color_of(const LandmarkMap& map, std::uint32_t landmark) {
   const auto& colors = map.landmarks().colors;
   return colors.empty() ? Color{} : colors[landmark].value_or(Color{});
+}
+
+WrittenIds::WrittenIds(const LandmarkMap& map, std::uint64_t most, std::uint64_t most_of_landmarks,
+                       std::uint64_t first_id)
+    : frames(fitting_ids(map.frames().ids, most, first_id)),
+      landmarks(fitting_ids(map.landmarks().ids, most_of_landmarks, first_id)),
+      first(first_id) {
+  std::vector<CameraId> ids;
+  for (const Camera& camera : map.cameras()) ids.push_back(camera.id);
+  cameras = fitting_ids(ids, most, first_id);
+}
+
+void WrittenIds::log_replaced(const LogSink& log, const LandmarkMap& map, std::string_view system,
+                              std::string_view path) const {
+  const auto note = [&](bool replaced, std::string_view what) {
+    if (!replaced) return;
+    log_remark(log, path.empty() ? system : path,
+               fmt::format("ids of {} are too large for {}: numbered from {}", what, system, first),
+               RemarkKind::kLoss);
+  };
+  note(!frames.empty() && frames[0] != map.frames().ids[0].value, "frames");
+  note(!landmarks.empty() && landmarks[0] != map.landmarks().ids[0].value, "landmarks");
+  note(!cameras.empty() && cameras[0] != map.cameras()[0].id.value, "cameras");
 }
 
 FrameObservations::FrameObservations(const LandmarkMap& map)
@@ -71,6 +96,16 @@ std::vector<std::string> image_names(const LandmarkMap& map) {
   return names;
 }
 
+std::vector<std::string> json_image_names(const LandmarkMap& map) {
+  std::vector<std::string> names = image_names(map);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (is_utf8(names[i])) continue;
+    throw Error(ErrorKind::kInput, fmt::format("frame {}", map.frames().ids[i].value),
+                "image name " + printable(names[i]), "a name in UTF-8, as JSON needs it");
+  }
+  return names;
+}
+
 std::optional<RadialCamera> radial_camera(const Camera& camera) {
   const std::vector<double>& p = camera.parameters;
   const std::string& model = camera.model;
@@ -95,8 +130,18 @@ std::optional<Distortion> opencv_distortion(const Camera& camera) {
   if (model == "FULL_OPENCV" && p[9] == 0.0 && p[10] == 0.0 && p[11] == 0.0) {
     return Distortion{.k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7], .k3 = p[8]};
   }
-  if (model != "OPENCV_FISHEYE") return std::nullopt;
-  return Distortion{.is_fisheye = true, .k1 = p[4], .k2 = p[5], .k3 = p[6], .k4 = p[7]};
+  if (model == "OPENCV_FISHEYE") {
+    return Distortion{.is_fisheye = true, .k1 = p[4], .k2 = p[5], .k3 = p[6], .k4 = p[7]};
+  }
+  if (model == "SIMPLE_FISHEYE" || model == "FISHEYE") return Distortion{.is_fisheye = true};
+  if (model != "SIMPLE_RADIAL_FISHEYE" && model != "RADIAL_FISHEYE") return std::nullopt;
+  return Distortion{.is_fisheye = true, .k1 = p[3], .k2 = p.size() > 4 ? p[4] : 0.0};
+}
+
+bool is_panorama(const Camera& camera) {
+  return camera.model == "EQUIRECTANGULAR" &&
+         camera.parameters == std::vector<double>{static_cast<double>(camera.width),
+                                                  static_cast<double>(camera.height)};
 }
 
 Camera opencv_camera(CameraId id, std::uint32_t width, std::uint32_t height, const Intrinsics& k,
@@ -113,10 +158,10 @@ Camera opencv_camera(CameraId id, std::uint32_t width, std::uint32_t height, con
 }
 
 std::optional<Pixel> undistorted_offset(const Camera& camera, const Pixel& pixel) {
-  const auto x = unproject(camera, pixel);
-  if (!x) return std::nullopt;
-  const double focal = intrinsics(camera).fx;
-  return Pixel{focal * x->x(), focal * x->y()};
+  const auto ray = unproject(camera, pixel);
+  if (!ray || !(ray->z() > 0.0)) return std::nullopt;
+  const double by = intrinsics(camera).fx / ray->z();
+  return Pixel{by * ray->x(), by * ray->y()};
 }
 
 std::vector<std::uint32_t> keypoint_indices(const LandmarkMap& map) {

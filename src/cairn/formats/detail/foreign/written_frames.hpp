@@ -35,6 +35,23 @@ std::vector<std::uint64_t> fitting_ids(const std::vector<Id>& ids, std::uint64_t
   return result;
 }
 
+/// The ids of a map's cameras, frames and landmarks as a system has them.
+struct WrittenIds {
+  /// @param most the largest id of cameras and frames
+  /// @param first of ids that replace too large ones
+  WrittenIds(const LandmarkMap& map, std::uint64_t most, std::uint64_t most_of_landmarks,
+             std::uint64_t first);
+
+  /// Logs as a loss which of them were replaced.
+  void log_replaced(const LogSink& log, const LandmarkMap& map, std::string_view system,
+                    std::string_view path = {}) const;
+
+  std::vector<std::uint64_t> cameras;
+  std::vector<std::uint64_t> frames;
+  std::vector<std::uint64_t> landmarks;
+  std::uint64_t first = 0;
+};
+
 /// The observations of each frame, for systems that list the keypoints of an image.
 struct FrameObservations {
   explicit FrameObservations(const LandmarkMap& map);
@@ -47,6 +64,9 @@ struct FrameObservations {
 /// The names of the frames' images; "frame_ID" for one that has none.
 /// @throws Error (input) naming a frame whose image has the name of another's, which programs would take for it
 std::vector<std::string> image_names(const LandmarkMap& map);
+
+/// The same for JSON. @throws Error (input) naming a frame whose name is not UTF-8 too
+std::vector<std::string> json_image_names(const LandmarkMap& map);
 
 /// A focal length and radial distortion about the optical axis, as in camera model RADIAL.
 struct RadialCamera {
@@ -64,6 +84,8 @@ struct Distortion {
 };
 /// std::nullopt if the camera needs further parameters.
 std::optional<Distortion> opencv_distortion(const Camera& camera);
+/// Whether the image of the camera is the whole sphere.
+bool is_panorama(const Camera& camera);
 /// A camera of the simplest model that has the distortion.
 Camera opencv_camera(CameraId id, std::uint32_t width, std::uint32_t height, const Intrinsics& k,
                      const Distortion& distortion);
