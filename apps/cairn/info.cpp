@@ -312,6 +312,7 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;
   json["cameras"] = map.cameras().size();
+  json["rigs"] = map.rigs().size();
   json["columns"] = Json::array();
   for (const NamedColumn& column : map.landmarks().columns) json["columns"].push_back(column.name);
   json["extent"] = nullptr;

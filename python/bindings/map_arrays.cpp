@@ -12,6 +12,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/detail/memory.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/map/operations.hpp"
 
 #include "bindings/maps.hpp"
 #include "bindings/optional_columns.hpp"
@@ -321,7 +323,31 @@ SharedMap from_arrays(const py::object& positions, const py::kwargs& keywords) {
 
 }  // namespace
 
+py::array_t<std::uint8_t> bytes_of_floats(const py::object& values) {
+  const auto given = real_array(values, "values", {-1, -1});
+  const auto columns = static_cast<std::size_t>(given.shape(1));
+  py::array_t<std::uint8_t> result({given.shape(0), given.shape(1)});
+  std::vector<float> row(columns);
+  for (py::ssize_t i = 0; i < given.shape(0); ++i) {
+    std::transform(given.data(i), given.data(i) + columns, row.begin(),
+                   [](double value) { return static_cast<float>(value); });
+    if (std::all_of(row.begin(), row.end(), [](float value) { return value == 0.0F; })) {
+      throw Error(ErrorKind::kInput, fmt::format("values[{}]", i), "is all zero",
+                  "a descriptor with a direction");
+    }
+    const std::vector<std::uint8_t> bytes = descriptor_bytes(row);
+    std::copy(bytes.begin(), bytes.end(), result.mutable_data(i));
+  }
+  return result;
+}
+
 void bind_from_arrays(MapClass& map) {
+  map.def_static("descriptor_bytes", &bytes_of_floats, py::arg("values"),
+                 "descriptor_bytes(values)\n--\n\nBytes that stand for descriptors of "
+                 "floating-point numbers, such as "
+                 "SuperPoint's, which are\ncompared by their directions: (n, d) real numbers to "
+                 "(n, d) uint8, for "
+                 "from_arrays().");
   map.def_static("from_arrays", &from_arrays, py::arg("positions"),
                  kept(from_arrays_keywords().signature("positions", false) + kFromArrays));
 }

@@ -57,6 +57,8 @@ class GeoReference:
 
 class LandmarkMap:
     @staticmethod
+    def descriptor_bytes(values: ArrayLike) -> NDArray[np.uint8]: ...
+    @staticmethod
     def from_arrays(
         positions: ArrayLike,
         *,
@@ -301,6 +303,8 @@ class MergedMap:
     def fused(self) -> int: ...
     @property
     def bend_deg(self) -> Optional[float]: ...
+    @property
+    def folded_frames(self) -> Optional[List[int]]: ...
 
 class Link:
     @property

@@ -121,6 +121,20 @@ class Columns(unittest.TestCase):
         with self.assertRaises(cairn.InputError):
             cairn.LandmarkMap.from_arrays(**given, further_descriptors=further, further_descriptor_offsets=[0, 1, 2])
 
+    def test_make_bytes_of_descriptors_of_floats(self):
+        values = np.random.default_rng(1).normal(size=(20, 64))
+        made = cairn.LandmarkMap.descriptor_bytes(values)
+        self.assertEqual((made.dtype, made.shape), (np.uint8, (20, 64)))
+        np.testing.assert_array_equal(cairn.LandmarkMap.descriptor_bytes(7 * values), made)
+        unit = values / np.linalg.norm(values, axis=1, keepdims=True)
+        steps = made.astype(float) - 127.5
+        cosine = (steps / np.linalg.norm(steps, axis=1, keepdims=True)) @ unit.T
+        np.testing.assert_allclose(cosine, unit @ unit.T, atol=0.01)
+        m = cairn.LandmarkMap.from_arrays(np.zeros((20, 3)), descriptors=made, descriptor_kind="SuperPoint")
+        self.assertEqual(m.descriptor_kind, "SuperPoint")
+        with self.assertRaisesRegex(cairn.InputError, r"values\[1\]: is all zero"):
+            cairn.LandmarkMap.descriptor_bytes([[1.0, 2.0], [0.0, 0.0]])
+
     def test_need_the_kind_of_their_descriptors(self):
         expected = "descriptor_kind: not given beside descriptors; expected their kind, such as 'ORB' or 'SIFT'"
         with self.assertRaisesRegex(cairn.MisuseError, expected):

@@ -120,7 +120,8 @@ INSTANTIATE_TEST_SUITE_P(
                       refuses("unknown_content/lfs_reconstruction.json", "git lfs pull"),
                       refuses("unknown_content/metashape_cameras.xml", "Metashape"),
                       refuses("unknown_content/cameras_ddd.xml", "XML document"),
-                      refuses("unknown_content/realitycapture.csv", "RealityCapture")));
+                      reads("unknown_content/realitycapture.csv",
+                            "2 of 2 frames have no known camera: the file states no size")));
 
 // What stands twice, mirror images and common grids are no evidence of one place.
 UserCase aligns(const std::string& folder, const std::string& source, const std::string& target,
@@ -168,9 +169,19 @@ INSTANTIATE_TEST_SUITE_P(
              "--truth", "deformation_false_refusal/truth_fta_ftb.txt"},
             0,
             "aligned"},
-        UserCase{{"merge", "merge_common_images/0", "merge_common_images/1", "-o", "m/"},
-                 0,
-                 "'65.jpg' is at two places"},
+        UserCase{
+            {"merge", "merge_common_images/0", "merge_common_images/1", "-o", "m/"},
+            0,
+            "merge_common_images/1 is folded: 7 of its 26 images are elsewhere in "
+            "merge_common_images/0, 1.39 away and turned by 105 deg; left out: '61.jpg', '65.jpg', "
+            "'67.jpg', '69.jpg', '70.jpg', '72.jpg', '74.jpg'"},
+        reads("merge_common_images/1",
+              "7 images ('61.jpg', '65.jpg', '67.jpg', '69.jpg', '70.jpg', "
+              "'72.jpg', '74.jpg') are where others are"),
+        UserCase{
+            {"align", "submodels_common_images_refused/1", "submodels_common_images_refused/4"},
+            0,
+            "20 images are in both maps"},
         UserCase{{"report", "report_of_folder/model", "-o", "r.html"}, 0, "wrote r.html"}));
 
 }  // namespace

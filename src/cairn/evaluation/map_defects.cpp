@@ -60,6 +60,23 @@ std::size_t unobserving_frames(const LandmarkMap& map) {
   return static_cast<std::size_t>(std::count(observes.begin(), observes.end(), false));
 }
 
+std::string separate_frames_text(const LandmarkMap& map, const SeparateFrames& group) {
+  constexpr std::size_t kShown = 8;
+  std::string names;
+  for (std::size_t i = 0; i < std::min(group.frames.size(), kShown); ++i) {
+    names += printable(map.frames().image_names[group.frames[i].value]) + ", ";
+  }
+  if (group.frames.size() > kShown) names += "..., ";
+  return fmt::format(
+      "{} images ({}) are where others are, but share {:.0f} % of the landmarks in view with them, "
+      "where "
+      "{:.0f} % is usual: two alike places are taken for one, and the model is folded; or a loop "
+      "is "
+      "not closed",
+      group.frames.size(), names.substr(0, names.size() - 2), 100.0 * group.shared,
+      100.0 * group.usual);
+}
+
 }  // namespace
 
 std::vector<std::string> map_defects(const LandmarkMap& map) {
@@ -91,17 +108,7 @@ std::vector<std::string> map_defects(const LandmarkMap& map) {
         grid.x(), grid.y(), grid.z()));
   }
   for (const SeparateFrames& group : separate_frames(map)) {
-    const auto name_of = [&](FrameIndex frame) {
-      return printable(map.frames().image_names[frame.value]);
-    };
-    result.push_back(
-        fmt::format("{} images, {} to {}, are where others are but share {:.0f} % of the landmarks "
-                    "in view with "
-                    "them, where {:.0f} % is usual: two alike places are taken for one, and the "
-                    "model is folded; or a "
-                    "loop is not closed",
-                    group.frames.size(), name_of(group.frames.front()),
-                    name_of(group.frames.back()), 100.0 * group.shared, 100.0 * group.usual));
+    result.push_back(separate_frames_text(map, group));
   }
   if (count > 0 && !map.has_covariances()) {
     result.emplace_back("the map has no covariances: confidence covariance cannot be had");
