@@ -60,6 +60,12 @@ MapFusion fusion_of(const MergedPart& map) {
   return map.part.fusion.value_or(MapFusion());
 }
 
+std::vector<std::uint32_t> folded_indices(const MapFold& fold) {
+  std::vector<std::uint32_t> indices;
+  for (const FrameIndex frame : fold.frames) indices.push_back(frame.value);
+  return indices;
+}
+
 std::vector<MergedPart> merged_parts(const Merged& self) {
   std::vector<MergedPart> parts;
   for (std::size_t i = 0; i < self.names.size(); ++i) {
@@ -97,7 +103,7 @@ void bind_parts(py::module_& module) {
       .get("folded_frames",
            "Indices of the frames that were left out because another map shows them elsewhere; "
            "None if there are none.",
-           &MergedPart::part, &MergedMap::fold, &MapFold::frames)
+           &MergedPart::part, &MergedMap::fold, &folded_indices)
       .def("__repr__", [](const MergedPart& self) {
         return decoded(fmt::format("<MergedMap {}: {}>", self.name,
                                    self.part.placed ? "placed" : self.part.reason));

@@ -10,6 +10,7 @@ import tempfile
 import threading
 import time
 import unittest
+import warnings
 
 import numpy as np
 
@@ -157,6 +158,22 @@ class Merge(unittest.TestCase):
         (used,) = [link for link in result.links if link.used]
         self.assertEqual((used.source, used.target, used.verdict), ("source", "target", "aligned"))
         self.assertFalse(result.adjusted)
+
+    def test_says_which_frames_of_a_folded_map_it_left_out(self):
+        one = cairn.synthetic_map(landmarks=600, seed=4, frames=12)
+
+        def photographs(poses):
+            return cairn.LandmarkMap.from_arrays(
+                one.positions, frame_poses=poses, image_names=[f"{i}.jpg" for i in range(12)],
+                observed_landmarks=one.observed_landmarks, observing_frames=one.observing_frames, pixels=one.pixels)
+
+        folded = one.frame_poses.copy()
+        folded[7] = np.array([[1, 0, 0, 2], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]) @ folded[7]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # says how many images are common
+            result = cairn.merge([photographs(one.frame_poses), photographs(folded)])
+        left_out = [part.folded_frames for part in result.maps if part.folded_frames is not None]
+        self.assertEqual(left_out, [[7]])
 
     def test_names_may_be_any_bytes(self):
         other = cairn.synthetic_map(landmarks=300, seed=5)
