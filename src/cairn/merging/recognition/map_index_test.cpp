@@ -48,8 +48,9 @@ TEST(MapIndex, FindsNothingBeyondTheDifferenceAllowed) {
 }
 
 // Histograms of gradients as SIFT's: few of 128 bytes are large. A second view of a landmark changes each by some.
+// @param slope by how much each byte is usually larger than the one before
 LandmarkMap seen_histograms(std::uint64_t place, std::size_t begin, std::size_t end, double noise,
-                            std::uint64_t seed) {
+                            std::uint64_t seed, double slope = 0.0) {
   constexpr std::size_t kBytes = 128;
   Random random(seed);
   MapTables tables;
@@ -61,7 +62,9 @@ LandmarkMap seen_histograms(std::uint64_t place, std::size_t begin, std::size_t 
     Random of_landmark = Random(place).fork(i);
     for (std::size_t k = 0; k < kBytes; ++k) {
       const double usual = k % 8 < 4 ? 60.0 : 20.0;  // not all bytes are alike
-      const double value = -usual * std::log(of_landmark.uniform(1e-6, 1.0));
+      const double own = -usual * std::log(of_landmark.uniform(1e-6, 1.0));
+      const double value =
+          slope > 0.0 ? slope * static_cast<double>(k) + 0.15 * std::min(own, 200.0) : own;
       column.bytes.push_back(
           static_cast<std::uint8_t>(std::clamp(value + noise * random.normal(), 0.0, 255.0)));
     }
@@ -85,6 +88,21 @@ TEST(MapIndex, FindsTheSamePlaceByDescriptorsOfBytes) {
   const auto of_another = index.find(seen_histograms(7, 100, 200, 15.0, 9), 2);
   ASSERT_EQ(of_another.size(), 2U);
   EXPECT_THAT((std::vector{of_another[0].map / 2, of_another[1].map / 2}), ::testing::Each(7U));
+}
+
+// Of such bytes, most sums exceed most others whatever the landmark.
+TEST(MapIndex, FindsTheSamePlaceWhereTheBytesDifferInTheirMeans) {
+  MapIndex index;
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    index.add(seen_histograms(i, 0, 180, 1.5, 100 + i, 1.7));
+    index.add(seen_histograms(i, 120, 300, 1.5, 200 + i, 1.7));
+  }
+  for (std::size_t map = 0; map < index.size(); ++map) {
+    const auto found = index.find(map, 1);
+    ASSERT_FALSE(found.empty()) << map;
+    EXPECT_EQ(found.front().map, map ^ 1) << map;
+    EXPECT_GT(found.front().score, 50.0);
+  }
 }
 
 TEST(MapIndex, MapsWithoutLikeDescriptorsAreNeverFound) {
