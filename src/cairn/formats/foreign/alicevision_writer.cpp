@@ -147,12 +147,9 @@ class AliceVisionWriter {
     AliceVisionJson& observations = json["observations"] = AliceVisionJson::array();
     const auto frames = map_.observing_frames(index);
     const auto pixels = map_.observed_pixels(index);
-    const auto& keypoints = map_.observations().keypoints;
     const std::uint64_t first = frames.empty() ? 0 : map_.observations().offsets[i];
     for (std::size_t j = 0; j < frames.size(); ++j) {
-      const std::uint64_t feature = keypoints.empty() || !keypoints[first + j]
-                                        ? kNoAliceVisionIndex
-                                        : std::uint64_t{*keypoints[first + j]};
+      const std::uint64_t feature = keypoint_index(map_, first + j, kNoAliceVisionIndex);
       observations.push_back({{"observationId", std::to_string(ids_.frames[frames[j].value])},
                               {"featureId", std::to_string(feature)},
                               {"x", texts(std::vector<double>{pixels[j].u, pixels[j].v})},

@@ -134,14 +134,11 @@ class OpenMvgWriter {
     const Eigen::Vector3d& x = map_.landmarks().positions[i];
     const auto frames = map_.observing_frames(index);
     const auto pixels = map_.observed_pixels(index);
-    const auto& keypoints = map_.observations().keypoints;
     const std::uint64_t first = frames.empty() ? 0 : map_.observations().offsets[i];
     OpenMvgJson observations = OpenMvgJson::array();
     for (std::size_t j = 0; j < frames.size(); ++j) {
       const double shift = is_panorama(camera_of(map_, frames[j])) ? kOpenMvgPanorama : 0.0;
-      const std::uint64_t feature = keypoints.empty() || !keypoints[first + j]
-                                        ? kNoOpenMvgIndex
-                                        : std::uint64_t{*keypoints[first + j]};
+      const std::uint64_t feature = keypoint_index(map_, first + j, kNoOpenMvgIndex);
       observations.push_back(
           {{"key", ids_.frames[frames[j].value]},
            {"value", {{"id_feat", feature}, {"x", {pixels[j].u + shift, pixels[j].v + shift}}}}});

@@ -164,6 +164,13 @@ std::optional<Pixel> undistorted_offset(const Camera& camera, const Pixel& pixel
   return Pixel{by * ray->x(), by * ray->y()};
 }
 
+std::uint64_t keypoint_index(const LandmarkMap& map, std::uint64_t observation,
+                             std::uint64_t unknown) {
+  const auto& keypoints = map.observations().keypoints;
+  if (keypoints.empty() || !keypoints[observation]) return unknown;
+  return *keypoints[observation];
+}
+
 std::vector<std::uint32_t> keypoint_indices(const LandmarkMap& map) {
   const ObservationTable& observations = map.observations();
   const std::size_t count = observations.frames.size();

@@ -94,6 +94,10 @@ Camera opencv_camera(CameraId id, std::uint32_t width, std::uint32_t height, con
 /// std::nullopt if the pixel has no line of sight.
 std::optional<Pixel> undistorted_offset(const Camera& camera, const Pixel& pixel);
 
+/// Keypoint index of one observation; `unknown` without one.
+std::uint64_t keypoint_index(const LandmarkMap& map, std::uint64_t observation,
+                             std::uint64_t unknown);
+
 /// Keypoint index of each observation within its frame: the map's, if every observation has one and they are
 /// unique within each frame; otherwise counted from 0 in the order of the landmarks.
 std::vector<std::uint32_t> keypoint_indices(const LandmarkMap& map);
