@@ -130,7 +130,7 @@ def main():
         names = [name for name, in database.execute("SELECT name FROM images ORDER BY name")]
     joint = reconstruct(options, options.work / "joint", names)
     if not joint:
-        sys.exit("COLMAP reconstructs nothing of all images")
+        sys.exit("COLMAP made no model of the whole sequence")
     model = Model(options, joint[0], options.work / "joint-text")
     joint_px = model_figures(options, joint[0])["mean_px"]
     print(f"joint reconstruction: {len(model.poses)} of {len(names)} images, {joint_px:.3f} px", flush=True)

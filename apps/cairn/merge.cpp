@@ -265,7 +265,7 @@ struct MergeMapsArguments {
 
     if (result.map) save_map(*result.map, output, common);
     write_document(describe(loaded, names, result), common);
-    print(result, loaded, names);
+    print(result, names);
     if (!common.report_path.empty()) {
       report::Report report = begin_report(file_name(output), common);
       add_merge(report, inputs, result);
@@ -330,13 +330,8 @@ struct MergeMapsArguments {
     return json;
   }
 
-  void print(const MergeResult& result, const std::vector<LoadedMap>& loaded,
-             const std::vector<std::string>& names) const {
+  void print(const MergeResult& result, const std::vector<std::string>& names) const {
     std::string text = placement_text(result, names) + omission_text(result, names);
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      const auto& fold = result.maps[i].fold;
-      if (fold) text += fold_text(*fold, loaded[i].map, names[i], names[fold->other]);
-    }
     if (result.map) {
       text += fmt::format("{} landmarks became {}", with_commas(landmarks_before(result)),
                           with_commas(result.map->landmark_count()));

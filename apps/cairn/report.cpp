@@ -277,8 +277,8 @@ class Assembly {
     return loaded.description;
   }
 
-  // The map that a result names: relative to here, or to where the result lies. Nothing if it is not to
-  // be had as it was.
+  // The map that a result names, looked for from the current folder and then from the result's.
+  // std::nullopt if it is in neither or has changed.
   std::optional<LoadedMap> reload(const SavedMap& saved, std::string_view role,
                                   const SavedResult& result) {
     if (!saved.path) {

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/adjustment.hpp"
 
-#include <algorithm>
-#include <span>
-#include <vector>
+#include <utility>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
@@ -14,18 +11,6 @@
 #include "support/map_lists.hpp"
 
 namespace cairn::cli {
-
-namespace {
-
-std::vector<std::string> image_names(const LandmarkMap& map, std::span<const FrameIndex> frames) {
-  std::vector<std::string> names;
-  for (const FrameIndex frame : frames) {
-    names.push_back(printable(map.frames().image_names[frame.value]));
-  }
-  return names;
-}
-
-}  // namespace
 
 void add_adjustment_to(const Command& command, FusionOptions& options) {
   add_options(command, FusionOptions::table, &options);
@@ -46,23 +31,14 @@ std::string bend_text(const std::optional<MapBend>& bend, const std::string& nam
 }
 
 Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other) {
-  return {{"images", image_names(map, fold.frames)},
+  Json images = Json::array();
+  for (const FrameIndex frame : fold.frames) {
+    images.push_back(printable(map.frames().image_names[frame.value]));
+  }
+  return {{"images", std::move(images)},
           {"shown_by", other},
           {"apart", fold.apart},
           {"turned_deg", fold.turned_deg}};
-}
-
-std::string fold_text(const MapFold& fold, const LandmarkMap& map, const std::string& name,
-                      const std::string& other) {
-  const std::vector<std::string> names = image_names(map, fold.frames);
-  constexpr std::size_t kShown = 8;
-  const auto shown = std::span(names).first(std::min(names.size(), kShown));
-  return fmt::format(
-      "{} is folded: {} of its {} images are elsewhere in {}, {:.3g} away and turned by {:.0f} "
-      "deg; "
-      "left out: {}{}\n",
-      name, names.size(), map.frame_count(), other, fold.apart, fold.turned_deg,
-      fmt::join(shown, ", "), names.size() > kShown ? ", ..." : "");
 }
 
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment) {

@@ -23,10 +23,6 @@ std::string bend_text(const std::optional<MapBend>& bend, const std::string& nam
 /// @param other name of the map that shows the fold
 Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other);
 
-/// A line that names the images that were left out. Parameters as of fold_json().
-std::string fold_text(const MapFold& fold, const LandmarkMap& map, const std::string& name,
-                      const std::string& other);
-
 /// null where the map was not adjusted
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment);
 

@@ -9,7 +9,6 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/error.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/geometry/detail/grid_steps.hpp"
 #include "cairn/map/covisibility.hpp"
@@ -61,19 +60,13 @@ std::size_t unobserving_frames(const LandmarkMap& map) {
 }
 
 std::string separate_frames_text(const LandmarkMap& map, const SeparateFrames& group) {
-  constexpr std::size_t kShown = 8;
-  std::string names;
-  for (std::size_t i = 0; i < std::min(group.frames.size(), kShown); ++i) {
-    names += printable(map.frames().image_names[group.frames[i].value]) + ", ";
-  }
-  if (group.frames.size() > kShown) names += "..., ";
   return fmt::format(
       "{} images ({}) are where others are, but share {:.0f} % of the landmarks in view with them, "
       "where "
       "{:.0f} % is usual: two alike places are taken for one, and the model is folded; or a loop "
       "is "
       "not closed",
-      group.frames.size(), names.substr(0, names.size() - 2), 100.0 * group.shared,
+      group.frames.size(), image_list(map, group.frames), 100.0 * group.shared,
       100.0 * group.usual);
 }
 

@@ -5,10 +5,12 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <optional>
 #include <tuple>
 #include <utility>
 
 #include "cairn/core/detail/disjoint_sets.hpp"
+#include "cairn/core/error.hpp"
 
 namespace cairn {
 namespace {
@@ -178,10 +180,32 @@ FrameGroup Covisibility::group_of(std::span<const FrameIndex> seeds,
   return group;
 }
 
-std::vector<SeparateFrames> separate_frames(const LandmarkMap& map) {
+namespace {
+
+// What two groups of frames share, if it is too little.
+std::optional<SeparateFrames> separation(const SharedViews& views,
+                                         const std::vector<std::uint32_t>& few,
+                                         const std::vector<std::uint32_t>& many) {
   constexpr std::size_t kFewestFrames = 3;
   constexpr std::size_t kFewestExpected = 300;
   constexpr double kOfUsual = 0.25;
+  if (few.size() < kFewestFrames) return std::nullopt;
+  const SharedViews::Count across = views.between(few, many);
+  if (across.expected < kFewestExpected) return std::nullopt;
+  const SharedViews::Count among_few = views.between(few, few);
+  const SharedViews::Count among_many = views.between(many, many);
+  if (std::min(among_few.expected, among_many.expected) < kFewestExpected) return std::nullopt;
+  const double usual = std::min(among_few.share(), among_many.share());
+  if (across.share() >= kOfUsual * usual) return std::nullopt;
+  SeparateFrames found{{}, across.share(), usual};
+  for (const std::uint32_t frame : few) found.frames.push_back(FrameIndex{frame});
+  std::sort(found.frames.begin(), found.frames.end());
+  return found;
+}
+
+}  // namespace
+
+std::vector<SeparateFrames> separate_frames(const LandmarkMap& map) {
   std::vector<SeparateFrames> result;
   if (!has_images_without_times(map)) return result;
   const Covisibility covisibility(map);
@@ -193,30 +217,24 @@ std::vector<SeparateFrames> separate_frames(const LandmarkMap& map) {
   for (const CovisibleFrames& one : covisibility.forest()) {
     const auto [low, high] =
         std::minmax({sets.first_of(one.first.value), sets.first_of(one.second.value)});
-    std::vector<std::uint32_t>& few =
-        members[low].size() < members[high].size() ? members[low] : members[high];
-    std::vector<std::uint32_t>& many = &few == &members[low] ? members[high] : members[low];
-    if (few.size() >= kFewestFrames) {
-      const SharedViews::Count across = views.between(few, many);
-      const SharedViews::Count among_few = views.between(few, few);
-      const SharedViews::Count among_many = views.between(many, many);
-      if (std::min({across.expected, among_few.expected, among_many.expected}) >= kFewestExpected) {
-        const double usual = std::min(among_few.share(), among_many.share());
-        if (across.share() < kOfUsual * usual) {
-          SeparateFrames& found = result.emplace_back();
-          for (const std::uint32_t frame : few) found.frames.push_back(FrameIndex{frame});
-          std::sort(found.frames.begin(), found.frames.end());
-          found.shared = across.share();
-          found.usual = usual;
-        }
-      }
-    }
+    if (members[low].size() < members[high].size()) std::swap(members[low], members[high]);
+    std::vector<std::uint32_t>& many = members[low];
+    std::vector<std::uint32_t>& few = members[high];
+    if (auto found = separation(views, few, many)) result.push_back(*std::move(found));
     many.insert(many.end(), few.begin(), few.end());
     few = {};
-    if (&many != &members[low]) std::swap(members[low], members[high]);
     sets.join(low, high);
   }
   return result;
+}
+
+std::string image_list(const LandmarkMap& map, std::span<const FrameIndex> frames) {
+  constexpr std::size_t kShown = 8;
+  std::string text;
+  for (const FrameIndex frame : frames.first(std::min(frames.size(), kShown))) {
+    text += (text.empty() ? "" : ", ") + printable(map.frames().image_names[frame.value]);
+  }
+  return frames.size() > kShown ? text + ", ..." : text;
 }
 
 }  // namespace cairn

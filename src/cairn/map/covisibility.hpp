@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "cairn/core/ids.hpp"
@@ -55,5 +56,8 @@ class Covisibility {
 /// there, or a loop is not closed. Only of maps whose images have names and no timestamps: mapping a session anew where
 /// it returns is no defect.
 std::vector<SeparateFrames> separate_frames(const LandmarkMap& map);
+
+/// "a.jpg, b.jpg, ...": the names of the first eight frames' images, for people.
+std::string image_list(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 }  // namespace cairn

@@ -11,6 +11,7 @@
 #include "cairn/adjustment/detail/measurements.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/map/covisibility.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/folds.hpp"
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
@@ -64,6 +65,17 @@ void set_relative_covariances(std::span<const Link> links, std::vector<PlacedMap
   }
 }
 
+void log_fold(const MapFold& fold, const PlacedMap& placed, const std::string& other,
+              const LogSink& log) {
+  if (!log) return;
+  log(
+      fmt::format("{} is folded: {} of its {} images are elsewhere in {}, {:.3g} away and turned "
+                  "by {:.0f} deg; left "
+                  "out: {}",
+                  placed.name, fold.frames.size(), placed.map->frame_count(), other, fold.apart,
+                  fold.turned_deg, image_list(*placed.map, fold.frames)));
+}
+
 LandmarkMap with_provenance(LandmarkMap map, const MergeAdjustment& adjustment) {
   MapTables tables = std::move(map).tables();
   tables.info.provenance.push_back(fmt::format(
@@ -82,6 +94,7 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link
   std::vector<LandmarkMap> unfolded(maps.size());
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!folds[i]) continue;
+    log_fold(*folds[i], maps[i], given[folds[i]->other].name, options.log);
     unfolded[i] = without_frames(*maps[i].map, folds[i]->frames);
     maps[i].map = &unfolded[i];
   }
