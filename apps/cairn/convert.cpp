@@ -23,6 +23,10 @@
 #include "cairn/adjustment/adjust.hpp"
 #endif
 
+#ifdef CAIRN_HAS_ODOMETRY
+#include "cairn/vision/map_images.hpp"
+#endif
+
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
@@ -53,6 +57,7 @@ struct ConvertArguments {
   bool estimate_covariances = false;
   std::optional<double> pixel_noise;
   std::string apply;
+  std::string images;
   MapLoading loading;
 
   void add_to(const Command& command);
@@ -73,6 +78,7 @@ struct ConvertArguments {
   Json describe(const LoadedMap& loaded, const Changes& made, const LandmarkMap& map,
                 bool has_frames) const;
   const MapFormat& output_format() const;
+  LandmarkMap with_descriptors(const LandmarkMap& map) const;
   LandmarkMap with_estimated_covariances(const LandmarkMap& map, Json& json) const;
   bool move_points(std::string_view first) const;
   bool convert_trajectory(std::string_view first) const;
@@ -137,6 +143,13 @@ void ConvertArguments::add_to(const Command& command) {
                    "METRIC,...");
   command.add_text("--camera", camera, fmt::format("Camera of all frames: {}", kCameraHelp),
                    "CAMERA");
+#ifdef CAIRN_HAS_ODOMETRY
+  command.add_text(
+      "--images", images,
+      "Give the landmarks SIFT descriptors of the map's images, which are in this folder "
+      "by their names in the map",
+      "FOLDER");
+#endif
 #ifdef CAIRN_HAS_ADJUSTMENT
   const Option estimate = command.add_flag(
       "--estimate-covariances", estimate_covariances,
@@ -228,6 +241,22 @@ LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map,
   return estimated.map;
 }
 #endif
+
+#ifdef CAIRN_HAS_ODOMETRY
+LandmarkMap ConvertArguments::with_descriptors(const LandmarkMap& map) const {
+  DescribedMap described;
+  with_option_names({{images, "--images " + images}}, [&] {
+    described = with_image_descriptors(map, std::filesystem::path(images),
+                                       {common.executor(), interrupt_requests(), {}});
+  });
+  const auto& known = described.map.landmarks().descriptors->known;
+  common.console().print("SIFT descriptors of {} of {} landmarks, by {} of {} images\n",
+                         std::count(known.begin(), known.end(), 1), map.landmark_count(),
+                         described.images, map.frame_count());
+  return described.map;
+}
+#endif
+
 // Moves a PLY file as what it is. @return false for what is read as a map
 bool ConvertArguments::move_points(std::string_view first) const {
   if (!(first.starts_with("ply\n") || first.starts_with("ply\r")) ||
@@ -384,6 +413,9 @@ LandmarkMap ConvertArguments::changed(LandmarkMap map, const Changes& made,
   if (enu) {
     with_option_names({{"map", input}}, [&] { map = in_enu_frame(map); });
   }
+#ifdef CAIRN_HAS_ODOMETRY
+  if (!images.empty()) map = with_descriptors(map);
+#endif
 #ifdef CAIRN_HAS_ADJUSTMENT
   if (estimate_covariances) map = with_estimated_covariances(map, covariances);
 #endif
@@ -414,6 +446,7 @@ Json ConvertArguments::describe(const LoadedMap& loaded, const Changes& made,
                 {"double_precision", double_precision},
                 {"apply", text_or_null(apply)},
                 {"convention", loading.convention},
+                {"images", text_or_null(images)},
                 {"strict", loading.strict},
                 {"enu", enu},
                 {"estimate_covariances", estimate_covariances},

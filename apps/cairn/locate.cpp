@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -16,6 +23,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/vision/map_images.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/image_locator.hpp"
 #include "cairn/vision/sequence.hpp"
@@ -37,11 +45,14 @@ Json json_of(const std::string& image, const ImageLocation& found) {
                {"world_from_camera", nullptr},
                {"estimate", nullptr},
                {"covariance", nullptr},
+               {"camera", to_json(found.camera)},
+               {"focal_length_sigma", nullptr},
                {"corners", found.corners},
                {"matches", Json::array()}};
   if (found.world_from_camera) json["world_from_camera"] = to_json(*found.world_from_camera);
   if (found.estimate) json["estimate"] = to_json(*found.estimate);
   if (found.covariance) json["covariance"] = to_json(*found.covariance);
+  if (found.focal_length_sigma) json["focal_length_sigma"] = *found.focal_length_sigma;
   for (const ImageMatch& match : found.matches) {
     json["matches"].push_back({match.landmark.value, match.pixel.u, match.pixel.v});
   }
@@ -67,6 +78,10 @@ std::string text_of(const std::string& image, const ImageLocation& found, Length
                     deviations[0], deviations[1], deviations[2], unit_symbol(unit),
                     degrees(deviations[3]), degrees(deviations[4]), degrees(deviations[5]));
   }
+  if (found.located && found.focal_length_sigma) {
+    text += fmt::format("  focal length          {:.1f} px, standard deviation {:.2g} px\n",
+                        found.camera.parameters.front(), *found.focal_length_sigma);
+  }
   return text;
 }
 
@@ -82,6 +97,57 @@ std::vector<std::string> stamps_of(const std::vector<std::string>& images) {
   return times.size() == images.size() ? times : numbers;
 }
 
+// The locators of images by their sizes: with the map's camera of that size, or with a focal length to be found if the map
+// has none or several.
+class LocatorsBySize {
+ public:
+  LocatorsBySize(const LandmarkMap& map, std::span<const Camera> cameras,
+                 const LocateOptions& options)
+      : cameras_(cameras.begin(), cameras.end()),
+        any_(map, unknown_camera(kAnySide, kAnySide), options) {}
+
+  /// Thread-safe.
+  const ImageLocator& of(const GrayImage& image) {
+    const std::lock_guard lock(mutex_);
+    const auto [place, is_new] = locators_.try_emplace({image.width, image.height});
+    if (is_new) place->second = made(image.width, image.height);
+    return *place->second;
+  }
+
+  static Camera unknown_camera(std::uint32_t width, std::uint32_t height) {
+    constexpr double kUsual = 1.2;  // focal length of photographs, in larger sides
+    return {CameraId{0},
+            "SIMPLE_PINHOLE",
+            width,
+            height,
+            {kUsual * std::max(width, height), 0.5 * (width - 1.0), 0.5 * (height - 1.0)}};
+  }
+
+ private:
+  static constexpr std::uint32_t kAnySide = 64;  // the camera of the first locator has no use
+
+  std::unique_ptr<ImageLocator> made(std::uint32_t width, std::uint32_t height) const {
+    const Camera* only = nullptr;
+    for (const Camera& camera : cameras_) {
+      if (camera.width != width || camera.height != height) continue;
+      if (only != nullptr &&
+          (camera.model != only->model || camera.parameters != only->parameters)) {
+        only = nullptr;
+        break;
+      }
+      only = &camera;
+    }
+    return std::make_unique<ImageLocator>(
+        only != nullptr ? any_.with_camera(*only)
+                        : any_.with_camera(unknown_camera(width, height), FocalLength::kUnknown));
+  }
+
+  std::vector<Camera> cameras_;
+  ImageLocator any_;
+  std::mutex mutex_;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::unique_ptr<ImageLocator>> locators_;
+};
+
 struct LocateArguments {
   CommonArguments common;
   std::string map;
@@ -89,13 +155,15 @@ struct LocateArguments {
   std::string camera;
   std::string depth;
   std::string trajectory;
+  std::string output;
   std::optional<double> depth_units;
   LocateOptions options;
+  static constexpr std::string_view kUnknown = "unknown";
 
   void add_to(const Command& command) {
     command
         .add_text("map", map,
-                  "Map with ORB descriptors: " + all_formats().titles_text() +
+                  "Map with ORB or SIFT descriptors: " + all_formats().titles_text() +
                       "; or an atlas, whose placed maps count as one")
         .required();
     command
@@ -104,7 +172,11 @@ struct LocateArguments {
         .required();
     command.add_text(
         "--camera", camera,
-        fmt::format("Camera of the images: {} (default: the map's only camera)", kCameraHelp),
+        fmt::format(
+            "Camera of the images: {}; or unknown: the focal length is found with the pose "
+            "(default: the map's camera for images of that size, or unknown if it has none or "
+            "several)",
+            kCameraHelp),
         "CAMERA");
     command.add_text(
         "--depth", depth,
@@ -119,12 +191,23 @@ struct LocateArguments {
         "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
         "are the images' names if all are numbers, else 0, 1, ...",
         "FILE");
+    command.add_text(
+        "-o,--output", output,
+        fmt::format("Also write the map with the located images as further frames, each with "
+                    "its matches as observations: {}",
+                    all_formats().endings_text()),
+        "FILE");
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
     command.footer(
         "Example: find the pose of an image in a map\n"
         "  cairn locate desk.map image.png --camera fr1\n"
+        "Example: where were these photographs taken, in a COLMAP model with database.db beside "
+        "it?\n"
+        "  cairn locate sparse/0 photo1.jpg photo2.jpg\n"
+        "Example: add them to the model\n"
+        "  cairn locate sparse/0 photo1.jpg photo2.jpg -o bigger/\n"
         "The exit code is 0 if every image is located, else 4.");
   }
 
@@ -135,26 +218,17 @@ struct LocateArguments {
     require_outputs(common);
     require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
     if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
+    if (!output.empty()) require_map_path(output, "--output");
     options.seed = common.seed;
     const LoadedMap loaded = load_world();
-    const CameraFile file = load_camera_of(loaded.map);
+    CameraFile file;
+    if (!camera.empty() && camera != kUnknown) file = load_camera(camera);
     const double units = depth_units.value_or(
         file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
-    std::optional<ImageLocator> locator;
-    const std::string descriptors = map + ": descriptors";
-    with_option_names({{"descriptors", descriptors}},
-                      [&] { locator.emplace(loaded.map, file.camera, options); });
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
-    std::vector<ImageLocation> found(images.size());
-    common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const GrayImage image = read_gray_image(images[i]);
-        with_option_names({{"image", images[i]}, {"depth image", depth}},
-                          [&] { found[i] = locator->locate(image, depth_m); });
-      }
-    });
-    Json json = describe(loaded, file.camera);
+    const std::vector<ImageLocation> found = locate_all(loaded.map, file.camera, depth_m);
+    Json json = describe(loaded);
     json["results"] = Json::array();
     bool all = true;
     const Console console = common.console();
@@ -165,6 +239,7 @@ struct LocateArguments {
     }
     write_document(json, common);
     if (!trajectory.empty()) write_trajectory(found);
+    if (!output.empty()) write_bigger_map(loaded.map, found);
     return all ? ExitCode::kDone : ExitCode::kNoTrustworthyAlignment;
   }
 
@@ -184,12 +259,30 @@ struct LocateArguments {
     return load_map(map, common);
   }
 
-  CameraFile load_camera_of(const LandmarkMap& of_map) const {
-    if (!camera.empty()) return load_camera(camera);
-    if (of_map.cameras().size() == 1) return {of_map.cameras().front(), std::nullopt};
-    throw Error(ErrorKind::kMisuse, "--camera",
-                fmt::format("not given, and the map has {} cameras", of_map.cameras().size()),
-                kCameraHelp);
+  std::vector<ImageLocation> locate_all(const LandmarkMap& in_map, const Camera& given,
+                                        const DepthImage& depth_m) const {
+    const bool is_given = !camera.empty() && camera != kUnknown;
+    const std::string descriptors = map + ": descriptors";
+    std::optional<ImageLocator> locator;
+    std::optional<LocatorsBySize> locators;
+    with_option_names({{"descriptors", descriptors}}, [&] {
+      if (is_given) {
+        locator.emplace(in_map, given, options);
+      } else {
+        const auto cameras = camera == kUnknown ? std::span<const Camera>() : in_map.cameras();
+        locators.emplace(in_map, cameras, options);
+      }
+    });
+    std::vector<ImageLocation> found(images.size());
+    common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const GrayImage image = read_gray_image(images[i]);
+        with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
+          found[i] = (is_given ? *locator : locators->of(image)).locate(image, depth_m);
+        });
+      }
+    });
+    return found;
   }
 
   DepthImage read_depth(double units) const {
@@ -201,13 +294,26 @@ struct LocateArguments {
     return metres;
   }
 
-  Json describe(const LoadedMap& loaded, const Camera& used) const {
+  Json describe(const LoadedMap& loaded) const {
     Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
     for (const std::string& image : images)
       inputs["images"].push_back(describe_file(image, common));
-    Json json = {{"camera", to_json(used)}, {"depth", text_or_null(depth)}};
+    Json json = {{"camera", text_or_null(camera)}, {"depth", text_or_null(depth)}};
     json.update(options_of(LocateOptions::table, &options));
     return document("locate", common, std::move(inputs), std::move(json));
+  }
+
+  void write_bigger_map(const LandmarkMap& in_map, const std::vector<ImageLocation>& found) const {
+    std::vector<LocatedImage> located;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      if (found[i].located) {
+        located.push_back({fs::path(images[i]).filename().string(), found[i]});
+      }
+    }
+    const LandmarkMap bigger = with_frames(in_map, located);
+    save_map(bigger, output, common);
+    common.console().print("{}: {} frames, of which {} are new\n", output, bigger.frame_count(),
+                           located.size());
   }
 
   void write_trajectory(const std::vector<ImageLocation>& found) const {

@@ -1,8 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include <fmt/format.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 
 #include "cairn/vision/image_locator.hpp"
+#include "cairn/vision/map_images.hpp"
 #include "cairn/vision/map_sequence.hpp"
 
 #include "bindings/images.hpp"
@@ -42,6 +51,29 @@ ImageLocation locate(const Locator& self, const py::object& image, const py::obj
   });
 }
 
+std::unique_ptr<Locator> with_camera(const Locator& self, const Camera& camera,
+                                     bool focal_length_known) {
+  const FocalLength focal_length = focal_length_known ? FocalLength::kKnown : FocalLength::kUnknown;
+  return unlocked([&] {
+    return std::make_unique<Locator>(
+        Locator{camera, self.locator.with_camera(camera, focal_length)});
+  });
+}
+
+LandmarkMap map_with_frames(const LandmarkMap& map,
+                            const std::vector<std::pair<std::string, ImageLocation>>& given) {
+  std::vector<LocatedImage> images;
+  for (const auto& [name, location] : given) images.push_back({name, location});
+  return unlocked([&] { return with_frames(map, images); });
+}
+
+LandmarkMap map_with_descriptors(const LandmarkMap& map, const std::filesystem::path& folder,
+                                 unsigned threads) {
+  return unlocked([&] {
+    return with_image_descriptors(map, folder, {Executor(threads), {}, {}}).map;
+  });
+}
+
 py::array rows_of_matches(const std::vector<ImageMatch>& matches) {
   return row_array(matches, [](const ImageMatch& match) {
     return std::array{static_cast<double>(match.landmark.value), match.pixel.u, match.pixel.v};
@@ -66,20 +98,42 @@ void bind_localization(py::module_& module) {
           &ImageLocation::covariance)
       .get("matches", "(n, 3): landmark index, and u and v of the matched corner, in pixels.",
            &ImageLocation::matches, &rows_of_matches)
+      .get("camera", "The image's camera.", &ImageLocation::camera)
+      .get("focal_length_sigma",
+           "Standard deviation of the camera's focal length, pixels; None unless found with the "
+           "pose.",
+           &ImageLocation::focal_length_sigma)
       .def("__repr__", [](const ImageLocation& self) {
         return fmt::format("<ImageLocation {}: {}>", self.located ? "located" : "rejected",
                            self.reason);
       });
-  Exposed<Locator>(module, "ImageLocator", "Locates images in a map that has ORB descriptors.")
+  Exposed<Locator>(module, "ImageLocator",
+                   "Locates images in a map that has ORB or SIFT descriptors.")
       .def(py::init(&make_locator), py::arg("map"), py::arg("camera"),
            kept(locate_keywords().signature("$self, map, camera", false) +
                 "Prepares a map for images of one camera. An image is located if its pose has at "
                 "least\n`min_probability`."))
+      .def("with_camera", &with_camera, py::arg("camera"), py::kw_only(),
+           py::arg("focal_length_known") = true,
+           "with_camera($self, camera, *, focal_length_known=True)\n--\n\n"
+           "The same for images of another camera; the prepared map is shared. If the focal length "
+           "is unknown,\nit is found with each pose, and the camera gives the size and the "
+           "principal point only.")
       .def("locate", &locate, py::arg("image"), py::arg("depth_m") = py::none(), py::kw_only(),
            py::arg("channels") = "rgb",
            "locate($self, image, depth_m=None, *, channels='rgb')\n--\n\n"
            "Estimates and judges the pose of one image, (h, w) or (h, w, 3) uint8. `depth_m` is "
            "its depth,\n(h, w) in metres, if known.");
+  module.def(
+      "with_frames", &map_with_frames, py::arg("map"), py::arg("images"),
+      "with_frames(map, images)\n--\n\n"
+      "The map with located images as further frames, each with its matches as observations. "
+      "`images` has\npairs of a name and an ImageLocation.");
+  module.def("with_image_descriptors", &map_with_descriptors, py::arg("map"), py::arg("folder"),
+             py::kw_only(), py::arg("threads") = 0,
+             "with_image_descriptors(map, folder, *, threads=0)\n--\n\n"
+             "The map with SIFT descriptors of its images, which are in a folder by their names in "
+             "the map.");
 }
 
 }  // namespace cairn::python

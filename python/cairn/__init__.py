@@ -26,6 +26,8 @@ _OPTIONAL = {
     "ImageLocator": "Ceres and OpenCV",
     "Odometry": "Ceres and OpenCV",
     "map_sequence": "Ceres and OpenCV",
+    "with_frames": "Ceres and OpenCV",
+    "with_image_descriptors": "Ceres and OpenCV",
 }
 
 

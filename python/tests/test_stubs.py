@@ -17,7 +17,7 @@ TREE = ast.parse((PACKAGE / "__init__.pyi").read_text())
 OPTIONAL = {"merge", "MergeResult", "MergedMap", "Link", "simulate", "Simulation", "SimulatedFrame", "Odometry",
             "FrameReport", "MappedSequence", "map_sequence", "ImageLocator", "ImageLocation", "Atlas", "AtlasMap",
             "AtlasCommit", "AtlasRoute", "AtlasLinkResult", "AtlasOptimised", "AtlasCompaction", "AtlasSalvage",
-            "Change", "ChangedPlace", "WorldDifference"}
+            "Change", "ChangedPlace", "WorldDifference", "with_frames", "with_image_descriptors"}
 
 
 def stub_parameters(function):

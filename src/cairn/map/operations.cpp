@@ -484,4 +484,38 @@ void append_descriptors(DescriptorColumn& column,
   }
 }
 
+namespace {
+
+std::size_t medoid_of(std::span<const std::span<const std::uint8_t>> descriptors,
+                      DescriptorNorm norm) {
+  constexpr std::size_t kMost = 64;
+  descriptors = descriptors.first(std::min(descriptors.size(), kMost));
+  std::size_t best = 0;
+  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
+  for (std::size_t i = 0; i < descriptors.size(); ++i) {
+    std::uint64_t sum = 0;
+    for (const auto& other : descriptors) sum += descriptor_difference(descriptors[i], other, norm);
+    if (sum < least) {
+      least = sum;
+      best = i;
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+void append_distinct(DescriptorColumn& column,
+                     std::span<const std::span<const std::uint8_t>> descriptors,
+                     DescriptorNorm norm) {
+  std::vector<std::span<const std::uint8_t>> chosen;
+  if (!descriptors.empty()) {
+    for (const std::size_t i :
+         distinct_descriptors(descriptors, medoid_of(descriptors, norm), kDistinctViews, norm)) {
+      chosen.push_back(descriptors[i]);
+    }
+  }
+  append_descriptors(column, chosen);
+}
+
 }  // namespace cairn

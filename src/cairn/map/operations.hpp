@@ -143,4 +143,10 @@ std::vector<std::size_t> distinct_descriptors(
 void append_descriptors(DescriptorColumn& column,
                         std::span<const std::span<const std::uint8_t>> descriptors);
 
+/// Appends a row to a column: of the descriptors of one landmark's observations the medoid, which represents it, and those
+/// of the most distinct views; unknown if there is none. Considers only the first 64 for the medoid.
+void append_distinct(DescriptorColumn& column,
+                     std::span<const std::span<const std::uint8_t>> descriptors,
+                     DescriptorNorm norm);
+
 }  // namespace cairn

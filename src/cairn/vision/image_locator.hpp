@@ -51,15 +51,22 @@ struct ImageLocation {
   double expected = 0.0;            ///< matches among these expected by chance
   std::size_t spread = 0;           ///< matches outside the largest cluster in the image
   std::vector<ImageMatch> matches;  ///< at the estimate
+  Camera camera;                    ///< of the image
+  /// Standard deviation of the camera's focal length, pixels, if that was found with the pose.
+  std::optional<double> focal_length_sigma;
 };
 
-/// Finds the pose of an image in a map (Sattler et al. 2011 describe the task). Compares the descriptors of
-/// the image's corners with those of all landmarks; P3P in a progressive sample consensus proposes a pose;
-/// landmarks are searched again where that pose projects them; the pose is refined. The verdict compares
-/// the number of matches with that expected by chance.
+/// Whether a camera's focal length is used as it is, or found with the pose.
+enum class FocalLength { kKnown, kUnknown };
+
+/// Finds the pose of an image in a map (Sattler et al. 2011 describe the task). Compares the descriptors of the image's
+/// features with those of all landmarks, and again with those of the most likely frames; P3P in a progressive sample
+/// consensus proposes poses; landmarks are searched again where a pose projects them; the pose is refined. The verdict
+/// compares the similarity of the matches with that of other landmarks at the same places.
 class ImageLocator {
  public:
-  /// @param map with ORB descriptors of 32 bytes
+  /// @param map with descriptors that an image can have: ORB of 32 bytes, or SIFT of 128 (roots or not, as most of the map's
+  ///            are)
   /// @param camera of the images; without defect
   /// @throws Error (input) for a map without such descriptors; (misuse) for a defective camera or invalid
   ///        options
@@ -68,6 +75,13 @@ class ImageLocator {
   ImageLocator(ImageLocator&&) noexcept;
   ImageLocator& operator=(ImageLocator&&) noexcept;
 
+  /// The same for images of another camera. The prepared map is shared.
+  /// @param focal_length if unknown, the camera has no other use than its size and its principal point, and images are
+  ///                     taken for undistorted
+  /// @throws Error (misuse) for a defective camera
+  ImageLocator with_camera(const Camera& camera,
+                           FocalLength focal_length = FocalLength::kKnown) const;
+
   /// Thread-safe. The same input gives the same result.
   /// @param image   of the camera's size
   /// @param depth   of the same size; empty if unknown. Ignored if the map's unit of length is free.
@@ -75,8 +89,10 @@ class ImageLocator {
   ImageLocation locate(const GrayImage& image, const DepthImage& depth = {}) const;
 
  private:
-  class Parts;
-  std::unique_ptr<const Parts> parts_;
+  struct Landmarks;
+  class View;
+  explicit ImageLocator(std::unique_ptr<const View> view);
+  std::unique_ptr<const View> view_;
 };
 
 }  // namespace cairn

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/vision/image_locator.hpp"
 
+#include <cmath>
 #include <cstring>
+#include <functional>
 
 #include <Eigen/LU>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/vision/detail/described_image.hpp"
 #include "cairn/vision/detail/features.hpp"
 
 #include "support/textured_wall.hpp"
@@ -210,7 +214,87 @@ TEST(ImageLocator, GivesTheSameResultAgain) {
   EXPECT_EQ(once.matches.size(), again.matches.size());
 }
 
-TEST(ImageLocator, NeedsOrbDescriptorsAndImagesOfTheCamerasSize) {
+// A wall with edges, as photographs have: the bytes of SIFT depend on them.
+cv::Mat posters(int right, int down) {
+  cv::RNG random(4);
+  cv::Mat wall(640, 960, CV_8UC1, cv::Scalar(120));
+  for (int i = 0; i < 900; ++i) {
+    const cv::Rect poster(random.uniform(-30, 960), random.uniform(-30, 640), random.uniform(6, 60),
+                          random.uniform(6, 60));
+    cv::rectangle(wall, poster, cv::Scalar(random.uniform(0, 256)), cv::FILLED);
+  }
+  return wall(cv::Rect(100 + right, 60 + down, 640, 480)).clone();
+}
+
+// SIFT features of that wall's middle as landmarks, at any depths along their lines of sight.
+LandmarkMap sift_map(bool root, const std::function<double(std::size_t)>& depth_of) {
+  const detail::SiftFeatures features = detail::sift_features(posters(60, 40), 2000, root);
+  const Camera camera = TexturedWall::camera();
+  MapTables tables;
+  tables.cameras = {camera};
+  DescriptorColumn descriptors{.kind = "SIFT", .bytes_each = 128, .known = {}, .bytes = {}};
+  descriptors.bytes = features.descriptors;
+  for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
+    const cv::Point2f at = features.keypoints[i].pt;
+    const Eigen::Vector3d ray = *unproject(camera, {at.x, at.y});
+    tables.landmarks.ids.push_back(LandmarkId{i});
+    tables.landmarks.positions.emplace_back(pose_at(60, 40) * (depth_of(i) / ray.z() * ray));
+    descriptors.known.push_back(1);
+  }
+  tables.landmarks.descriptors = std::move(descriptors);
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(ImageLocator, ComparesSiftOfEitherNormalisation) {
+  for (const bool root : {false, true}) {
+    const LandmarkMap map = sift_map(root, [](std::size_t) { return TexturedWall::kDepthM; });
+    EXPECT_EQ(detail::image_descriptor_of(*map.landmarks().descriptors),
+              root ? detail::ImageDescriptor::kRootSift : detail::ImageDescriptor::kSift);
+    const ImageLocation found =
+        ImageLocator(map, TexturedWall::camera()).locate(image_of(posters(90, 70)));
+    ASSERT_TRUE(found.located) << found.reason;
+    const Vector6d off = found.world_from_camera->difference_to(pose_at(90, 70));
+    EXPECT_LT(off.head<3>().norm(), 0.004);
+    EXPECT_LT(off.tail<3>().norm(), 0.002);
+  }
+}
+
+TEST(ImageLocator, FindsTheFocalLengthWithThePose) {
+  const LandmarkMap map =
+      sift_map(true, [](std::size_t i) { return 1.5 + 0.37 * static_cast<double>(i * 7 % 11); });
+  const ImageLocator locator(map, TexturedWall::camera());
+  Camera unknown = TexturedWall::camera();
+  for (const double guess : {0.5, 3.0}) {
+    unknown.parameters[0] = guess * TexturedWall::kFocal;
+    unknown.parameters[1] = guess * TexturedWall::kFocal;
+    const ImageLocation found =
+        locator.with_camera(unknown, FocalLength::kUnknown).locate(image_of(posters(60, 40)));
+    ASSERT_TRUE(found.located) << found.reason;
+    EXPECT_NEAR(found.camera.parameters[0], TexturedWall::kFocal, 0.005 * TexturedWall::kFocal);
+    ASSERT_TRUE(found.focal_length_sigma);
+    EXPECT_LT(std::abs(found.camera.parameters[0] - TexturedWall::kFocal),
+              5.0 * *found.focal_length_sigma + 0.1);
+    EXPECT_LT(*found.focal_length_sigma, 0.01 * TexturedWall::kFocal);
+    const Vector6d off = found.world_from_camera->difference_to(pose_at(60, 40));
+    EXPECT_LT(off.head<3>().norm(), 0.02);
+  }
+  const ImageLocation known = locator.locate(image_of(posters(60, 40)));
+  EXPECT_FALSE(known.focal_length_sigma);
+  EXPECT_EQ(known.camera, TexturedWall::camera());
+}
+
+TEST(ImageLocator, SharesItsMapWithImagesOfOtherCameras) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  // Half the size, half the focal length: the same field of view.
+  Camera small{{1}, "PINHOLE", 320, 240, {250.0, 250.0, 159.5, 119.5}};
+  cv::Mat half;
+  cv::resize(TexturedWall().gray(60, 40), half, {320, 240}, 0.0, 0.0, cv::INTER_AREA);
+  const ImageLocation found = locator.with_camera(small).locate(image_of(half));
+  ASSERT_TRUE(found.located) << found.reason;
+  EXPECT_LT(found.world_from_camera->difference_to(pose_at(60, 40)).head<3>().norm(), 0.01);
+}
+
+TEST(ImageLocator, NeedsKnownDescriptorsAndImagesOfTheCamerasSize) {
   const auto message = [](const auto& call) {
     try {
       call();

@@ -67,23 +67,6 @@ std::vector<std::size_t> by_key(const std::vector<std::size_t>& entries, std::si
   return sorted;
 }
 
-std::size_t medoid(std::span<const std::span<const std::uint8_t>> descriptors,
-                   DescriptorNorm norm) {
-  constexpr std::size_t kMost = 64;
-  descriptors = descriptors.first(std::min(descriptors.size(), kMost));
-  std::size_t best = 0;
-  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
-  for (std::size_t i = 0; i < descriptors.size(); ++i) {
-    std::uint64_t sum = 0;
-    for (const auto& other : descriptors) sum += descriptor_difference(descriptors[i], other, norm);
-    if (sum < least) {
-      least = sum;
-      best = i;
-    }
-  }
-  return best;
-}
-
 }  // namespace
 
 SfmFrame frame_from_inverse(FrameId id, const Eigen::Quaterniond& camera_from_world,
@@ -312,19 +295,6 @@ LandmarkMap SfmBuilder::finish(const SfmEnd& end) && {
   if (!end.lost_observations.empty()) lost(left_out, end.lost_observations);
   tables_.info.length_unit = end.length_unit;
   return imported_map(std::move(tables_), name_, options_.log, end.place);
-}
-
-void append_distinct(DescriptorColumn& column,
-                     std::span<const std::span<const std::uint8_t>> descriptors,
-                     DescriptorNorm norm) {
-  std::vector<std::span<const std::uint8_t>> chosen;
-  if (!descriptors.empty()) {
-    for (const std::size_t i :
-         distinct_descriptors(descriptors, medoid(descriptors, norm), kDistinctViews, norm)) {
-      chosen.push_back(descriptors[i]);
-    }
-  }
-  append_descriptors(column, chosen);
 }
 
 void require_descriptor_budget(std::uint64_t descriptor_bytes, std::uint64_t file_bytes,

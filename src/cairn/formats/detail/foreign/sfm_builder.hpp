@@ -138,12 +138,6 @@ class SfmBuilder {
   std::vector<std::uint8_t> descriptors_;     // those that are known
 };
 
-/// Appends a row to a column: of the descriptors of one landmark's observations the medoid, which represents it, and those
-/// of the most distinct views; unknown if there is none. Considers only the first 64 for the medoid.
-void append_distinct(DescriptorColumn& column,
-                     std::span<const std::span<const std::uint8_t>> descriptors,
-                     DescriptorNorm norm);
-
 /// For descriptors that a small file may refer to many times, or that have room for every landmark.
 /// @param name the file or folder
 /// @throws Error (input) if so many bytes of descriptors exceed memory_budget() of the file's bytes

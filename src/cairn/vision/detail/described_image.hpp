@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+#include <opencv2/core/types.hpp>
+
+#include "cairn/core/detail/descriptor_kernel.hpp"
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/vision/detail/features.hpp"
+
+namespace cairn::detail {
+
+/// Descriptors that can be made of an image's features.
+enum class ImageDescriptor {
+  kOrb,       ///< 32 bytes, by Cairn's own corners
+  kSift,      ///< 128 bytes: the histograms of Lowe 2004, of length 512
+  kRootSift,  ///< the square roots of these, of length 512 (Arandjelovic and Zisserman 2012)
+};
+
+/// The kind that a map's descriptors have; std::nullopt if no image can be compared with them. Both kinds of SIFT have one
+/// name and one length, but roots are larger in the mean.
+std::optional<ImageDescriptor> image_descriptor_of(const DescriptorColumn& column);
+
+/// The features of an image with descriptors of one kind.
+struct DescribedImage {
+  Features features;                      ///< without their own descriptors
+  std::vector<std::uint8_t> descriptors;  ///< a row for each keypoint
+};
+
+/// SIFT features of an image, and a row of 128 bytes for each.
+struct SiftFeatures {
+  std::vector<cv::KeyPoint> keypoints;
+  std::vector<std::uint8_t> descriptors;
+};
+
+/// @param gray 8 bit
+/// @param most number of the strongest features to keep
+/// @param root whether descriptors are roots
+SiftFeatures sift_features(const cv::Mat& gray, int most, bool root);
+
+/// Detects and describes features of images.
+class ImageDescriber {
+ public:
+  /// @param camera without defect
+  ImageDescriber(const Camera& camera, const FeatureOptions& options, ImageDescriptor kind);
+
+  /// Thread-safe.
+  /// @param gray, depth_m as for FeatureExtractor::extract
+  DescribedImage describe(const cv::Mat& gray, const cv::Mat& depth_m) const;
+
+  const FeatureExtractor& extractor() const { return extractor_; }
+  std::size_t bytes_each() const { return kind_ == ImageDescriptor::kOrb ? 32 : 128; }
+  descriptor_kernel::Norm norm() const {
+    return kind_ == ImageDescriptor::kOrb ? descriptor_kernel::Norm::kHamming
+                                          : descriptor_kernel::Norm::kSquaredBytes;
+  }
+  /// Larger distances suggest no match.
+  std::uint32_t most_distance() const { return kind_ == ImageDescriptor::kOrb ? 64 : 130000; }
+  /// Distance of two rows by that norm.
+  std::uint32_t distance(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) const;
+
+ private:
+  DescribedImage describe_by_sift(const cv::Mat& gray, const cv::Mat& depth_m) const;
+
+  FeatureOptions options_;
+  ImageDescriptor kind_;
+  FeatureExtractor extractor_;
+};
+
+}  // namespace cairn::detail

@@ -1,0 +1,504 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/vision/detail/image_pose.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <iterator>
+#include <limits>
+#include <numeric>
+#include <ranges>
+#include <utility>
+
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+
+#include "cairn/core/statistics.hpp"
+
+namespace cairn::detail {
+namespace {
+
+constexpr std::size_t kFewestMatches = 6;  // three determine a pose, the others must confirm it
+constexpr double kProposalPixels = 5.0;
+constexpr int kProposalIterations = 3000;
+constexpr int kFrameIterations = 1000;
+constexpr int kRivalIterations = 800;
+constexpr std::size_t kMostRivalPairs = 1000;
+constexpr double kDecisive = 60.0;        // evidence with which no other proposal is searched
+constexpr std::size_t kMostFrames = 5;    // about which other proposals are searched
+constexpr std::size_t kTogether = 4;      // frames that see most in common, with each of these
+constexpr double kUsualLandmarks = 50.0;  // added to a frame's, so that few do not make it likely
+constexpr double kExplained = 18.0;       // pixels: a pair within it does not suggest another pose
+// About where a landmark should appear, one round after another.
+constexpr std::array<double, 4> kSearchPixels = {10.0, 8.0, 6.0, 6.0};
+constexpr double kLeastCosine = 0.5;      // of the directions from which a landmark was and is seen
+constexpr double kMostChance = 0.01;      // of a match to be as similar
+constexpr std::size_t kChances = 8000;    // comparisons that show what chance gives, about
+constexpr std::size_t kFewestOthers = 4;  // of a landmark's features with other landmarks
+constexpr std::size_t kMostOthers = 32;
+constexpr int kCellColumns = 8;
+constexpr int kCellRows = 6;
+constexpr int kFewestOfCell = 3;        // landmarks by which a cell is judged
+constexpr double kCluster = 0.125;      // radius of a cluster, in widths of the image
+constexpr double kSameRotation = 0.1;   // radians: largest difference of equal poses
+constexpr double kSameDistance = 0.05;  // the same, times the median distance of what is seen
+constexpr std::uint32_t kNoDistance = std::numeric_limits<std::uint32_t>::max();
+
+void sort_by_distance(std::vector<FeatureMatch>& matches) {
+  std::ranges::stable_sort(matches, {}, &FeatureMatch::distance);
+}
+
+}  // namespace
+
+// The landmarks that a pose projects near features.
+struct ImagePoseSearch::View {
+  std::vector<std::uint32_t> landmarks;
+  std::vector<int> cells;                 // of those that were seen alike before, else -1
+  std::vector<std::size_t> begins = {0};  // of each one's features
+  std::vector<std::uint32_t> features;
+
+  std::span<const std::uint32_t> near(std::size_t k) const {
+    return std::span(features).subspan(begins[k], begins[k + 1] - begins[k]);
+  }
+};
+
+// The most similar landmark of each feature that has one near, and what chance gives.
+struct ImagePoseSearch::Found {
+  std::vector<FeatureMatch> matches;
+  std::vector<std::uint32_t> chances;  // distances of others, ascending
+
+  // Probability that chance gives so small a distance.
+  double chance(std::uint32_t distance) const {
+    const auto less = std::ranges::upper_bound(chances, distance) - chances.begin();
+    return (static_cast<double>(less) + 0.5) / (static_cast<double>(chances.size()) + 1.0);
+  }
+};
+
+ImagePoseSearch::ImagePoseSearch(const DescribedLandmarks& landmarks,
+                                 const ImageDescriber& describer, const DescribedImage& image,
+                                 std::uint64_t seed)
+    : landmarks_(landmarks), describer_(describer), image_(image), seed_(seed) {
+  if (image.features.size() == 0 || landmarks.size() == 0) return;
+  size_ = image.features.pyramid().front().size();
+  match_all();
+}
+
+void ImagePoseSearch::match_all() {
+  const auto found = descriptor_kernel::nearest_both_ways(
+      image_.descriptors, landmarks_.descriptors(), describer_.bytes_each(), describer_.norm());
+  for (std::uint32_t i = 0; i < landmarks_.size(); ++i) {
+    const auto rows = std::span(found.of_b)
+                          .subspan(landmarks_.row_begin(i),
+                                   landmarks_.row_begin(i + 1) - landmarks_.row_begin(i));
+    const auto nearest = *std::ranges::min_element(rows, {}, &descriptor_kernel::Nearest::first);
+    if (nearest.first > describer_.most_distance()) continue;
+    pairs_.push_back({nearest.index, i, nearest.first});
+    if (landmarks_.owners()[found.of_a[nearest.index].index] == i) mutual_.push_back(pairs_.back());
+  }
+  sort_by_distance(pairs_);
+  sort_by_distance(mutual_);
+}
+
+// The frames that see most landmarks of the mutual pairs; each of these counts for one frame.
+std::vector<std::uint32_t> ImagePoseSearch::likely_frames() const {
+  std::vector<std::uint32_t> chosen;
+  std::vector<FeatureMatch> left = mutual_;
+  while (chosen.size() < kMostFrames) {
+    std::vector<double> votes(landmarks_.frames(), 0.0);
+    for (const FeatureMatch& match : left) {
+      for (const std::uint32_t frame : landmarks_.frames_of(match.landmark)) votes[frame] += 1.0;
+    }
+    for (std::uint32_t f = 0; f < votes.size(); ++f) {
+      votes[f] /= std::sqrt(static_cast<double>(landmarks_.seen_in(f).size()) + kUsualLandmarks);
+    }
+    const auto most = std::ranges::max_element(votes);
+    if (most == votes.end() || *most <= 0.0) break;
+    chosen.push_back(static_cast<std::uint32_t>(most - votes.begin()));
+    std::erase_if(left, [&](const FeatureMatch& match) {
+      return std::ranges::count(landmarks_.frames_of(match.landmark), chosen.back()) > 0;
+    });
+  }
+  return chosen;
+}
+
+// The mutual pairs among the landmarks that a frame sees, and those that see most in common with it.
+std::vector<FeatureMatch> ImagePoseSearch::pairs_near(std::uint32_t frame) const {
+  std::vector<std::uint32_t> shared(landmarks_.frames(), 0);
+  for (const std::uint32_t landmark : landmarks_.seen_in(frame)) {
+    for (const std::uint32_t other : landmarks_.frames_of(landmark)) ++shared[other];
+  }
+  std::vector<std::uint32_t> frames(shared.size());
+  std::iota(frames.begin(), frames.end(), 0U);
+  std::ranges::stable_sort(frames, std::greater(), [&](std::uint32_t f) { return shared[f]; });
+  std::vector<bool> is_near(landmarks_.size(), false);
+  for (const std::uint32_t f : frames | std::views::take(kTogether)) {
+    for (const std::uint32_t landmark : landmarks_.seen_in(f)) is_near[landmark] = true;
+  }
+  std::vector<std::uint8_t> bytes;
+  std::vector<std::uint32_t> owners;
+  for (std::uint32_t i = 0; i < landmarks_.size(); ++i) {
+    if (!is_near[i]) continue;
+    for (std::size_t k = landmarks_.row_begin(i); k < landmarks_.row_begin(i + 1); ++k) {
+      const auto row = landmarks_.row(k);
+      bytes.insert(bytes.end(), row.begin(), row.end());
+      owners.push_back(i);
+    }
+  }
+  std::vector<FeatureMatch> pairs;
+  const auto found = descriptor_kernel::nearest_both_ways(
+      image_.descriptors, bytes, describer_.bytes_each(), describer_.norm());
+  for (std::uint32_t feature = 0; feature < found.of_a.size(); ++feature) {
+    const auto& nearest = found.of_a[feature];
+    if (nearest.first > describer_.most_distance()) continue;
+    if (found.of_b[nearest.index].index != feature) continue;
+    pairs.push_back({feature, owners[nearest.index], nearest.first});
+  }
+  sort_by_distance(pairs);
+  return pairs;
+}
+
+std::optional<ImagePose> ImagePoseSearch::best(const SensorModel& sensor) const {
+  std::optional<ImagePose> result;
+  const auto consider = [&](std::span<const FeatureMatch> pairs, int iterations) {
+    const std::optional<Rigid3> pose = proposed(sensor, pairs, iterations);
+    if (!pose) return;
+    std::optional<ImagePose> found = settled(sensor, *pose);
+    if (found && (!result || found->evidence > result->evidence)) result = std::move(found);
+  };
+  consider(mutual_, kProposalIterations);
+  if (result && result->evidence >= kDecisive) return result;
+  // Among fewer landmarks, more of the mutual pairs are right.
+  for (const std::uint32_t frame : likely_frames()) consider(pairs_near(frame), kFrameIterations);
+  return result;
+}
+
+namespace {
+
+SensorModel with_focal_length(const SensorModel& sensor, double focal_length) {
+  Pinhole pinhole = sensor.pinhole();
+  pinhole.fx = focal_length;
+  pinhole.fy = focal_length;
+  std::vector<double> scales;
+  for (int octave = 0; octave < sensor.octaves(); ++octave) scales.push_back(sensor.scale(octave));
+  return {sensor.noise(), pinhole, std::move(scales)};
+}
+
+}  // namespace
+
+// The sum of squared residuals of the best pose for these matches; large ones grow slowly.
+double ImagePoseSearch::misfit(const SensorModel& sensor, const ImagePose& pose) const {
+  const std::vector<PointMatch> matches = point_matches(sensor, pose);
+  const Rigid3 camera_from_world =
+      refine_pose(sensor.pinhole(), matches, pose.pose.world_from_camera)
+          .world_from_camera.inverse();
+  double sum = 0.0;
+  for (const PointMatch& match : matches) {
+    const Eigen::Vector3d x = camera_from_world * match.x_in_world;
+    const double squared =
+        x.z() < kNearestDepth ? kPixel99
+                              : point_residual(sensor.pinhole(), match.measured, x).squared_pixel();
+    sum += kPixel99 * std::log1p(squared / kPixel99);
+  }
+  return sum;
+}
+
+std::optional<FocalLengthPose> ImagePoseSearch::best_of_focal_lengths(
+    const SensorModel& sensor) const {
+  constexpr double kLeast = 0.4;  // of the image's larger side
+  constexpr double kMost = 4.0;
+  constexpr double kStep = 1.15;
+  const double side = std::max(size_.width, size_.height);
+  std::optional<ImagePose> best;
+  double focal_length = 0.0;
+  for (double f = kLeast * side; f <= kMost * side; f *= kStep) {
+    const SensorModel model = with_focal_length(sensor, f);
+    const std::optional<Rigid3> pose = proposed(model, mutual_, kFrameIterations);
+    std::optional<ImagePose> found = pose ? settled(model, *pose) : std::nullopt;
+    if (found && (!best || found->evidence > best->evidence)) {
+      best = std::move(found);
+      focal_length = f;
+    }
+  }
+  if (!best) return std::nullopt;
+  double sigma = 0.0;
+  // Each round moves the focal length to where the matches fit best, then finds the matches again.
+  for (const double step : {1.07, 1.02, 1.005}) {
+    const auto at = [&](double f) { return misfit(with_focal_length(sensor, f), *best); };
+    double here = at(focal_length);
+    for (int k = 0; k < 12; ++k) {
+      const double up = at(focal_length * step);
+      const double down = at(focal_length / step);
+      const double bend = up + down - 2.0 * here;
+      const double width = focal_length * std::log(step);
+      if (bend > 0.0) sigma = width * std::sqrt(2.0 / bend);
+      if (here <= up && here <= down) {
+        if (bend > 0.0) focal_length *= std::pow(step, 0.5 * (down - up) / bend);
+        break;
+      }
+      focal_length = up < down ? focal_length * step : focal_length / step;
+      here = std::min(up, down);
+    }
+    std::optional<ImagePose> found =
+        settled(with_focal_length(sensor, focal_length), best->pose.world_from_camera);
+    if (found) best = std::move(found);
+  }
+  return FocalLengthPose{std::move(*best), with_focal_length(sensor, focal_length).pinhole(),
+                         sigma};
+}
+
+std::optional<ImagePose> ImagePoseSearch::rival(const SensorModel& sensor,
+                                                const ImagePose& pose) const {
+  const Rigid3 camera_from_world = pose.pose.world_from_camera.inverse();
+  std::vector<FeatureMatch> unexplained;
+  for (const FeatureMatch& pair : pairs_) {
+    const Eigen::Vector3d x = camera_from_world * landmarks_.position(pair.landmark);
+    const Eigen::Vector2d pixel = image_.features.keypoints()[pair.feature].pixel.cast<double>();
+    if (x.z() >= kNearestDepth && (sensor.pinhole().project(x) - pixel).norm() <= kExplained) {
+      continue;
+    }
+    unexplained.push_back(pair);
+    if (unexplained.size() == kMostRivalPairs) break;  // the others are less similar
+  }
+  const std::optional<Rigid3> other = proposed(sensor, unexplained, kRivalIterations);
+  return other ? settled(sensor, *other) : std::nullopt;
+}
+
+std::optional<ImagePose> ImagePoseSearch::settled(const SensorModel& sensor,
+                                                  const Rigid3& world_from_camera) const {
+  ImagePose result;
+  result.pose.world_from_camera = world_from_camera;
+  View view;
+  Found found;
+  for (const double pixels : kSearchPixels) {
+    view = view_from(sensor, result.pose.world_from_camera, pixels);
+    found = matches_in(view);
+    result.matches.clear();
+    for (const FeatureMatch& match : found.matches) {
+      if (found.chance(match.distance) <= kMostChance) result.matches.push_back(match);
+    }
+    if (result.matches.size() < kFewestMatches) return std::nullopt;
+    refine(sensor, result);
+    if (result.matches.size() < kFewestMatches) return std::nullopt;
+  }
+  weigh(view, found, result);
+  return result;
+}
+
+std::optional<Rigid3> ImagePoseSearch::proposed(const SensorModel& sensor,
+                                                std::span<const FeatureMatch> pairs,
+                                                int iterations) const {
+  if (pairs.size() < kFewestMatches) return std::nullopt;
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> pixels;
+  for (const FeatureMatch& pair : pairs) {
+    const Eigen::Vector3d& x = landmarks_.position(pair.landmark);
+    points.emplace_back(x.x(), x.y(), x.z());
+    const Eigen::Vector2f& pixel = image_.features.keypoints()[pair.feature].pixel;
+    pixels.emplace_back(pixel.x(), pixel.y());
+  }
+  const Pinhole& pinhole = sensor.pinhole();
+  cv::Mat matrix = (cv::Mat_<double>(3, 3) << pinhole.fx, 0.0, pinhole.cx, 0.0, pinhole.fy,
+                    pinhole.cy, 0.0, 0.0, 1.0);
+  cv::UsacParams parameters;
+  parameters.sampler = cv::SAMPLING_PROSAC;
+  parameters.score = cv::SCORE_METHOD_MSAC;
+  parameters.loMethod = cv::LOCAL_OPTIM_INNER_LO;
+  parameters.loIterations = 5;
+  parameters.loSampleSize = 20;
+  parameters.confidence = 0.999;
+  parameters.maxIterations = iterations;
+  parameters.threshold = kProposalPixels;
+  parameters.randomGeneratorState = static_cast<int>(seed_);
+  parameters.isParallel = false;
+  cv::Mat turn;
+  cv::Mat shift;
+  std::vector<int> inliers;
+  if (!cv::solvePnPRansac(points, pixels, matrix, cv::noArray(), turn, shift, inliers,
+                          parameters)) {
+    return std::nullopt;
+  }
+  if (inliers.size() < kFewestMatches) return std::nullopt;
+  cv::Mat rotation;
+  cv::Rodrigues(turn, rotation);
+  Eigen::Matrix3d r;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) r(i, j) = rotation.at<double>(i, j);
+  }
+  const Eigen::Vector3d t(shift.at<double>(0), shift.at<double>(1), shift.at<double>(2));
+  if (!r.allFinite() || !t.allFinite()) return std::nullopt;
+  return Rigid3(Eigen::Quaterniond(r), t).inverse();
+}
+
+ImagePoseSearch::View ImagePoseSearch::view_from(const SensorModel& sensor,
+                                                 const Rigid3& world_from_camera,
+                                                 double pixels) const {
+  View view;
+  const Rigid3 camera_from_world = world_from_camera.inverse();
+  for (std::uint32_t i = 0; i < landmarks_.size(); ++i) {
+    const Eigen::Vector3d x = camera_from_world * landmarks_.position(i);
+    if (x.z() < kNearestDepth) continue;
+    const Eigen::Vector2d pixel = sensor.pinhole().project(x);
+    if (pixel.x() < -pixels || pixel.y() < -pixels || pixel.x() > size_.width + pixels ||
+        pixel.y() > size_.height + pixels) {
+      continue;
+    }
+    image_.features.visit_near(pixel, pixels,
+                               [&](std::uint32_t feature) { view.features.push_back(feature); });
+    if (view.features.size() == view.begins.back()) continue;
+    const Sight sight = landmarks_.sight(i, world_from_camera.translation());
+    if (sight.cosine < kLeastCosine) {
+      view.features.resize(view.begins.back());
+      continue;
+    }
+    view.begins.push_back(view.features.size());
+    view.landmarks.push_back(i);
+    const auto cell = [](double at, int size, int cells) {
+      return std::clamp(static_cast<int>(at * cells / size), 0, cells - 1);
+    };
+    view.cells.push_back(sight.alike ? cell(pixel.y(), size_.height, kCellRows) * kCellColumns +
+                                           cell(pixel.x(), size_.width, kCellColumns)
+                                     : -1);
+  }
+  return view;
+}
+
+FeatureMatch ImagePoseSearch::most_alike(std::uint32_t landmark,
+                                         std::span<const std::uint32_t> features) const {
+  FeatureMatch match{0, landmark, kNoDistance};
+  const std::size_t bytes = describer_.bytes_each();
+  for (std::size_t k = landmarks_.row_begin(landmark); k < landmarks_.row_begin(landmark + 1);
+       ++k) {
+    for (const std::uint32_t feature : features) {
+      const std::uint32_t distance = describer_.distance(
+          std::span(image_.descriptors).subspan(feature * bytes, bytes), landmarks_.row(k));
+      if (distance < match.distance) match = {feature, landmark, distance};
+    }
+  }
+  return match;
+}
+
+ImagePoseSearch::Found ImagePoseSearch::matches_in(const View& view) const {
+  Found found;
+  const std::size_t others = std::clamp(kChances / std::max<std::size_t>(view.landmarks.size(), 1),
+                                        kFewestOthers, kMostOthers);
+  const std::size_t step = landmarks_.size() / (others + 1) + 1;
+  std::vector<FeatureMatch> best(image_.features.size(), FeatureMatch{0, 0, kNoDistance});
+  for (std::size_t v = 0; v < view.landmarks.size(); ++v) {
+    const FeatureMatch match = most_alike(view.landmarks[v], view.near(v));
+    FeatureMatch& known = best[match.feature];
+    if (match.distance < known.distance) known = match;
+    for (std::size_t k = 1; k <= others; ++k) {
+      const std::size_t other = (view.landmarks[v] + k * step) % landmarks_.size();
+      found.chances.push_back(most_alike(static_cast<std::uint32_t>(other), view.near(v)).distance);
+    }
+  }
+  std::ranges::sort(found.chances);
+  std::ranges::copy_if(best, std::back_inserter(found.matches),
+                       [](const FeatureMatch& match) { return match.distance != kNoDistance; });
+  return found;
+}
+
+std::vector<PointMatch> ImagePoseSearch::point_matches(const SensorModel& sensor,
+                                                       const ImagePose& pose) const {
+  const Rigid3 camera_from_world = pose.pose.world_from_camera.inverse();
+  const Eigen::Matrix3d rotation = camera_from_world.rotation();
+  std::vector<PointMatch> matches;
+  for (const FeatureMatch& found : pose.matches) {
+    PointMatch match{landmarks_.position(found.landmark),
+                     sensor.measurement(image_.features.keypoints()[found.feature])};
+    // The landmark's own error, in pixels.
+    const double depth = std::max((camera_from_world * match.x_in_world).z(), kNearestDepth);
+    const Eigen::Matrix3d own =
+        rotation * landmarks_.covariance(found.landmark) * rotation.transpose();
+    const double across = 0.5 * (own(0, 0) + own(1, 1));
+    const double per_metre = sensor.pinhole().fx / depth;
+    match.measured.sigma_pixel = std::sqrt(match.measured.sigma_pixel * match.measured.sigma_pixel +
+                                           per_metre * per_metre * across);
+    match.measured.sigma_depth_m =
+        std::sqrt(match.measured.sigma_depth_m * match.measured.sigma_depth_m + own(2, 2));
+    matches.push_back(match);
+  }
+  return matches;
+}
+
+// Moves the pose to where its matches fit best, and keeps those that do.
+void ImagePoseSearch::refine(const SensorModel& sensor, ImagePose& pose) const {
+  const std::vector<PointMatch> matches = point_matches(sensor, pose);
+  pose.pose = refine_pose(sensor.pinhole(), matches, pose.pose.world_from_camera);
+  std::vector<FeatureMatch> kept;
+  for (std::size_t i = 0; i < pose.matches.size(); ++i) {
+    if (pose.pose.inliers[i]) kept.push_back(pose.matches[i]);
+  }
+  pose.matches = std::move(kept);
+}
+
+// The chances of matches are uniform for a wrong pose. For a right one, a share of them is small.
+void ImagePoseSearch::weigh(const View& view, const Found& found, ImagePose& pose) const {
+  constexpr double kPower = 0.15;  // density of a right match's chance u: kPower u^(kPower - 1)
+  constexpr double kStep = 0.02;
+  pose.visible = view.landmarks.size();
+  std::vector<int> near(image_.features.size(), 0);  // landmarks near each feature
+  for (const std::uint32_t feature : view.features) ++near[feature];
+  pose.expected = 0.0;
+  for (const int count : near) pose.expected += 1.0 - std::pow(1.0 - kMostChance, count);
+  pose.spread = pose.matches.size() - largest_cluster(pose.matches);
+  std::vector<bool> agrees(image_.features.size(), false);
+  std::vector<bool> matched(landmarks_.size(), false);
+  for (const FeatureMatch& match : pose.matches) {
+    agrees[match.feature] = true;
+    matched[match.landmark] = true;
+  }
+  std::vector<double> ratios;
+  for (const FeatureMatch& match : found.matches) {
+    const double chance = agrees[match.feature] ? found.chance(match.distance) : 1.0;
+    ratios.push_back(kPower * std::pow(chance, kPower - 1.0));
+  }
+  double most = 0.0;
+  for (double share = kStep; share < 1.0; share += kStep) {
+    double sum = 0.0;
+    for (const double ratio : ratios) sum += std::log1p(share * (ratio - 1.0));
+    most = std::max(most, sum);
+  }
+  pose.evidence =
+      most * static_cast<double>(pose.spread) / static_cast<double>(pose.matches.size());
+  std::array<int, kImageCells> familiar{};
+  std::array<bool, kImageCells> shown{};
+  for (std::size_t v = 0; v < view.landmarks.size(); ++v) {
+    if (view.cells[v] < 0) continue;
+    const auto cell = static_cast<std::size_t>(view.cells[v]);
+    ++familiar[cell];
+    shown[cell] = shown[cell] || matched[view.landmarks[v]];
+  }
+  pose.unmatched_cells = 0;
+  for (std::size_t cell = 0; cell < familiar.size(); ++cell) {
+    if (familiar[cell] >= kFewestOfCell && !shown[cell]) ++pose.unmatched_cells;
+  }
+}
+
+std::size_t ImagePoseSearch::largest_cluster(std::span<const FeatureMatch> matches) const {
+  const auto radius = static_cast<float>(kCluster * size_.width);
+  std::size_t most = 0;
+  for (const FeatureMatch& centre : matches) {
+    const Eigen::Vector2f& at = image_.features.keypoints()[centre.feature].pixel;
+    const auto inside = std::ranges::count_if(matches, [&](const FeatureMatch& match) {
+      return (image_.features.keypoints()[match.feature].pixel - at).squaredNorm() <=
+             radius * radius;
+    });
+    most = std::max(most, static_cast<std::size_t>(inside));
+  }
+  return most;
+}
+
+bool ImagePoseSearch::same(const ImagePose& a, const ImagePose& b) const {
+  const Rigid3 camera_from_world = a.pose.world_from_camera.inverse();
+  const Rigid3 between = camera_from_world * b.pose.world_from_camera;
+  std::vector<double> depths;
+  for (const FeatureMatch& match : a.matches) {
+    depths.push_back((camera_from_world * landmarks_.position(match.landmark)).z());
+  }
+  return between.quaternion().angularDistance(Eigen::Quaterniond::Identity()) <= kSameRotation &&
+         between.translation().norm() <= kSameDistance * upper_median(depths);
+}
+
+}  // namespace cairn::detail

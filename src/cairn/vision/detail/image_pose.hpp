@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cairn/vision/detail/described_image.hpp"
+#include "cairn/vision/detail/described_landmarks.hpp"
+#include "cairn/vision/detail/pose_estimation.hpp"
+
+namespace cairn::detail {
+
+/// A feature of an image and a landmark that it may show.
+struct FeatureMatch {
+  std::uint32_t feature = 0;
+  std::uint32_t landmark = 0;  ///< of DescribedLandmarks
+  std::uint32_t distance = 0;  ///< of their descriptors
+};
+
+/// A pose of an image with its evidence.
+struct ImagePose {
+  PoseEstimate pose;
+  std::vector<FeatureMatch> matches;  ///< that agree with it
+  std::size_t visible = 0;            ///< landmarks that it projects near a feature
+  double expected = 0.0;              ///< matches among these expected by chance
+  std::size_t spread = 0;             ///< matches outside the largest cluster in the image
+  double evidence = 0.0;              ///< log-likelihood ratio of these against chance
+  /// Cells of the image whose landmarks were seen alike before, and of which none matches.
+  std::size_t unmatched_cells = 0;
+};
+
+/// Number of cells into which an image is divided.
+inline constexpr std::size_t kImageCells = 48;  // 8 x 6
+
+/// A pose found together with the focal length.
+struct FocalLengthPose {
+  ImagePose pose;
+  Pinhole pinhole;
+  double sigma = 0.0;  ///< standard deviation of the focal length, pixels
+};
+
+/// Searches the pose of one image among landmarks. Refers to all it is given.
+class ImagePoseSearch {
+ public:
+  ImagePoseSearch(const DescribedLandmarks& landmarks, const ImageDescriber& describer,
+                  const DescribedImage& image, std::uint64_t seed);
+
+  /// Number of pairs of a feature and a landmark that are mutual nearest neighbours by descriptor.
+  std::size_t proposals() const { return mutual_.size(); }
+  /// The pose with most evidence.
+  std::optional<ImagePose> best(const SensorModel& sensor) const;
+  /// The same with a focal length from two fifths to four times the image's larger side.
+  /// @param sensor of any focal length; its principal point is kept
+  std::optional<FocalLengthPose> best_of_focal_lengths(const SensorModel& sensor) const;
+  /// The best pose of the pairs that `pose` does not explain.
+  std::optional<ImagePose> rival(const SensorModel& sensor, const ImagePose& pose) const;
+  /// Whether the poses differ by no more than their errors.
+  bool same(const ImagePose& a, const ImagePose& b) const;
+
+ private:
+  struct View;
+  struct Found;
+
+  void match_all();
+  std::vector<std::uint32_t> likely_frames() const;
+  std::vector<FeatureMatch> pairs_near(std::uint32_t frame) const;
+  std::optional<Rigid3> proposed(const SensorModel& sensor, std::span<const FeatureMatch> pairs,
+                                 int iterations) const;
+  std::optional<ImagePose> settled(const SensorModel& sensor,
+                                   const Rigid3& world_from_camera) const;
+  View view_from(const SensorModel& sensor, const Rigid3& world_from_camera, double pixels) const;
+  Found matches_in(const View& view) const;
+  FeatureMatch most_alike(std::uint32_t landmark, std::span<const std::uint32_t> features) const;
+  std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
+  void refine(const SensorModel& sensor, ImagePose& pose) const;
+  double misfit(const SensorModel& sensor, const ImagePose& pose) const;
+  void weigh(const View& view, const Found& found, ImagePose& pose) const;
+  std::size_t largest_cluster(std::span<const FeatureMatch> matches) const;
+
+  const DescribedLandmarks& landmarks_;
+  const ImageDescriber& describer_;
+  const DescribedImage& image_;
+  std::uint64_t seed_;
+  cv::Size size_;
+  std::vector<FeatureMatch> pairs_;   // each landmark with its most similar feature, these first
+  std::vector<FeatureMatch> mutual_;  // those that are mutual nearest neighbours
+};
+
+}  // namespace cairn::detail

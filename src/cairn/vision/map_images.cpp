@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/vision/map_images.hpp"
+
+#include <algorithm>
+#include <set>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/vision/detail/described_image.hpp"
+
+namespace cairn {
+namespace {
+
+template <class Column>
+void extend(Column& column, std::size_t size) {
+  if (!column.empty()) column.resize(size);
+}
+
+CameraIndex index_of_camera(std::vector<Camera>& cameras, const Camera& camera) {
+  std::uint64_t next_id = 0;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& known = cameras[i];
+    if (known.model == camera.model && known.width == camera.width &&
+        known.height == camera.height && known.parameters == camera.parameters) {
+      return CameraIndex{static_cast<std::uint32_t>(i)};
+    }
+    next_id = std::max(next_id, known.id.value + 1);
+  }
+  cameras.push_back(camera);
+  cameras.back().id = CameraId{next_id};
+  return CameraIndex{static_cast<std::uint32_t>(cameras.size() - 1)};
+}
+
+void add_frame(MapTables& tables, const LocatedImage& image, FrameId id) {
+  FrameTable& frames = tables.frames;
+  const std::size_t count = frames.ids.size() + 1;
+  frames.ids.push_back(id);
+  const Rigid3& pose = *image.location.world_from_camera;
+  frames.translations.push_back(pose.translation());
+  const Eigen::Quaterniond q = pose.quaternion();
+  frames.quaternions.push_back({q.w(), q.x(), q.y(), q.z()});
+  frames.cameras.resize(count);
+  frames.cameras[count - 1] = index_of_camera(tables.cameras, image.location.camera);
+  frames.image_names.resize(count);
+  frames.image_names.back() = image.name;
+  extend(frames.timestamps_s, count);
+  extend(frames.gnss, count);
+  extend(frames.pose_covariances, count);
+  extend(frames.instants, count);
+}
+
+// The observations with those of the new frames, which are the last of each landmark.
+ObservationTable with_matches(const ObservationTable& old, std::size_t landmarks,
+                              std::size_t first_frame, std::span<const LocatedImage> images) {
+  struct Seen {
+    FrameIndex frame;
+    Pixel pixel;
+  };
+  std::vector<std::vector<Seen>> seen(landmarks);
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const FrameIndex frame{static_cast<std::uint32_t>(first_frame + k)};
+    for (const ImageMatch& match : images[k].location.matches) {
+      seen[match.landmark.value].push_back({frame, match.pixel});
+    }
+  }
+  ObservationTable table;
+  std::vector<std::size_t> from;  // the old row of each new one; past the end: none
+  table.offsets = {0};
+  for (std::size_t i = 0; i < landmarks; ++i) {
+    if (!old.offsets.empty()) {
+      for (std::uint64_t row = old.offsets[i]; row < old.offsets[i + 1]; ++row) {
+        table.frames.push_back(old.frames[row]);
+        table.pixels.push_back(old.pixels[row]);
+        from.push_back(row);
+      }
+    }
+    for (const Seen& one : seen[i]) {
+      table.frames.push_back(one.frame);
+      table.pixels.push_back(one.pixel);
+      from.push_back(old.frames.size());
+    }
+    table.offsets.push_back(table.frames.size());
+  }
+  const auto spread = [&](const auto& column, auto& wider) {
+    if (column.empty()) return;
+    wider.resize(from.size());
+    for (std::size_t row = 0; row < from.size(); ++row) {
+      if (from[row] < column.size()) wider[row] = column[from[row]];
+    }
+  };
+  spread(old.keypoints, table.keypoints);
+  spread(old.depths, table.depths);
+  spread(old.octaves, table.octaves);
+  spread(old.sources, table.sources);
+  spread(old.sigmas_px, table.sigmas_px);
+  return table;
+}
+
+// The row of the feature nearest to each pixel, if it is within kSamePlace of it.
+class NearestFeature {
+ public:
+  explicit NearestFeature(const detail::SiftFeatures& features) : features_(features) {
+    for (std::uint32_t i = 0; i < features.keypoints.size(); ++i) {
+      cells_[key(features.keypoints[i].pt.x, features.keypoints[i].pt.y)].push_back(i);
+    }
+  }
+
+  std::optional<std::uint32_t> at(const Pixel& pixel) const {
+    double least = kSamePlace * kSamePlace;
+    std::optional<std::uint32_t> nearest;
+    for (int row = -1; row <= 1; ++row) {
+      for (int column = -1; column <= 1; ++column) {
+        const auto cell = cells_.find(key(pixel.u + column * kCell, pixel.v + row * kCell));
+        if (cell == cells_.end()) continue;
+        for (const std::uint32_t i : cell->second) {
+          const double du = features_.keypoints[i].pt.x - pixel.u;
+          const double dv = features_.keypoints[i].pt.y - pixel.v;
+          const double squared = du * du + dv * dv;
+          if (squared > least || (nearest && squared == least)) continue;
+          least = squared;
+          nearest = i;
+        }
+      }
+    }
+    return nearest;
+  }
+
+ private:
+  static constexpr double kSamePlace =
+      1.5;  // pixels: other programs' features are not quite where ours are
+  static constexpr double kCell = 4.0;
+
+  static std::int64_t key(double u, double v) {
+    return static_cast<std::int64_t>(std::floor(v / kCell)) * (std::int64_t{1} << 32) +
+           static_cast<std::int64_t>(std::floor(u / kCell));
+  }
+
+  const detail::SiftFeatures& features_;
+  std::unordered_map<std::int64_t, std::vector<std::uint32_t>> cells_;
+};
+
+void require_camera_size(const LandmarkMap& map, FrameIndex frame, const GrayImage& image) {
+  const FrameTable& frames = map.frames();
+  if (frames.cameras.empty() || !frames.cameras[frame.value]) return;
+  const Camera& camera = map.cameras()[frames.cameras[frame.value]->value];
+  if (image.width == camera.width && image.height == camera.height) return;
+  throw Error(ErrorKind::kInput, printable(frames.image_names[frame.value]),
+              fmt::format("{} x {} pixels", image.width, image.height),
+              fmt::format("{} x {}, as its camera has", camera.width, camera.height));
+}
+
+}  // namespace
+
+LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images) {
+  MapTables tables = LandmarkMap(map).tables();
+  std::set<std::string> names(tables.frames.image_names.begin(), tables.frames.image_names.end());
+  std::uint64_t next_id = 0;
+  for (const FrameId id : tables.frames.ids) next_id = std::max(next_id, id.value + 1);
+  const std::size_t first_frame = tables.frames.ids.size();
+  for (const LocatedImage& image : images) {
+    if (!image.location.world_from_camera) {
+      throw Error(ErrorKind::kMisuse, printable(image.name), "is not located", "a located image");
+    }
+    if (!names.insert(image.name).second) {
+      throw Error(ErrorKind::kMisuse, printable(image.name),
+                  "is an image of the map, or given twice", "images that the map does not have");
+    }
+    add_frame(tables, image, FrameId{next_id++});
+  }
+  tables.observations =
+      with_matches(tables.observations, tables.landmarks.ids.size(), first_frame, images);
+  tables.info.provenance.push_back(fmt::format("{} images located and added", images.size()));
+  return with_content_uuid(LandmarkMap(std::move(tables)));
+}
+
+LandmarkMap with_image_descriptors(
+    const LandmarkMap& map, const std::function<std::optional<GrayImage>(FrameIndex)>& image_of,
+    const Execution& execution) {
+  constexpr std::size_t kBytes = 128;
+  constexpr int kMostFeatures = 20000;
+  const ObservationTable& observations = map.observations();
+  std::vector<std::vector<std::size_t>> seen_by(map.frame_count());
+  for (std::size_t i = 0; i < observations.frames.size(); ++i) {
+    seen_by[observations.frames[i].value].push_back(i);
+  }
+  std::vector<std::vector<std::uint8_t>> found(observations.frames.size());
+  execution.executor.for_blocks(map.frame_count(), 1, [&](std::size_t frame, std::size_t) {
+    if (execution.stop.stop_requested()) {
+      throw Error(ErrorKind::kCancelled, "describing images", "was cancelled", "");
+    }
+    const FrameIndex index{static_cast<std::uint32_t>(frame)};
+    const std::optional<GrayImage> image = image_of(index);
+    if (!image) return;
+    require_camera_size(map, index, *image);
+    const detail::SiftFeatures features =
+        detail::sift_features(detail::matrix_of(*image), kMostFeatures, true);
+    const NearestFeature nearest(features);
+    for (const std::size_t i : seen_by[frame]) {
+      const auto row = nearest.at(observations.pixels[i]);
+      if (!row) continue;
+      const auto bytes = std::span(features.descriptors).subspan(*row * kBytes, kBytes);
+      found[i].assign(bytes.begin(), bytes.end());
+    }
+  });
+  DescriptorColumn column{.kind = "SIFT", .bytes_each = kBytes, .known = {}, .bytes = {}};
+  std::vector<std::span<const std::uint8_t>> of_landmark;
+  for (std::size_t i = 0; i < map.landmark_count(); ++i) {
+    of_landmark.clear();
+    for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
+      if (!found[k].empty()) of_landmark.emplace_back(found[k]);
+    }
+    append_distinct(column, of_landmark, DescriptorNorm::kSquared);
+  }
+  MapTables tables = LandmarkMap(map).tables();
+  tables.landmarks.descriptors = std::move(column);
+  return with_content_uuid(LandmarkMap(std::move(tables)));
+}
+
+DescribedMap with_image_descriptors(const LandmarkMap& map, const std::filesystem::path& folder,
+                                    const Execution& execution) {
+  const std::vector<std::string>& names = map.frames().image_names;
+  std::vector<std::optional<std::filesystem::path>> files(map.frame_count());
+  std::size_t images = 0;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::filesystem::path file = folder / names[i];
+    if (names[i].empty() || !std::filesystem::is_regular_file(file)) continue;
+    files[i] = file;
+    ++images;
+  }
+  reject_if(images == 0, folder.string(),
+            names.empty() ? "the map names no images"
+                          : fmt::format("has none of the map's {} images, such as {}", names.size(),
+                                        printable(names.front())),
+            "the folder of the map's images");
+  const auto image_of = [&](FrameIndex frame) -> std::optional<GrayImage> {
+    if (!files[frame.value]) return std::nullopt;
+    return read_gray_image(*files[frame.value]);
+  };
+  return {with_image_descriptors(map, image_of, execution), images};
+}
+
+}  // namespace cairn
