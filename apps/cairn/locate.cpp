@@ -18,14 +18,15 @@
 #include "cairn/atlas/queries.hpp"
 #include "cairn/atlas/store/open_store.hpp"
 #endif
+#include "cairn/adjustment/adjust.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
-#include "cairn/vision/map_images.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/image_locator.hpp"
+#include "cairn/vision/map_images.hpp"
 #include "cairn/vision/sequence.hpp"
 
 #include "commands.hpp"
@@ -156,6 +157,7 @@ struct LocateArguments {
   std::string depth;
   std::string trajectory;
   std::string output;
+  bool adjusts = false;
   std::optional<double> depth_units;
   LocateOptions options;
   static constexpr std::string_view kUnknown = "unknown";
@@ -191,12 +193,14 @@ struct LocateArguments {
         "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
         "are the images' names if all are numbers, else 0, 1, ...",
         "FILE");
-    command.add_text(
+    const Option written = command.add_text(
         "-o,--output", output,
         fmt::format("Also write the map with the located images as further frames, each with "
                     "its matches as observations: {}",
                     all_formats().endings_text()),
         "FILE");
+    command.add_flag("--adjust", adjusts, "With --output: run a bundle adjustment of the whole map")
+        .needs(written);
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
@@ -298,7 +302,8 @@ struct LocateArguments {
     Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
     for (const std::string& image : images)
       inputs["images"].push_back(describe_file(image, common));
-    Json json = {{"camera", text_or_null(camera)}, {"depth", text_or_null(depth)}};
+    Json json = {
+        {"camera", text_or_null(camera)}, {"depth", text_or_null(depth)}, {"adjust", adjusts}};
     json.update(options_of(LocateOptions::table, &options));
     return document("locate", common, std::move(inputs), std::move(json));
   }
@@ -310,7 +315,16 @@ struct LocateArguments {
         located.push_back({fs::path(images[i]).filename().string(), found[i]});
       }
     }
-    const LandmarkMap bigger = with_frames(in_map, located);
+    LandmarkMap bigger = with_frames(in_map, located);
+    if (adjusts) {
+      AdjustOptions how;
+      how.covariances = bigger.has_covariances();
+      how.execution = common.execution("adjusting");
+      AdjustResult adjusted = adjust(bigger, how);
+      common.console().print("adjusted: reprojection error {:.3g} px, before {:.3g} px\n",
+                             adjusted.final_rms_px, adjusted.initial_rms_px);
+      bigger = std::move(adjusted.map);
+    }
     save_map(bigger, output, common);
     common.console().print("{}: {} frames, of which {} are new\n", output, bigger.frame_count(),
                            located.size());

@@ -159,7 +159,7 @@ class ImageLocator::View {
         "{} of the {} landmarks projected near a corner match it ({:.1f} expected by chance)",
         best.matches.size(), best.visible, best.expected);
     if (best.unmatched_cells > 0) {
-      found += fmt::format(", none in {} of {} parts of the image that look different",
+      found += fmt::format(", and {} of {} parts of the image match nothing that was seen there",
                            best.unmatched_cells, detail::kImageCells);
     }
     if (next != nullptr && probability_of(*next) > 0.05 * result.probability) {
