@@ -156,7 +156,7 @@ Mapped map_folder(const std::filesystem::path& folder, const Camera& camera,
                            static_cast<double>(progress.frames));
       };
     }
-    mapped.sequence = map_sequence(RgbdSequence(folder, keywords.sequence), camera, options);
+    mapped.sequence = map_sequence(ImageSequence(folder, keywords.sequence), camera, options);
   });
   for (LandmarkMap& map : mapped.sequence.maps) {
     mapped.maps.push_back(std::make_shared<LandmarkMap>(std::move(map)));

@@ -195,7 +195,7 @@ class Shrinkings {
 std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
                                      const LogSink& log) {
   constexpr int kQuality = 80;  // of the JPEG, 0 to 100
-  const RgbdSequence recorded(sequence, {}, log);
+  const ImageSequence recorded(sequence, {}, log);
   const auto seen = seen_frames(map, recorded.frames());
   if (seen.empty()) refuse(map, recorded.frames(), sequence);
   Shrinkings shrinkings(map, kWidestFrameImage);

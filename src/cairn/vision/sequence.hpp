@@ -14,19 +14,22 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
+#include "cairn/map/camera.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn {
 
 namespace detail {
 class FileLock;
-}
+class Rectification;
+}  // namespace detail
 
-/// The files of one frame of an RGB-D sequence.
+/// The files of one frame of a sequence.
 struct SequenceFrame {
-  double timestamp_s = 0.0;  ///< of the colour image
-  std::filesystem::path color;
+  double timestamp_s = 0.0;                    ///< of the colour image or the left one
+  std::filesystem::path color;                 ///< in a stereo sequence of the left camera
   std::optional<std::filesystem::path> depth;  ///< std::nullopt if no depth image is near in time
+  std::optional<std::filesystem::path> right;  ///< std::nullopt if none was taken at the same time
 };
 
 struct SequenceOptions {
@@ -38,31 +41,51 @@ struct SequenceOptions {
   void validate() const;
 };
 
-/// An RGB-D sequence on disk in the layout of the TUM benchmark: rgb.txt, depth.txt and the images that
-/// they list. Holds the lists; reads images one by one.
-class RgbdSequence {
+/// An RGB-D or stereo sequence on disk, in the layout of the TUM RGB-D benchmark, KITTI odometry or EuRoC, which it
+/// detects. Holds the lists; reads images one by one, and rectifies those of a stereo pair.
+class ImageSequence {
  public:
-  /// @throws Error (input) naming file, line and field if the lists cannot be read
-  explicit RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
+  /// @throws Error (input) naming file, line and field if lists or calibration cannot be read, and for a stereo
+  ///        sequence without images taken at the same time (1 ms)
+  explicit ImageSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
                         const LogSink& log = {});
+
+  /// Whether the folder has a file of one of the layouts. Others are no sequence.
+  static bool is_in(const std::filesystem::path& folder);
 
   /// In the order of time.
   std::span<const SequenceFrame> frames() const { return frames_; }
+  /// Frames without depth image and right image.
   std::size_t frames_without_depth() const { return frames_without_depth_; }
+  /// The same of right images.
   std::size_t unused_depth_images() const { return unused_depth_images_; }
+
+  bool is_stereo() const { return rectification_ != nullptr; }
+  /// Of a stereo sequence, from the left camera to the right one; else 0.
+  double baseline_m() const;
+  /// The camera of the images that read() returns: of a stereo sequence its own, else the given one.
+  /// @throws Error (misuse) if both or none is there
+  Camera camera(const std::optional<Camera>& given) const;
 
   /// Images of one frame.
   struct Images {
     GrayImage gray;
     DepthImage depth;  ///< empty if the frame has none
+    GrayImage right;   ///< the same
   };
   /// Thread-safe.
   /// @throws Error (input) naming the file: missing, truncated, damaged, or colour and depth of different
   ///        sizes
   Images read(std::size_t frame) const;
+  /// The image of `frames()[frame].color`, as read() has it in grey.
+  ColorImage read_color(std::size_t frame) const;
 
  private:
+  template <class ImageOf>
+  void require_rig_size(const ImageOf& image, const std::filesystem::path& file) const;
+
   double depth_units_per_metre_;
+  std::shared_ptr<const detail::Rectification> rectification_;  // of a stereo sequence
   std::vector<SequenceFrame> frames_;
   std::size_t frames_without_depth_ = 0;
   std::size_t unused_depth_images_ = 0;

@@ -58,6 +58,7 @@ SensorNoise estimated_noise(const LandmarkGraph& graph) {
   const double depth_factor = factor(depth, kMedianOfOne);
   noise.depth_floor_m *= depth_factor;
   noise.depth_quadratic *= depth_factor;
+  noise.disparity *= depth_factor;
   return noise;
 }
 
