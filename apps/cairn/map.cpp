@@ -504,8 +504,8 @@ struct MapArguments {
                           mapped.waiting);
     }
     if (mapped.frames_without_depth > 0) {
-      text +=
-          fmt::format("{} frames have no depth image near in time, or no right image\n", mapped.frames_without_depth);
+      text += fmt::format("{} frames have no depth image near in time, or no right image\n",
+                          mapped.frames_without_depth);
     }
     for (const LostStretch& stretch : mapped.lost) {
       text +=

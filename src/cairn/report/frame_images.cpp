@@ -201,7 +201,7 @@ std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesyst
   Shrinkings shrinkings(map, kWidestFrameImage);
   std::vector<FrameImage> images;
   for (const auto& [frame, image] : spread(seen, kMostFrameImages)) {
-    const ColorImage color = read_color_image(recorded.frames()[image].color);
+    const ColorImage color = recorded.read_color(image);
     const std::string jpeg = jpeg_bytes(shrinkings.of(frame, color)(color), kQuality);
     images.push_back({frame, ImageType::kJpeg, {jpeg.begin(), jpeg.end()}});
   }

@@ -131,10 +131,9 @@ class PosedMapping {
     for (const LandmarkMatch& match : matches) {
       const Keypoint& keypoint = frame.features.keypoints()[match.keypoint];
       const double depth = (camera_from_world * map_.graph().landmark(match.landmark).position).z();
-      const bool agrees =
-          keypoint.depth_m <= 0.0F ||
-          std::abs(keypoint.depth_m - depth) <=
-              kMostOff * map_.sensor().sigma_depth_m(depth, keypoint.octave);
+      const bool agrees = keypoint.depth_m <= 0.0F ||
+                          std::abs(keypoint.depth_m - depth) <=
+                              kMostOff * map_.sensor().sigma_depth_m(depth, keypoint.octave);
       if (agrees) frame.landmarks[match.keypoint] = match.landmark;
     }
   }
@@ -224,15 +223,14 @@ MapAtPoses map_at_poses(std::span<const double> timestamps_s,
   return map_keyframes(posed, read_frame, camera, options, counted(posed, timestamps_s.size()));
 }
 
-MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses, const Camera& camera,
-                        const MapAtPosesOptions& options) {
+MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses,
+                        const Camera& camera, const MapAtPosesOptions& options) {
   options.validate();
   std::vector<double> timestamps;
   for (const SequenceFrame& frame : sequence.frames()) timestamps.push_back(frame.timestamp_s);
   auto posed = frames_with_pose(timestamps, poses, options.max_time_difference_s);
   MapAtPoses result = counted(posed, timestamps.size());
-  result.without_depth = std::erase_if(
-      posed, [&](const PosedFrame& frame) {
+  result.without_depth = std::erase_if(posed, [&](const PosedFrame& frame) {
     const SequenceFrame& files = sequence.frames()[frame.frame];
     return !files.depth && !files.right;
   });

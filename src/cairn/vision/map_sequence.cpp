@@ -53,8 +53,8 @@ PreparedFrame prepare(const FrameImages& images, const detail::FeatureExtractor&
   PreparedFrame prepared{images.timestamp_s,          images.name, images.defect, has_depth,
                          depth_range(images.depth_m), std::nullopt};
   if (!gray.empty()) {
-    prepared.features = extractor.extract(gray, detail::matrix_of(images.depth_m),
-                                          detail::matrix_of(images.right));
+    prepared.features =
+        extractor.extract(gray, detail::matrix_of(images.depth_m), detail::matrix_of(images.right));
   }
   return prepared;
 }

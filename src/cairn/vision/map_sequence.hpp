@@ -155,7 +155,7 @@ MapAtPoses map_at_poses(std::span<const double> timestamps_s,
 
 /// The same for a sequence on disk; frames without depth are not keyframes.
 /// @throws Error (input) naming an image that cannot be read or does not have the camera's size
-MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses, const Camera& camera,
-                        const MapAtPosesOptions& options = {});
+MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses,
+                        const Camera& camera, const MapAtPosesOptions& options = {});
 
 }  // namespace cairn

@@ -26,11 +26,11 @@ class Tracker;
 /// Detection of corners: oriented FAST corners, evenly spread over the image, with ORB descriptors (Rublee et
 /// al., ICCV 2011).
 struct FeatureOptions {
-  int count = 1000;         ///< number of keypoints per image, 50 to 20000
-  int levels = 8;           ///< of the image pyramid, 1 to 12
-  double scale = 1.2;       ///< between its levels, 1.05 to 2
-  int threshold = 20;       ///< contrast of a corner, grey levels
-  int least_threshold = 7;  ///< the same, in areas without a corner of `threshold`
+  int count = 1000;           ///< number of keypoints per image, 50 to 20000
+  int levels = 8;             ///< of the image pyramid, 1 to 12
+  double scale = 1.2;         ///< between its levels, 1.05 to 2
+  int threshold = 20;         ///< contrast of a corner, grey levels
+  int least_threshold = 7;    ///< the same, in areas without a corner of `threshold`
   double max_depth_m = 10.0;  ///< of depth images; positive
   /// From the left camera of a rectified stereo pair to the right one, 0 to 10; 0: depth images. A corner of a pair
   /// has a depth from twice the baseline, at least 0.3 m, to where its disparity is one pixel of its level.

@@ -49,8 +49,8 @@ ImageSequence::ImageSequence(const std::filesystem::path& folder, const Sequence
   }
   // The two images of a stereo pair are taken at once; what moves in between has another disparity.
   constexpr double kAtOnce = 0.001;
-  const double tolerance_s =
-      is_stereo() ? std::min(kAtOnce, options.max_time_difference_s) : options.max_time_difference_s;
+  const double tolerance_s = is_stereo() ? std::min(kAtOnce, options.max_time_difference_s)
+                                         : options.max_time_difference_s;
   const auto partner_of = detail::associate_images(lists.images, lists.partners, tolerance_s);
   for (std::size_t i = 0; i < lists.images.size(); ++i) {
     SequenceFrame& frame =
@@ -62,13 +62,13 @@ ImageSequence::ImageSequence(const std::filesystem::path& folder, const Sequence
     }
   }
   unused_depth_images_ = lists.partners.size() - (frames_.size() - frames_without_depth_);
-  reject_if(is_stereo() && frames_without_depth_ == frames_.size(), folder.string(),
-            lists.partners.empty()
-                ? "no image of the right camera"
-                : fmt::format("no pair of images within {} s: the first are from {:.6f} and {:.6f} s",
-                              tolerance_s, lists.images[0].timestamp_s,
-                              lists.partners[0].timestamp_s),
-            "pairs of images that were taken at once");
+  reject_if(
+      is_stereo() && frames_without_depth_ == frames_.size(), folder.string(),
+      lists.partners.empty()
+          ? "no image of the right camera"
+          : fmt::format("no pair of images within {} s: the first are from {:.6f} and {:.6f} s",
+                        tolerance_s, lists.images[0].timestamp_s, lists.partners[0].timestamp_s),
+      "pairs of images that were taken at once");
 }
 
 bool ImageSequence::is_in(const std::filesystem::path& folder) {
@@ -97,9 +97,10 @@ ImageSequence::Images ImageSequence::read(std::size_t frame) const {
   images.gray = read_gray_image(files.color);
   const auto reject_unless_same = [&](const auto& image, const std::filesystem::path& file,
                                       std::string_view other) {
-    reject_if(!same_size(image, images.gray), file.string(),
-              fmt::format("{} x {} pixels", image.width, image.height),
-              fmt::format("{} x {}, as its {} image", images.gray.width, images.gray.height, other));
+    reject_if(
+        !same_size(image, images.gray), file.string(),
+        fmt::format("{} x {} pixels", image.width, image.height),
+        fmt::format("{} x {}, as its {} image", images.gray.width, images.gray.height, other));
   };
   if (files.depth) {
     const StoredDepthImage stored = read_depth_image(*files.depth);
@@ -131,7 +132,8 @@ ColorImage ImageSequence::read_color(std::size_t frame) const {
 }
 
 template <class ImageOf>
-void ImageSequence::require_rig_size(const ImageOf& image, const std::filesystem::path& file) const {
+void ImageSequence::require_rig_size(const ImageOf& image,
+                                     const std::filesystem::path& file) const {
   const Camera& camera = rectification_->camera();
   reject_if(image.width != camera.width || image.height != camera.height, file.string(),
             fmt::format("{} x {} pixels", image.width, image.height),

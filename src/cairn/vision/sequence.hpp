@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -9,11 +10,13 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
+#include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/vision/image.hpp"
 
@@ -48,7 +51,7 @@ class ImageSequence {
   /// @throws Error (input) naming file, line and field if lists or calibration cannot be read, and for a stereo
   ///        sequence without images taken at the same time (1 ms)
   explicit ImageSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
-                        const LogSink& log = {});
+                         const LogSink& log = {});
 
   /// Whether the folder has a file of one of the layouts. Others are no sequence.
   static bool is_in(const std::filesystem::path& folder);
@@ -91,13 +94,20 @@ class ImageSequence {
   std::size_t unused_depth_images_ = 0;
 };
 
+/// Two cameras, rigidly mounted.
+struct StereoRig {
+  Camera left;
+  Camera right;
+  Rigid3 left_from_right;  ///< metres
+};
+
 /// Format of colour images.
 enum class ColorFormat {
   kPng,   ///< lossless
   kJpeg,  ///< quality 95: several times faster to write and smaller
 };
 
-/// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written by add(), the lists by
+/// Writes an RGB-D sequence in the layout of the TUM benchmark, or a stereo sequence in EuRoC's. Images are written by add(), the lists by
 /// finish(), so that an unfinished folder is not mistaken for a sequence. Destroying an unfinished writer
 /// removes what it wrote. A folder has one writer at a time. A killed process leaves a hidden file in it that lists
 /// what it wrote; the next writer deletes that and takes the folder over.
@@ -110,6 +120,10 @@ class SequenceWriter {
   explicit SequenceWriter(const std::filesystem::path& folder,
                           ColorFormat color_format = ColorFormat::kPng,
                           double depth_units_per_metre = SequenceOptions().depth_units_per_metre);
+  /// For a stereo sequence.
+  /// @throws Error as the other; (misuse) for cameras whose model EuRoC's layout does not have
+  SequenceWriter(const std::filesystem::path& folder, const StereoRig& rig,
+                 ColorFormat color_format);
   ~SequenceWriter();
   SequenceWriter(const SequenceWriter&) = delete;
   SequenceWriter& operator=(const SequenceWriter&) = delete;
@@ -119,6 +133,8 @@ class SequenceWriter {
   /// @throws Error (storage) naming the file; (misuse) for images of different sizes, or a timestamp that
   ///        was added before, to the microsecond
   void add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m);
+  /// The same for the images of a stereo pair.
+  void add(double timestamp_s, const ColorImage& left, const ColorImage& right);
   /// Writes another file of the sequence into its folder, over one of that name. Not thread-safe.
   /// @throws Error (storage) naming the file
   void add_file(const std::string& name, const std::function<void(const ByteSink&)>& write);
@@ -129,13 +145,22 @@ class SequenceWriter {
   static bool is_unfinished(const std::filesystem::path& folder);
 
  private:
+  // The images of one camera.
+  struct Part {
+    std::filesystem::path images;  // folder, relative to the sequence's
+    std::filesystem::path list;
+  };
   struct Entry {
     double timestamp_s;
-    std::string time;
-    std::string color;
-    std::string depth;
+    std::string time;  // as the layout writes it
+    std::array<std::string, 2> files;
   };
 
+  SequenceWriter(const std::filesystem::path& folder, ColorFormat color_format,
+                 double depth_units_per_metre, std::array<Part, 2> parts);
+  bool is_stereo() const;
+  Entry add_entry(double timestamp_s, std::string_view second_ending);
+  void write_color(const std::string& file, const ColorImage& image) const;
   void take_folder();
   void delete_leftovers() const;
   void make_folder(const std::filesystem::path& folder);
@@ -143,6 +168,7 @@ class SequenceWriter {
   void discard();
 
   std::filesystem::path folder_;
+  std::array<Part, 2> parts_;
   ColorFormat color_format_;
   double depth_units_per_metre_;
   // The hidden file, locked until the sequence is finished.

@@ -212,8 +212,9 @@ std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
     keypoint.read_depth_m = extractor_.depth_at(frame.features, found->raw, found->octave);
     keypoint = extractor_.corrected(frame.features, keypoint);
     // The depth is that of another surface.
-    if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
-                                       5.0 * sensor_.sigma_depth_m(keypoint.depth_m, keypoint.octave)) {
+    if (keypoint.depth_m > 0.0F &&
+        std::abs(keypoint.depth_m - x_in_camera.z()) >
+            5.0 * sensor_.sigma_depth_m(keypoint.depth_m, keypoint.octave)) {
       continue;
     }
     const auto number = static_cast<std::uint32_t>(frame.features.size() + keypoints.size());

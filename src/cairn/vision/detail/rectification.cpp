@@ -58,8 +58,9 @@ Rectification::Rectification(const StereoRig& rig, const std::string& source) {
   const Eigen::Matrix3d left_from_right = rig.left_from_right.rotation();
   Eigen::Matrix3d left_from_rectified;
   left_from_rectified.col(0) = rig.left_from_right.translation().normalized();
-  left_from_rectified.col(1) =
-      (Eigen::Vector3d::UnitZ() + left_from_right.col(2)).cross(left_from_rectified.col(0)).normalized();
+  left_from_rectified.col(1) = (Eigen::Vector3d::UnitZ() + left_from_right.col(2))
+                                   .cross(left_from_rectified.col(0))
+                                   .normalized();
   left_from_rectified.col(2) = left_from_rectified.col(0).cross(left_from_rectified.col(1));
   const Eigen::Matrix3d right_from_rectified = left_from_right.transpose() * left_from_rectified;
 
@@ -92,8 +93,8 @@ Rectification::Places Rectification::places_in(
   places.reserve(std::size_t{camera_.width} * camera_.height);
   for (std::uint32_t v = 0; v < camera_.height; ++v) {
     for (std::uint32_t u = 0; u < camera_.width; ++u) {
-      const Eigen::Vector3d ray((u - rectified.cx) / rectified.fx, (v - rectified.cy) / rectified.fy,
-                                1.0);
+      const Eigen::Vector3d ray((u - rectified.cx) / rectified.fx,
+                                (v - rectified.cy) / rectified.fy, 1.0);
       const auto pixel = project(original, original_from_rectified * ray);
       places.emplace_back(pixel ? Eigen::Vector2d(pixel->u, pixel->v).cast<float>()
                                 : Eigen::Vector2f(-1.0F, -1.0F));

@@ -6,18 +6,11 @@
 
 #include <Eigen/Core>
 
-#include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/vision/image.hpp"
+#include "cairn/vision/sequence.hpp"
 
 namespace cairn::detail {
-
-/// Two cameras, rigidly mounted.
-struct StereoRig {
-  Camera left;
-  Camera right;
-  Rigid3 left_from_right;  ///< metres
-};
 
 /// Resamples the images of a rig to those of two equal pinhole cameras that differ by a translation along their rows.
 /// Both turn by half of what lies between the rig's optical axes, so that little is lost at the edges.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -114,8 +115,9 @@ SequenceLists read_kitti(const fs::path& folder, const LogSink& log) {
       projection_camera(projections, fmt::format("P{}", kLeft), first, calibration);
   const auto [right_camera, right_x] =
       projection_camera(projections, fmt::format("P{}", kLeft + 1), first, calibration);
-  lists.rig = StereoRig{left_camera, right_camera,
-                        Rigid3(Eigen::Matrix3d(Eigen::Matrix3d::Identity()), {right_x - left_x, 0.0, 0.0})};
+  lists.rig =
+      StereoRig{left_camera, right_camera,
+                Rigid3(Eigen::Matrix3d(Eigen::Matrix3d::Identity()), {right_x - left_x, 0.0, 0.0})};
   lists.calibration = calibration;
   if (log && lists.partners.size() < lists.images.size()) {
     log(fmt::format("{}: {} of {} images are missing", (folder / right).string(),
@@ -138,14 +140,19 @@ std::map<std::string, std::string, std::less<>> yaml_values(const fs::path& file
     if (open != nullptr) {
       *open += fmt::format(" {}", text);
     } else if (colon != std::string_view::npos) {
-      const auto [entry, is_new] = values.insert_or_assign(
-          std::string(trimmed(text.substr(0, colon))), std::string(trimmed(text.substr(colon + 1))));
+      const auto [entry, is_new] =
+          values.insert_or_assign(std::string(trimmed(text.substr(0, colon))),
+                                  std::string(trimmed(text.substr(colon + 1))));
       open = &entry->second;
     }
     if (open != nullptr && (!open->starts_with('[') || open->ends_with(']'))) open = nullptr;
   }
   return values;
 }
+
+// What EuRoC's layout calls the distortion of our models.
+constexpr std::pair<std::string_view, std::string_view> kEurocModels[] = {
+    {"radial-tangential", "OPENCV"}, {"equidistant", "OPENCV_FISHEYE"}, {"none", "PINHOLE"}};
 
 struct BodyCamera {
   Camera camera;
@@ -180,20 +187,21 @@ BodyCamera read_euroc_camera(const fs::path& file) {
   const std::string& model = value_of("camera_model");
   reject_if(model != "pinhole", file.string() + ": camera_model", printable(model), "pinhole");
   const std::string& distortion = value_of("distortion_model");
-  constexpr std::pair<std::string_view, std::string_view> kModels[] = {
-      {"radial-tangential", "OPENCV"}, {"equidistant", "OPENCV_FISHEYE"}, {"none", "PINHOLE"}};
-  const auto* const known = std::find_if(std::begin(kModels), std::end(kModels),
-                                         [&](const auto& entry) { return entry.first == distortion; });
-  reject_if(known == std::end(kModels), file.string() + ": distortion_model", printable(distortion),
-            "radial-tangential, equidistant or none");
+  const auto* const known =
+      std::find_if(std::begin(kEurocModels), std::end(kEurocModels),
+                   [&](const auto& entry) { return entry.first == distortion; });
+  reject_if(known == std::end(kEurocModels), file.string() + ": distortion_model",
+            printable(distortion), "radial-tangential, equidistant or none");
   result.camera = {CameraId{0}, std::string(known->second), side(size[0]), side(size[1]),
                    list_of("intrinsics", 4)};
   if (known->second != "PINHOLE") {
-    for (const double k : list_of("distortion_coefficients", 4)) result.camera.parameters.push_back(k);
+    for (const double k : list_of("distortion_coefficients", 4))
+      result.camera.parameters.push_back(k);
   }
   const std::vector<double> pose = list_of("data", 16);
   try {
-    result.body_from_camera = Rigid3::from_matrix(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(pose.data()));
+    result.body_from_camera = Rigid3::from_matrix(
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(pose.data()));
   } catch (const Error& error) {
     throw Error(ErrorKind::kInput, file.string() + ": T_BS", error.what(), "");
   }
@@ -214,8 +222,8 @@ std::vector<ImageEntry> read_euroc_list(const fs::path& folder, const std::strin
     const auto time = parse_unsigned(trimmed(text.substr(0, comma)));
     reject_if(!time, place + ": field 1 (timestamp)",
               printable(text.substr(0, comma)) + " is no whole number", "nanoseconds");
-    const std::string name(
-        comma == std::string_view::npos ? std::string_view() : trimmed(text.substr(comma + 1)));
+    const std::string name(comma == std::string_view::npos ? std::string_view()
+                                                           : trimmed(text.substr(comma + 1)));
     const double seconds = 1e-9 * static_cast<double>(*time);
     reject_if(!entries.empty() && seconds <= entries.back().timestamp_s,
               place + ": field 1 (timestamp)",
@@ -257,11 +265,35 @@ struct Layout {
 const std::array kLayouts = {
     Layout{"TUM RGB-D", {"rgb.txt", "depth.txt"}, &read_tum},
     Layout{"KITTI odometry", {"image_0", "image_1", "calib.txt", "times.txt"}, &read_kitti<0>},
-    Layout{"KITTI odometry in colour", {"image_2", "image_3", "calib.txt", "times.txt"}, &read_kitti<2>},
-    Layout{"EuRoC", {"mav0/cam0/data.csv", "mav0/cam0/sensor.yaml", "mav0/cam1/data.csv", "mav0/cam1/sensor.yaml"}, &read_euroc},
-    Layout{"EuRoC's mav0", {"cam0/data.csv", "cam0/sensor.yaml", "cam1/data.csv", "cam1/sensor.yaml"}, &read_mav0}};
+    Layout{"KITTI odometry in colour",
+           {"image_2", "image_3", "calib.txt", "times.txt"},
+           &read_kitti<2>},
+    Layout{"EuRoC",
+           {"mav0/cam0/data.csv", "mav0/cam0/sensor.yaml", "mav0/cam1/data.csv",
+            "mav0/cam1/sensor.yaml"},
+           &read_euroc},
+    Layout{"EuRoC's mav0",
+           {"cam0/data.csv", "cam0/sensor.yaml", "cam1/data.csv", "cam1/sensor.yaml"},
+           &read_mav0}};
 
 }  // namespace
+
+std::string euroc_camera_text(const Camera& camera, const Rigid3& body_from_camera) {
+  const auto* const known =
+      std::find_if(std::begin(kEurocModels), std::end(kEurocModels),
+                   [&](const auto& entry) { return entry.second == camera.model; });
+  refuse_if(known == std::end(kEurocModels), "camera",
+            printable(camera.model) + " in EuRoC's layout", "PINHOLE, OPENCV or OPENCV_FISHEYE");
+  const Matrix4d pose = body_from_camera.matrix();
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> rows = pose;
+  const std::span numbers(camera.parameters);
+  return fmt::format(
+      "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [{}]\nresolution: [{}, {}]\n"
+      "camera_model: pinhole\nintrinsics: [{}]\ndistortion_model: {}\n"
+      "distortion_coefficients: [{}]\n",
+      fmt::join(rows.data(), rows.data() + 16, ", "), camera.width, camera.height,
+      fmt::join(numbers.first(4), ", "), known->first, fmt::join(numbers.subspan(4), ", "));
+}
 
 bool has_sequence_files(const fs::path& folder) {
   return std::any_of(kLayouts.begin(), kLayouts.end(), [&](const Layout& layout) {
@@ -283,11 +315,14 @@ SequenceLists read_sequence_lists(const fs::path& folder, const LogSink& log) {
     // The layout of which most is there is the one that was meant.
     if (layout.files.size() - absent.size() > most) {
       most = layout.files.size() - absent.size();
-      missing = fmt::format("{} is missing of a sequence in the layout of {}", absent.front(), layout.name);
+      missing = fmt::format("{} is missing of a sequence in the layout of {}", absent.front(),
+                            layout.name);
     }
-    layouts += fmt::format("{}{} ({})", layouts.empty() ? "" : "; or ", layout.name, fmt::join(layout.files, ", "));
+    layouts += fmt::format("{}{} ({})", layouts.empty() ? "" : "; or ", layout.name,
+                           fmt::join(layout.files, ", "));
   }
-  throw Error(ErrorKind::kInput, folder.string(), most > 0 ? missing : "holds no sequence", "a folder in the layout of " + layouts);
+  throw Error(ErrorKind::kInput, folder.string(), most > 0 ? missing : "holds no sequence",
+              "a folder in the layout of " + layouts);
 }
 
 }  // namespace cairn::detail

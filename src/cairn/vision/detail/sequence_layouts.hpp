@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "cairn/core/log.hpp"
@@ -13,11 +14,15 @@ namespace cairn::detail {
 
 /// The images of a recorded sequence, each list in the order of time.
 struct SequenceLists {
-  std::vector<ImageEntry> images;    ///< in colour, or of the left camera
-  std::vector<ImageEntry> partners;  ///< of depth, or of the right camera
-  std::optional<StereoRig> rig;      ///< of a stereo sequence
+  std::vector<ImageEntry> images;     ///< in colour, or of the left camera
+  std::vector<ImageEntry> partners;   ///< of depth, or of the right camera
+  std::optional<StereoRig> rig;       ///< of a stereo sequence
   std::filesystem::path calibration;  ///< the file of the rig
 };
+
+/// A camera as a sensor.yaml of EuRoC's layout.
+/// @throws Error (misuse) for a camera whose model such a file cannot hold
+std::string euroc_camera_text(const Camera& camera, const Rigid3& body_from_camera);
 
 /// Whether a folder has a file or folder of any layout, so that it is worth to say what it lacks.
 bool has_sequence_files(const std::filesystem::path& folder);

@@ -83,8 +83,8 @@ std::optional<int> best_column(const cv::Mat& image, int x, int y, const cv::Mat
   const auto best = std::max_element(scores.begin(), scores.end());
   constexpr double kLeastCorrelation = 0.7;
   if (*best < kLeastCorrelation) return std::nullopt;
-  constexpr std::ptrdiff_t kPeak = 2;     // pixels to each side that belong to one maximum
-  constexpr double kDistinct = 0.8;  // of what the next best lacks to a perfect correlation
+  constexpr std::ptrdiff_t kPeak = 2;  // pixels to each side that belong to one maximum
+  constexpr double kDistinct = 0.8;    // of what the next best lacks to a perfect correlation
   for (auto other = scores.begin(); other != scores.end(); ++other) {
     if (std::abs(other - best) > kPeak && 1.0 - *best > kDistinct * (1.0 - *other)) {
       return std::nullopt;
