@@ -68,6 +68,23 @@ TEST_F(SimulateTest, WritesASequenceThatReadsBack) {
   EXPECT_EQ(camera.depth_units_per_metre, 5000.0);
 }
 
+TEST_F(SimulateTest, AStereoPairDiffersByItsBaseline) {
+  EXPECT_THAT(simulate("s", {"--sensor", "stereo", "--baseline", "0.2"}), HasSubstr("s: 4 frames"));
+  const ImageSequence sequence(path("s"));
+  ASSERT_EQ(sequence.frames().size(), 4U);
+  EXPECT_TRUE(sequence.is_stereo());
+  EXPECT_DOUBLE_EQ(sequence.baseline_m(), 0.2);
+  EXPECT_EQ(sequence.frames_without_depth(), 0U);
+  EXPECT_THAT(sequence.camera(std::nullopt).parameters, ElementsAre(131, 131, 79.5, 59.5));
+  // The left images are those of an RGB-D camera on that path.
+  simulate("d");
+  EXPECT_EQ(sequence.read(2).gray, ImageSequence(path("d")).read(2).gray);
+  EXPECT_NE(sequence.read(2).gray, sequence.read(2).right);
+  expect_refusal({"simulate", "t", "--baseline", "0.2"}, kWrongUsage,
+                 {"--baseline: given for an RGB-D sensor"});
+  expect_refusal({"simulate", "t", "--sensor", "lidar"}, kWrongUsage, {"--sensor: 'lidar'"});
+}
+
 // Depth, poses and camera of the files fit together: what one frame sees, the other sees there.
 TEST_F(SimulateTest, GroundTruthFitsTheImages) {
   simulate("s", {"--no-depth-noise", "--rate", "3"});

@@ -448,16 +448,18 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m,
   return features;
 }
 
-std::optional<double> FeatureExtractor::disparity_at(const Features& features, const Pixel& raw,
-                                                     int octave,
-                                                     const DisparityRange& range) const {
+// In pixels of the image.
+std::optional<Disparity> FeatureExtractor::disparity_at(const Features& features, const Pixel& raw,
+                                                        int octave,
+                                                        const DisparityRange& range) const {
   const auto level = static_cast<std::size_t>(octave);
   const cv::Mat& left = features.pyramid()[level];
   const double scale = static_cast<double>(left.cols) / size_.width;
   const Eigen::Vector2d at((raw.u + 0.5) * scale - 0.5,
                            (raw.v + 0.5) * left.rows / size_.height - 0.5);
-  const auto found = disparity(left, features.right()[level], at, range);
-  return found ? std::optional(*found / scale) : std::nullopt;
+  auto found = disparity(left, features.right()[level], at, range);
+  if (found) found->pixels /= scale;
+  return found;
 }
 
 DisparityRange FeatureExtractor::disparity_range(int octave) const {
@@ -471,7 +473,16 @@ DisparityRange FeatureExtractor::disparity_range(int octave) const {
 float FeatureExtractor::depth_at(const Features& features, const Pixel& raw, int octave) const {
   if (features.right().empty()) return depth_at(features.depth_m(), raw);
   const auto found = disparity_at(features, raw, octave, disparity_range(octave));
-  return found ? static_cast<float>(pinhole_.fx * options_.baseline_m / *found) : 0.0F;
+  return found ? static_cast<float>(pinhole_.fx * options_.baseline_m / found->pixels) : 0.0F;
+}
+
+Eigen::Vector2d FeatureExtractor::depth_slope(const Features& features, const Pixel& raw,
+                                              int octave) const {
+  if (features.right().empty()) {
+    return depth_slope(features.depth_m(), raw, 4.0 * scales_[static_cast<std::size_t>(octave)]);
+  }
+  const auto found = disparity_at(features, raw, octave, disparity_range(octave));
+  return found ? Eigen::Vector2d(-found->slope / found->pixels) : Eigen::Vector2d::Zero();
 }
 
 // The corners of a pair in the right order have positive disparities.

@@ -68,7 +68,7 @@ class Features {
   /// @param depth_m as for FeatureExtractor::extract
   /// @param right   the right image of a stereo pair, as `pyramid`; or empty
   Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
-           std::vector<cv::Mat> pyramid, cv::Mat depth_m, std::vector<cv::Mat> right);
+           std::vector<cv::Mat> pyramid, cv::Mat depth_m, std::vector<cv::Mat> right = {});
 
   std::span<const Keypoint> keypoints() const { return keypoints_; }
   std::span<const Descriptor> descriptors() const { return descriptors_; }
@@ -173,10 +173,11 @@ class FeatureExtractor {
   double baseline_m() const { return options_.baseline_m; }
   /// The depth at a place of the image, of a corner on this octave; 0 if unknown or ambiguous.
   float depth_at(const Features& features, const Pixel& raw, int octave) const;
+  /// Increase of the depth per pixel to the right and downwards around such a place, as a share of its depth; zero if
+  /// the surface is not known well enough.
+  Eigen::Vector2d depth_slope(const Features& features, const Pixel& raw, int octave) const;
   /// The same from a depth image.
   float depth_at(const cv::Mat& depth_m, const Pixel& raw) const;
-  /// Increase of the depth per pixel to the right and downwards around a corner, as a share of its depth;
-  /// zero if the surface is not known well enough.
   /// @param reach in pixels: half the side of the window
   static Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach);
   /// Moves all keypoints and their depths to where the image's middle row would have seen them; those
@@ -192,8 +193,8 @@ class FeatureExtractor {
   void check(const cv::Mat& gray, const cv::Mat& depth_m, const cv::Mat& right) const;
   cv::Mat on_level(const cv::Mat& finer, std::size_t level) const;
   DisparityRange disparity_range(int octave) const;
-  std::optional<double> disparity_at(const Features& features, const Pixel& raw, int octave,
-                                     const DisparityRange& range) const;
+  std::optional<Disparity> disparity_at(const Features& features, const Pixel& raw, int octave,
+                                        const DisparityRange& range) const;
   void refuse_swapped(const Features& features) const;
 
   FeatureOptions options_;

@@ -235,10 +235,9 @@ void KeyframeMap::cut_patch(const KeypointReference& reference) {
                                (keypoint.raw.v + 0.5) * image.rows / image_.height - 0.5);
   const LandmarkIndex landmark = *keyframe.landmarks[reference.keypoint];
   if (const auto patch = ReferencePatch::cut(image, center)) {
-    graph_.landmark(landmark).appearance =
-        LandmarkAppearance{reference, *patch,
-                           FeatureExtractor::depth_slope(keyframe.features.depth_m(), keypoint.raw,
-                                                         4.0 * sensor_.scale(keypoint.octave))};
+    graph_.landmark(landmark).appearance = LandmarkAppearance{
+        reference, *patch,
+        extractor_.depth_slope(keyframe.features, keypoint.raw, keypoint.octave)};
     keyframe.features.set_source(reference.keypoint, PixelSource::kReference);
   }
 }

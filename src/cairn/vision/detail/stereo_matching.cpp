@@ -82,21 +82,52 @@ std::optional<int> best_column(const cv::Mat& image, int x, int y, const cv::Mat
   }
   const auto best = std::max_element(scores.begin(), scores.end());
   constexpr double kLeastCorrelation = 0.7;
+  constexpr double kNoise = 0.01;  // of a correlation
   if (*best < kLeastCorrelation) return std::nullopt;
   constexpr std::ptrdiff_t kPeak = 2;  // pixels to each side that belong to one maximum
   constexpr double kDistinct = 0.8;    // of what the next best lacks to a perfect correlation
   for (auto other = scores.begin(); other != scores.end(); ++other) {
-    if (std::abs(other - best) > kPeak && 1.0 - *best > kDistinct * (1.0 - *other)) {
+    if (std::abs(other - best) > kPeak && 1.0 - *best + kNoise > kDistinct * (1.0 - *other)) {
       return std::nullopt;
     }
   }
   return first + static_cast<int>(best - scores.begin());
 }
 
+// Refines a disparity by patch alignment.
+std::optional<double> aligned(const cv::Mat& left, const cv::Mat& right, const Eigen::Vector2d& at,
+                              double start, double most_away) {
+  const auto patch = ReferencePatch::cut(left, at);
+  if (!patch) return std::nullopt;
+  const auto found = align_patch(*patch, right, Eigen::Matrix2d::Identity(),
+                                 at - Eigen::Vector2d(start, 0.0), most_away);
+  constexpr double kMostOffRow = 1.0;
+  if (!found || std::abs(found->y() - at.y()) > kMostOffRow) return std::nullopt;
+  return at.x() - found->x();
+}
+
+// The slope along an axis from the places on both sides; std::nullopt if they do not lie on one surface with the middle.
+std::optional<double> slope_along(const cv::Mat& left, const cv::Mat& right,
+                                  const Eigen::Vector2d& at, double middle,
+                                  const Eigen::Vector2d& axis) {
+  constexpr double kBeside = 8.0;    // pixels: the windows, of 4 to each side, do not overlap
+  constexpr double kSteepest = 0.4;  // of a floor: baseline over the camera's height
+  constexpr double kMostBend = 0.5;  // pixels: twice what noise of 0.1 a place makes of it
+  const auto before = aligned(left, right, at - kBeside * axis, middle, kSteepest * kBeside);
+  const auto after = aligned(left, right, at + kBeside * axis, middle, kSteepest * kBeside);
+  if (before && after) {
+    if (std::abs(*before + *after - 2.0 * middle) > kMostBend) return std::nullopt;
+    return (*after - *before) / (2.0 * kBeside);
+  }
+  if (!before && !after) return std::nullopt;
+  const double step = before ? middle - *before : *after - middle;
+  return std::abs(step) <= kMostBend ? std::optional(step / kBeside) : std::nullopt;
+}
+
 }  // namespace
 
-std::optional<double> disparity(const cv::Mat& left, const cv::Mat& right,
-                                const Eigen::Vector2d& at, const DisparityRange& range) {
+std::optional<Disparity> disparity(const cv::Mat& left, const cv::Mat& right,
+                                   const Eigen::Vector2d& at, const DisparityRange& range) {
   const int x = static_cast<int>(std::lround(at.x()));
   const int y = static_cast<int>(std::lround(at.y()));
   if (x < kWindowHalf || y < kWindowHalf || x + kWindowHalf >= left.cols ||
@@ -111,15 +142,13 @@ std::optional<double> disparity(const cv::Mat& left, const cv::Mat& right,
   const auto back = best_column(right, *found, y, left, *found + least, *found + most);
   if (!back || std::abs(*back - x) > 1) return std::nullopt;
 
-  const auto patch = ReferencePatch::cut(left, at);
-  if (!patch) return std::nullopt;
-  const Eigen::Vector2d start(at.x() - (x - *found), at.y());
-  constexpr double kMostAway = 1.5;  // pixels, of the found column and of the row
-  const auto refined = align_patch(*patch, right, Eigen::Matrix2d::Identity(), start, kMostAway);
-  if (!refined) return std::nullopt;
-  const double disparity = at.x() - refined->x();
-  if (!(disparity >= range.least && disparity <= range.most)) return std::nullopt;
-  return disparity;
+  constexpr double kMostAway = 1.5;  // pixels from the found column
+  const auto refined = aligned(left, right, at, x - *found, kMostAway);
+  if (!refined || *refined < range.least || *refined > range.most) return std::nullopt;
+  const auto by_x = slope_along(left, right, at, *refined, Eigen::Vector2d::UnitX());
+  const auto by_y = slope_along(left, right, at, *refined, Eigen::Vector2d::UnitY());
+  if (!by_x || !by_y) return std::nullopt;
+  return Disparity{*refined, {*by_x, *by_y}};
 }
 
 }  // namespace cairn::detail
