@@ -103,8 +103,8 @@ struct FrameImages {
   std::string name;  ///< of the colour image
   GrayImage gray;    ///< of the camera's size; empty if it could not be read, because of `defect`
   std::string defect;
-  DepthImage depth_m;  ///< of the same size; empty if there is none
-  GrayImage right;     ///< of a rectified stereo pair, of the same size; empty if there is none
+  DepthImage depth_m;    ///< of the same size; empty if there is none
+  GrayImage right = {};  ///< of a rectified stereo pair, of the same size; empty if there is none
 };
 
 /// Images from memory, row by row from the top left.

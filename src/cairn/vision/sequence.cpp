@@ -89,10 +89,14 @@ Camera ImageSequence::camera(const std::optional<Camera>& given) const {
   return rectification_->camera();
 }
 
-ImageSequence::Images ImageSequence::read(std::size_t frame) const {
+const SequenceFrame& ImageSequence::files_of(std::size_t frame) const {
   refuse_if(frame >= frames_.size(), "frame", fmt::format("{} of {}", frame, frames_.size()),
             "the position of a frame");
-  const SequenceFrame& files = frames_[frame];
+  return frames_[frame];
+}
+
+ImageSequence::Images ImageSequence::read(std::size_t frame) const {
+  const SequenceFrame& files = files_of(frame);
   Images images;
   images.gray = read_gray_image(files.color);
   const auto reject_unless_same = [&](const auto& image, const std::filesystem::path& file,
@@ -124,7 +128,7 @@ ImageSequence::Images ImageSequence::read(std::size_t frame) const {
 }
 
 ColorImage ImageSequence::read_color(std::size_t frame) const {
-  const std::filesystem::path& file = frames_[frame].color;
+  const std::filesystem::path& file = files_of(frame).color;
   ColorImage image = read_color_image(file);
   if (!rectification_) return image;
   require_rig_size(image, file);

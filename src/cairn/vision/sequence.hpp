@@ -80,10 +80,12 @@ class ImageSequence {
   /// @throws Error (input) naming the file: missing, truncated, damaged, or colour and depth of different
   ///        sizes
   Images read(std::size_t frame) const;
-  /// The image of `frames()[frame].color`, as read() has it in grey.
+  /// The image of `frames()[frame].color`, as read() has it in grey. Thread-safe.
+  /// @throws Error as read()
   ColorImage read_color(std::size_t frame) const;
 
  private:
+  const SequenceFrame& files_of(std::size_t frame) const;
   template <class ImageOf>
   void require_rig_size(const ImageOf& image, const std::filesystem::path& file) const;
 
