@@ -54,13 +54,13 @@ void run(const std::vector<std::string>& words) {
   const Trajectory truth = read_trajectory(truth_file);
   SequenceOptions options;
   if (camera.depth_units_per_metre) options.depth_units_per_metre = *camera.depth_units_per_metre;
-  const RgbdSequence sequence(folder, options);
+  const ImageSequence sequence(folder, options);
   const ImageLocator locator(read_map(words[0]), camera.camera);
   fmt::print(
       "map,sequence,image,corners,proposals,visible,expected,matches,spread,located,probability,"
       "rotation_deg,translation_m,ms\n");
   for (std::size_t i = 0; i < sequence.frames().size(); i += step) {
-    const RgbdSequence::Images images = sequence.read(i);
+    const ImageSequence::Images images = sequence.read(i);
     const auto start = std::chrono::steady_clock::now();
     const ImageLocation found =
         locator.locate(images.gray, with_depth ? images.depth : DepthImage());

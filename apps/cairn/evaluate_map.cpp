@@ -75,7 +75,7 @@ std::vector<std::optional<Eigen::Vector3d>> true_positions_from_depth(
     refuse("has no timestamps of its frames", "a map with timestamps");
   if (map.frames().cameras.empty()) refuse("has no cameras of its frames", "a map with cameras");
   if (!map.has_observations()) refuse("has no observations", "a map with observations");
-  const RgbdSequence sequence(folder);
+  const ImageSequence sequence(folder);
   std::vector<double> map_times;
   for (const auto& time : map.frames().timestamps_s) map_times.push_back(time.value_or(-1.0));
   std::vector<double> sequence_times;

@@ -169,8 +169,9 @@ struct MapArguments {
     command
         .add_text(
             "sequence", sequence,
-            "Folder of an RGB-D sequence in TUM layout: rgb.txt, depth.txt and the images that "
-            "they list")
+            "Folder of an RGB-D sequence in the layout of TUM (rgb.txt, depth.txt), or of a stereo "
+            "sequence in that of KITTI odometry (image_0, image_1, calib.txt, times.txt) or EuRoC "
+            "(mav0)")
         .required();
     command.add_text(
         "-o,--output", output,
@@ -264,35 +265,49 @@ struct MapArguments {
       }
       require_folder_of(output);
     }
-    std::error_code ignored;
-    if (!fs::exists(fs::path(sequence) / "rgb.txt", ignored)) {
+    if (!ImageSequence::is_in(sequence)) {
       if (const auto known = foreign_content(sequence)) {
         throw Error(ErrorKind::kInput, sequence, known->what, known->advice);
       }
     }
-    const CameraFile camera_file = load_camera();
-    files.depth_units_per_metre = depth_units.value_or(
-        camera_file.depth_units_per_metre.value_or(files.depth_units_per_metre));
+    const std::optional<CameraFile> given = given_camera();
+    if (given && given->depth_units_per_metre) {
+      files.depth_units_per_metre = *given->depth_units_per_metre;
+    }
+    if (depth_units) files.depth_units_per_metre = *depth_units;
     with_option_names(
         {SequenceOptions::table, {"SequenceOptions.depth_units_per_metre", "--depth-units"}},
         [&] { files.validate(); });
+    const ImageSequence images(sequence, files, common.console().log());
+    const CameraFile camera_file = camera_of(images, given);
     if (poses.empty()) {
-      run_odometry(camera_file);
+      run_odometry(images, camera_file);
     } else {
-      run_at_poses(camera_file);
+      run_at_poses(images, camera_file);
     }
     return kDone;
   }
 
  private:
-  CameraFile load_camera() const {
-    if (!camera.empty()) return cli::load_camera(camera);
-    const fs::path beside = fs::path(sequence) / "camera.yaml";
+  fs::path camera_beside() const { return fs::path(sequence) / "camera.yaml"; }
+
+  std::optional<CameraFile> given_camera() const {
+    if (!camera.empty()) return load_camera(camera);
     std::error_code ignored;
-    refuse_if(!fs::is_regular_file(beside, ignored), "--camera",
-              "not given, and there is no " + beside.string(), kCameraHelp);
-    FileReader file(beside);
+    if (!fs::is_regular_file(camera_beside(), ignored)) return std::nullopt;
+    FileReader file(camera_beside());
     return read_camera_file(file);
+  }
+
+  CameraFile camera_of(const ImageSequence& images, const std::optional<CameraFile>& given) const {
+    if (!images.is_stereo()) {
+      refuse_if(!given, "--camera", "not given, and there is no " + camera_beside().string(),
+                kCameraHelp);
+      return *given;
+    }
+    refuse_if(!camera.empty(), "--camera", "given, but the stereo sequence has its calibration",
+              "no camera");
+    return {images.camera(std::nullopt), std::nullopt, given ? given->readout_s : std::nullopt};
   }
 
   double readout_s(const CameraFile& camera_file) const {
@@ -336,11 +351,6 @@ struct MapArguments {
         {FeatureOptions::table, MapOptions::table, {"OdometryOptions.readout_s", "--readout"}},
         [&] { options.validate(); });
     return options;
-  }
-
-  MappedSequence map(const CameraFile& camera_file) const {
-    const RgbdSequence images(sequence, files, common.console().log());
-    return map_sequence(images, camera_file.camera, options(camera_file));
   }
 
   void write(const MappedSequence& mapped) const {
@@ -442,8 +452,8 @@ struct MapArguments {
     return json;
   }
 
-  LoopClosedSequence map_closing_loops(const CameraFile& camera_file) const {
-    const RgbdSequence images(sequence, files, common.console().log());
+  LoopClosedSequence map_closing_loops(const ImageSequence& images,
+                                       const CameraFile& camera_file) const {
     const MapSequenceOptions mapping = options(camera_file);
     MergeOptions closing;
     closing.adjustment.refine_intrinsics = refine_intrinsics;
@@ -494,8 +504,8 @@ struct MapArguments {
                           mapped.waiting);
     }
     if (mapped.frames_without_depth > 0) {
-      text +=
-          fmt::format("{} frames have no depth image near in time\n", mapped.frames_without_depth);
+      text += fmt::format("{} frames have no depth image near in time, or no right image\n",
+                          mapped.frames_without_depth);
     }
     for (const LostStretch& stretch : mapped.lost) {
       text +=
@@ -505,13 +515,13 @@ struct MapArguments {
     console.print(text);
   }
 
-  void run_odometry(const CameraFile& camera_file) const {
+  void run_odometry(const ImageSequence& images, const CameraFile& camera_file) const {
     const Stopwatch watch;
     LoopClosedSequence closed;
     if (close_loops) {
-      closed = map_closing_loops(camera_file);
+      closed = map_closing_loops(images, camera_file);
     } else {
-      closed.mapped = map(camera_file);
+      closed.mapped = map_sequence(images, camera_file.camera, options(camera_file));
     }
     const MappedSequence& mapped = closed.mapped;
     const double seconds = watch.seconds();
@@ -538,9 +548,8 @@ struct MapArguments {
     return options;
   }
 
-  MapAtPoses map_at_given_poses(const Camera& model) const {
+  MapAtPoses map_at_given_poses(const ImageSequence& images, const Camera& model) const {
     const Trajectory given = read_trajectory(poses, common.console().log());
-    const RgbdSequence images(sequence, files, common.console().log());
     std::optional<MapAtPoses> mapped;
     with_option_names({FeatureOptions::table,
                        MapOptions::table,
@@ -580,9 +589,9 @@ struct MapArguments {
     common.console().print(text);
   }
 
-  void run_at_poses(const CameraFile& camera_file) const {
+  void run_at_poses(const ImageSequence& images, const CameraFile& camera_file) const {
     const Stopwatch watch;
-    const MapAtPoses mapped = map_at_given_poses(camera_file.camera);
+    const MapAtPoses mapped = map_at_given_poses(images, camera_file.camera);
     const double seconds = watch.seconds();
     save_map(mapped.map, output, common);
     write_trajectory(mapped.trajectory);

@@ -62,6 +62,8 @@ struct SimulateArguments {
   std::string camera;
   std::string color_format = "jpeg";
   double depth_units_per_metre = 5000.0;
+  std::string sensor = "rgbd";
+  std::optional<double> baseline_m;
 
   void add_to(const Command& command) {
     common.seed = 1;
@@ -86,6 +88,11 @@ struct SimulateArguments {
         "--camera", camera,
         fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
         "CAMERA");
+    command.add_text("--sensor", sensor,
+                     "rgbd, in TUM's layout, or stereo, a pair of cameras in EuRoC's layout",
+                     "rgbd|stereo");
+    add_number(command, "--baseline", baseline_m,
+               "Between the cameras of --sensor stereo, metres (default: 0.11)");
     add_options(command, SimulatorOptions::table, &options);
     add_options(command, SensorOptions::table, &options.sensor);
     command.add_text("--color-format", color_format, "png or jpeg (quality 95)", "FORMAT");
@@ -116,8 +123,18 @@ struct SimulateArguments {
       inputs["trajectory"] = {{"path", path}, {"hash", hash_file(path)}};
     }
     // Takes the folder before the work, so that two runs into one do not both do it.
-    SequenceWriter writer(folder, color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg,
-                          depth_units_per_metre);
+    const ColorFormat format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg;
+    std::optional<SequenceWriter> made;
+    if (is_stereo()) {
+      made.emplace(
+          folder,
+          StereoRig{options.camera, options.camera,
+                    Rigid3(Eigen::Quaterniond::Identity(), {options.stereo_baseline_m, 0.0, 0.0})},
+          format);
+    } else {
+      made.emplace(folder, format, depth_units_per_metre);
+    }
+    SequenceWriter& writer = *made;
     const Stopwatch watch;
     const Executor executor = common.executor();
     Environment place = make_environment(environment_options, executor);
@@ -131,7 +148,8 @@ struct SimulateArguments {
     writer.add_file("camera.yaml", [&](const ByteSink& sink) {
       const auto readout =
           options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
-      sink(camera_file_text({options.camera, depth_units_per_metre, readout}));
+      const auto units = is_stereo() ? std::nullopt : std::optional(depth_units_per_metre);
+      sink(camera_file_text({options.camera, units, readout}));
     });
     writer.finish();
     const double rendering = watch.seconds() - ready;
@@ -165,8 +183,22 @@ struct SimulateArguments {
  private:
   bool path_is_file() const { return path != "sweep" && path != "orbit" && path != "walk"; }
 
+  bool is_stereo() const { return options.stereo_baseline_m > 0.0; }
+
+  void check_sensor() {
+    refuse_if(sensor != "rgbd" && sensor != "stereo", "--sensor", printable(sensor),
+              "rgbd or stereo");
+    refuse_if(baseline_m && sensor != "stereo", "--baseline", "given for an RGB-D sensor",
+              "--sensor stereo");
+    refuse_if(baseline_m && !(*baseline_m > 0.0), "--baseline", fmt::format("{}", *baseline_m),
+              "more than 0 metres");
+    constexpr double kUsualBaseline = 0.11;
+    if (sensor == "stereo") options.stereo_baseline_m = baseline_m.value_or(kUsualBaseline);
+  }
+
   // The library names its own fields; people know the options.
   void check() {
+    check_sensor();
     if (!path_is_file()) path_options.kind = path_kind(path);
     environment_options.kind = environment_kind(environment);
     if (duration_s) {
@@ -188,7 +220,8 @@ struct SimulateArguments {
                        EnvironmentOptions::table,
                        SensorOptions::table,
                        SimulatorOptions::table,
-                       {"PathOptions.frames", "--frames"}},
+                       {"PathOptions.frames", "--frames"},
+                       {"SimulatorOptions.stereo_baseline_m", "--baseline"}},
                       [&] {
                         path_options.validate();
                         environment_options.validate();
@@ -198,7 +231,8 @@ struct SimulateArguments {
 
   void refuse_existing() const {
     if (SequenceWriter::is_unfinished(folder)) return;
-    for (const char* const name : {"rgb.txt", "depth.txt", "groundtruth.txt", "camera.yaml"}) {
+    for (const char* const name :
+         {"rgb.txt", "depth.txt", "mav0", "groundtruth.txt", "camera.yaml"}) {
       std::error_code ignored;  // writing explains it
       refuse_if(std::filesystem::exists(std::filesystem::path(folder) / name, ignored), folder,
                 fmt::format("holds {} already", name), "a new folder");
@@ -235,8 +269,14 @@ struct SimulateArguments {
       executor.for_blocks(std::min(batch, count - begin), 1, [&](std::size_t i, std::size_t) {
         if (stop.stop_requested()) return;
         RgbdFrame frame = simulator.frame(begin + i);
-        writer.add(frame.timestamp_s, ColorImage(frame.width, frame.height, std::move(frame.bgr)),
-                   DepthImage(frame.width, frame.height, std::move(frame.depth_m)));
+        const ColorImage color(frame.width, frame.height, std::move(frame.bgr));
+        if (is_stereo()) {
+          writer.add(frame.timestamp_s, color,
+                     ColorImage(frame.width, frame.height, std::move(frame.right_bgr)));
+        } else {
+          writer.add(frame.timestamp_s, color,
+                     DepthImage(frame.width, frame.height, std::move(frame.depth_m)));
+        }
       });
       if (stop.stop_requested()) {
         throw Error(ErrorKind::kCancelled, folder, "the simulation was cancelled", "");
@@ -256,6 +296,8 @@ struct SimulateArguments {
             {"session", environment_options.session},
             {"changed", environment_options.changed_fraction},
             {"camera", to_json(model)},
+            {"sensor", sensor},
+            {"stereo_baseline_m", options.stereo_baseline_m},
             {"exposure", options.sensor.exposure},
             {"motion_blur_s", options.shutter_s},
             {"readout_s", options.readout_s},
@@ -273,8 +315,8 @@ struct SimulateArguments {
 }  // namespace
 
 void add_simulate(const Command& program) {
-  add_verb<SimulateArguments>(
-      program, "simulate", "Write a simulated RGB-D sequence with ground truth, in TUM's layout");
+  add_verb<SimulateArguments>(program, "simulate",
+                              "Write a simulated RGB-D or stereo sequence with ground truth");
 }
 
 }  // namespace cairn::cli

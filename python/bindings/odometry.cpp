@@ -47,6 +47,7 @@ void add_odometry_keywords(Keywords<Options>& keywords, const Part& part) {
       .add("depth_noise_floor_m", [part](auto& o) -> auto& { return part(o).noise.depth_floor_m; })
       .add("depth_noise_quadratic",
            [part](auto& o) -> auto& { return part(o).noise.depth_quadratic; })
+      .add("disparity_noise", [part](auto& o) -> auto& { return part(o).noise.disparity; })
       .add_table(OdometryOptions::table, part);
 }
 
@@ -69,6 +70,7 @@ Keywords<OdometryKeywords> odometry_keywords() {
   keywords.add("start", py::none(), [](auto& options, py::handle value) {
     if (!value.is_none()) options.start = rigid_of(value, "start");
   });
+  keywords.add("baseline_m", [](auto& o) -> auto& { return o.options.features.baseline_m; });
   add_odometry_keywords(keywords, [](auto& o) -> auto& { return o.options; });
   return keywords;
 }
@@ -88,15 +90,21 @@ std::unique_ptr<SharedOdometry> make_odometry(const Camera& camera, const py::kw
 }
 
 FrameReport track(SharedOdometry& self, double timestamp_s, const py::object& image,
-                  const py::object& depth_m, const std::string& channels,
+                  const py::object& depth_m, const py::object& right, const std::string& channels,
                   const py::str& image_name) {
   const std::vector<std::uint8_t> bgr = image_of(image, self.camera(), channels);
   const std::vector<float> depth = depth_of(depth_m, self.camera());
+  const std::vector<std::uint8_t> right_bgr =
+      right.is_none() ? std::vector<std::uint8_t>() : image_of(right, self.camera(), channels);
   const std::string name = encoded(image_name, "image_name");
   return self.alone([&](Odometry& odometry) {
     FrameImages images =
         frame_images(timestamp_s, self.camera().width, self.camera().height, bgr, depth);
     images.name = name;
+    if (!right_bgr.empty()) {
+      images.right =
+          frame_images(timestamp_s, self.camera().width, self.camera().height, right_bgr, {}).gray;
+    }
     return odometry.track(images);
   });
 }
@@ -136,7 +144,7 @@ struct Mapped {
   std::vector<SharedMap> maps;
 };
 
-Mapped map_folder(const std::filesystem::path& folder, const Camera& camera,
+Mapped map_folder(const std::filesystem::path& folder, const std::optional<Camera>& camera,
                   const py::kwargs& given) {
   CallOptions call;
   SequenceKeywords keywords = sequence_keywords().read(given, &call);
@@ -156,7 +164,8 @@ Mapped map_folder(const std::filesystem::path& folder, const Camera& camera,
                            static_cast<double>(progress.frames));
       };
     }
-    mapped.sequence = map_sequence(RgbdSequence(folder, keywords.sequence), camera, options);
+    const ImageSequence sequence(folder, keywords.sequence);
+    mapped.sequence = map_sequence(sequence, sequence.camera(camera), options);
   });
   for (LandmarkMap& map : mapped.sequence.maps) {
     mapped.maps.push_back(std::make_shared<LandmarkMap>(std::move(map)));
@@ -182,19 +191,23 @@ void bind_odometry(py::module_& module) {
       odometry_keywords().signature("$self, camera", false);
   Exposed<SharedOdometry>(
       module, "Odometry",
-      "RGB-D odometry: estimates poses and a landmark map from frames in time order.")
-      .def(py::init(&make_odometry), py::arg("camera"),
-           kept(signature_of_init +
-                "`start` is the pose of the first frame (4x4, world_from_camera), by "
-                "default the identity."))
+      "RGB-D or stereo odometry: estimates poses and a landmark map from frames in time order.")
       .def(
-          "track", &track, py::arg("timestamp_s"), py::arg("image"),
-          py::arg("depth_m") = py::none(), py::kw_only(), py::arg("channels") = "rgb",
-          py::arg("image_name") = "",
-          "track($self, timestamp_s, image, depth_m=None, *, channels='rgb', image_name='')\n--\n\n"
-          "Tracks the next frame: image (h, w) or (h, w, 3) uint8, depth (h, w) in metres, 0 or "
-          "NaN where\n"
-          "unknown. `channels` is 'rgb', or 'bgr' as in OpenCV.")
+          py::init(&make_odometry), py::arg("camera"),
+          kept(
+              signature_of_init +
+              "`start` is the pose of the first frame (4x4, world_from_camera), by "
+              "default the identity. `baseline_m` is\nthat of a rectified stereo pair; 0 for depth "
+              "images."))
+      .def("track", &track, py::arg("timestamp_s"), py::arg("image"),
+           py::arg("depth_m") = py::none(), py::kw_only(), py::arg("right") = py::none(),
+           py::arg("channels") = "rgb", py::arg("image_name") = "",
+           "track($self, timestamp_s, image, depth_m=None, *, right=None, channels='rgb', "
+           "image_name='')\n--\n\n"
+           "Tracks the next frame: image (h, w) or (h, w, 3) uint8, depth (h, w) in metres, 0 or "
+           "NaN where\n"
+           "unknown, or the right image of a stereo pair. `channels` is 'rgb', or 'bgr' as in "
+           "OpenCV.")
       .def(
           "complete",
           [](SharedOdometry& self) { self.alone([](Odometry& odometry) { odometry.complete(); }); },
@@ -238,9 +251,10 @@ void bind_odometry(py::module_& module) {
         return fmt::format("<MappedSequence: {} maps, {} of {} frames tracked>", self.maps.size(),
                            self.sequence.tracked, self.sequence.frames);
       });
-  module.def("map_sequence", &map_folder, py::arg("folder"), py::arg("camera"),
-             kept(sequence_keywords().signature("folder, camera") +
-                  "Maps an RGB-D sequence in the layout of the TUM benchmark."));
+  module.def("map_sequence", &map_folder, py::arg("folder"), py::arg("camera") = py::none(),
+             kept(sequence_keywords().signature("folder, camera=None") +
+                  "Maps an RGB-D sequence in the layout of the TUM benchmark, or a stereo sequence "
+                  "in that of\nKITTI odometry or EuRoC, which has its cameras."));
 }
 
 }  // namespace cairn::python

@@ -45,6 +45,7 @@ Keywords<SimulateKeywords> simulate_keywords() {
              options.simulator.camera = value.cast<const Camera&>();
            })
       .add("shutter_s", [](auto& o) -> auto& { return o.simulator.shutter_s; })
+      .add("stereo_baseline_m", [](auto& o) -> auto& { return o.simulator.stereo_baseline_m; })
       .add_table(SensorOptions::table, [](auto& o) -> auto& { return o.simulator.sensor; },
                  {"depth_step_m", "min_depth_m", "baseline_m", "max_incidence_rad", "edge_holes",
                   "dropout"});
@@ -86,9 +87,18 @@ SharedRgbdFrame rendered_frame(const SharedSimulation& self, std::int64_t index)
   return frame;
 }
 
+// None without values.
 template <class Scalar>
-py::array image(const std::vector<Scalar>& values, const SharedRgbdFrame& frame) {
+py::object image(const std::vector<Scalar>& values, const SharedRgbdFrame& frame) {
+  if (values.empty()) return py::none();
   return view(values.data(), {frame->height, frame->width}, py::cast(frame));
+}
+
+py::object rgb_of(const std::vector<std::uint8_t>& bgr, const SharedRgbdFrame& frame) {
+  if (bgr.empty()) return py::none();
+  return view(bgr.data(), {frame->height, frame->width, 3}, py::cast(frame))
+      .attr("__getitem__")(
+          py::make_tuple(py::ellipsis(), py::slice(py::none(), py::none(), py::int_(-1))));
 }
 
 }  // namespace
@@ -105,16 +115,15 @@ void bind_simulation(py::module_& module) {
           },
           "(h, w, 3) uint8, blue, green, red as in OpenCV; a view.")
       .def_property_readonly(
-          "rgb",
-          [](const SharedRgbdFrame& self) {
-            return view(self->bgr.data(), {self->height, self->width, 3}, py::cast(self))
-                .attr("__getitem__")(py::make_tuple(
-                    py::ellipsis(), py::slice(py::none(), py::none(), py::int_(-1))));
-          },
+          "rgb", [](const SharedRgbdFrame& self) { return rgb_of(self->bgr, self); },
           "(h, w, 3) uint8; a view.")
       .def_property_readonly(
+          "right_rgb", [](const SharedRgbdFrame& self) { return rgb_of(self->right_bgr, self); },
+          "(h, w, 3) uint8, of the right camera of a stereo pair; a view. None without.")
+      .def_property_readonly(
           "depth_m", [](const SharedRgbdFrame& self) { return image(self->depth_m, self); },
-          "(h, w) float32, as measured; 0 where there is no reading; a view.")
+          "(h, w) float32, as measured; 0 where there is no reading; a view. None of a stereo "
+          "pair.")
       .def_property_readonly(
           "exact_depth_m",
           [](const SharedRgbdFrame& self) { return image(self->exact_depth_m, self); },
@@ -124,7 +133,8 @@ void bind_simulation(py::module_& module) {
                            self.height);
       });
   Exposed<Simulation, SharedSimulation>(
-      module, "Simulation", "A simulated RGB-D sequence; frames are rendered when accessed.")
+      module, "Simulation",
+      "A simulated RGB-D or stereo sequence; frames are rendered when accessed.")
       .def("__len__", [](const Simulation& self) { return self.simulator.frame_count(); })
       .def("__getitem__", &rendered_frame, py::arg("index"))
       .def("frame", &rendered_frame, py::arg("index"),
@@ -138,7 +148,8 @@ void bind_simulation(py::module_& module) {
       });
   module.def("simulate", &simulate, py::arg("environment") = "desk",
              kept(simulate_keywords().signature("environment='desk'") +
-                  "Simulates an RGB-D sequence with exact ground truth.\n\n"
+                  "Simulates an RGB-D sequence with exact ground truth, or a stereo sequence with\n"
+                  "`stereo_baseline_m`.\n\n"
                   "environment   'desk', 'office', 'corridor', 'warehouse', 'room' or 'kitchen'\n"
                   "seed, layout  determine the place\n"
                   "session       determines path, noise and changes\n"

@@ -689,7 +689,9 @@ class SimulatedFrame:
     @property
     def rgb(self) -> NDArray[np.uint8]: ...
     @property
-    def depth_m(self) -> NDArray[np.float32]: ...
+    def right_rgb(self) -> Optional[NDArray[np.uint8]]: ...
+    @property
+    def depth_m(self) -> Optional[NDArray[np.float32]]: ...
     @property
     def exact_depth_m(self) -> NDArray[np.float32]: ...
 
@@ -719,12 +721,14 @@ class Odometry:
         camera: Camera,
         *,
         start: Optional[ArrayLike] = ...,
+        baseline_m: float = ...,
         features: int = ...,
         pyramid_levels: int = ...,
         max_depth_m: float = ...,
         pixel_noise: float = ...,
         depth_noise_floor_m: float = ...,
         depth_noise_quadratic: float = ...,
+        disparity_noise: float = ...,
         readout_s: float = ...,
         min_tracked: int = ...,
         adjusted_keyframes: int = ...,
@@ -736,6 +740,7 @@ class Odometry:
         image: ArrayLike,
         depth_m: Optional[ArrayLike] = ...,
         *,
+        right: Optional[ArrayLike] = ...,
         channels: str = ...,
         image_name: str = ...,
     ) -> FrameReport: ...
@@ -975,6 +980,7 @@ def simulate(
     shake: float = ...,
     camera: Optional[Camera] = ...,
     shutter_s: float = ...,
+    stereo_baseline_m: float = ...,
     exposure: float = ...,
     color_noise: float = ...,
     ideal_depth: bool = ...,
@@ -985,7 +991,7 @@ def simulate(
 ) -> Simulation: ...
 def map_sequence(
     folder: _Path,
-    camera: Camera,
+    camera: Optional[Camera] = ...,
     *,
     depth_units_per_metre: float = ...,
     max_time_difference_s: float = ...,
@@ -998,6 +1004,7 @@ def map_sequence(
     pixel_noise: float = ...,
     depth_noise_floor_m: float = ...,
     depth_noise_quadratic: float = ...,
+    disparity_noise: float = ...,
     readout_s: float = ...,
     min_tracked: int = ...,
     adjusted_keyframes: int = ...,

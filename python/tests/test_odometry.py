@@ -79,6 +79,20 @@ class Odometry(unittest.TestCase):
         self.assertGreater(len(m), 50)
         self.assertIsNotNone(m.covariances)
 
+    def test_follows_a_stereo_camera(self):
+        place = cairn.simulate(
+            "desk", frames=12, rate_hz=10, texture_scale=0.5, stereo_baseline_m=0.11
+        )
+        odometry = cairn.Odometry(place.camera, start=place[0].world_from_camera, baseline_m=0.11)
+        for frame in place:
+            self.assertIsNone(frame.depth_m)
+            report = odometry.track(frame.timestamp_s, frame.rgb, right=frame.right_rgb)
+            self.assertEqual(report.status, "tracked", report)
+        error = np.linalg.norm(odometry.last_pose[:3, 3] - place[-1].world_from_camera[:3, 3])
+        self.assertLess(error, 0.03)
+        with self.assertRaises(cairn.MisuseError):
+            cairn.Odometry(place.camera).track(0.0, place[0].rgb, right=place[0].right_rgb)
+
     def test_has_an_empty_map_before_its_first_keyframe(self):
         odometry = cairn.Odometry(PLACE.camera)
         for covariance in ("marginal", "recursive"):

@@ -48,7 +48,7 @@ std::ptrdiff_t known_depths(const DepthImage& depth) {
 
 TEST_F(SimulateTest, WritesASequenceThatReadsBack) {
   EXPECT_THAT(simulate("s"), HasSubstr("s: 4 frames of 160 x 120"));
-  const RgbdSequence sequence(path("s"));
+  const ImageSequence sequence(path("s"));
   ASSERT_EQ(sequence.frames().size(), 4U);
   EXPECT_EQ(sequence.frames_without_depth(), 0U);
   const Trajectory poses = truth("s");
@@ -56,7 +56,7 @@ TEST_F(SimulateTest, WritesASequenceThatReadsBack) {
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(sequence.frames()[i].timestamp_s, poses.poses()[i].timestamp_s);
     EXPECT_NEAR(poses.poses()[i].timestamp_s, static_cast<double>(i) / 30.0, 1e-6);
-    const RgbdSequence::Images images = sequence.read(i);
+    const ImageSequence::Images images = sequence.read(i);
     EXPECT_EQ(images.gray.width, 160U);
     EXPECT_EQ(images.gray.height, 120U);
     EXPECT_GT(known_depths(images.depth), 160 * 120 / 2);
@@ -68,10 +68,27 @@ TEST_F(SimulateTest, WritesASequenceThatReadsBack) {
   EXPECT_EQ(camera.depth_units_per_metre, 5000.0);
 }
 
+TEST_F(SimulateTest, AStereoPairDiffersByItsBaseline) {
+  EXPECT_THAT(simulate("s", {"--sensor", "stereo", "--baseline", "0.2"}), HasSubstr("s: 4 frames"));
+  const ImageSequence sequence(path("s"));
+  ASSERT_EQ(sequence.frames().size(), 4U);
+  EXPECT_TRUE(sequence.is_stereo());
+  EXPECT_DOUBLE_EQ(sequence.baseline_m(), 0.2);
+  EXPECT_EQ(sequence.frames_without_depth(), 0U);
+  EXPECT_THAT(sequence.camera(std::nullopt).parameters, ElementsAre(131, 131, 79.5, 59.5));
+  // The left images are those of an RGB-D camera on that path.
+  simulate("d");
+  EXPECT_EQ(sequence.read(2).gray, ImageSequence(path("d")).read(2).gray);
+  EXPECT_NE(sequence.read(2).gray, sequence.read(2).right);
+  expect_refusal({"simulate", "t", "--baseline", "0.2"}, kWrongUsage,
+                 {"--baseline: given for an RGB-D sensor"});
+  expect_refusal({"simulate", "t", "--sensor", "lidar"}, kWrongUsage, {"--sensor: 'lidar'"});
+}
+
 // Depth, poses and camera of the files fit together: what one frame sees, the other sees there.
 TEST_F(SimulateTest, GroundTruthFitsTheImages) {
   simulate("s", {"--no-depth-noise", "--rate", "3"});
-  const RgbdSequence sequence(path("s"));
+  const ImageSequence sequence(path("s"));
   const Trajectory poses = truth("s");
   const DepthImage a = sequence.read(0).depth;
   const DepthImage b = sequence.read(1).depth;
@@ -124,7 +141,7 @@ TEST_F(SimulateTest, ATrajectoryFileIsFollowed) {
   ASSERT_EQ(poses.size(), 6U);
   EXPECT_EQ(poses.poses()[2].timestamp_s, 100.4);
   EXPECT_NEAR(poses.poses()[2].world_from_camera.translation().x(), 1.34, 1e-12);
-  EXPECT_EQ(RgbdSequence(path("s")).frames().size(), 6U);
+  EXPECT_EQ(ImageSequence(path("s")).frames().size(), 6U);
 }
 
 TEST_F(SimulateTest, SessionsDifferInPathAndChanges) {
@@ -154,7 +171,7 @@ TEST_F(SimulateTest, TheLayoutIsTheSeedsOwnUnlessItIsGiven) {
 TEST_F(SimulateTest, PngKeepsColoursAndDurationCountsFrames) {
   simulate("s", {"--color-format", "png", "--duration", "0.1"});
   EXPECT_THAT(content("s/rgb.txt"), HasSubstr("rgb/0.066667.png"));
-  EXPECT_EQ(RgbdSequence(path("s")).frames().size(), 3U);
+  EXPECT_EQ(ImageSequence(path("s")).frames().size(), 3U);
 }
 
 TEST_F(SimulateTest, AnExistingSequenceIsNotTouched) {

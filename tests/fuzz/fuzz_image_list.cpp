@@ -22,7 +22,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                               zero == std::string_view::npos ? "" : all.substr(zero + 1));
   cairn::testing::expect_read_or_refused(
       [&] {
-        const cairn::RgbdSequence sequence(folder, {}, [](std::string_view) {});
+        const cairn::ImageSequence sequence(folder, {}, [](std::string_view) {});
         double last = -std::numeric_limits<double>::infinity();
         for (const cairn::SequenceFrame& frame : sequence.frames()) {
           if (!(frame.timestamp_s > last)) cairn::testing::abort_because("times do not ascend");

@@ -25,6 +25,10 @@ inline FrameImages images_of(const RgbdFrame& frame, std::size_t index) {
   FrameImages images =
       frame_images(frame.timestamp_s, frame.width, frame.height, frame.bgr, frame.depth_m);
   images.name = std::to_string(index) + ".png";
+  if (!frame.right_bgr.empty()) {
+    images.right =
+        frame_images(frame.timestamp_s, frame.width, frame.height, frame.right_bgr, {}).gray;
+  }
   return images;
 }
 
@@ -40,8 +44,10 @@ struct Recording {
 
 // Every so-manieth pose of the path becomes a frame.
 inline Recording record(const Trajectory& path, const Camera& camera = kCamera,
-                        std::uint64_t noise = 1, double readout_s = 0.0, std::size_t every = 1) {
+                        std::uint64_t noise = 1, double readout_s = 0.0, std::size_t every = 1,
+                        double stereo_baseline_m = 0.0) {
   SimulatorOptions options;
+  options.stereo_baseline_m = stereo_baseline_m;
   options.camera = camera;
   options.seed = noise;
   options.readout_s = readout_s;

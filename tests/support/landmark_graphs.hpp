@@ -98,7 +98,7 @@ inline TrueGraph make_true_graph(const GraphOptions& options) {
       keypoint.pixel = (pixel + sigma * off).cast<float>();
       keypoint.raw = {keypoint.pixel.x(), keypoint.pixel.y()};
       const double depth =
-          x.z() + options.noise * test_sensor().sigma_depth_m(x.z()) * random.normal();
+          x.z() + options.noise * test_sensor().sigma_depth_m(x.z(), 0) * random.normal();
       if (random.chance(options.with_depth)) keypoint.depth_m = static_cast<float>(depth);
       keypoints.push_back(keypoint);
       seen.push_back(descriptors[i]);

@@ -28,7 +28,7 @@ namespace {
 #ifdef CAIRN_HAS_ODOMETRY
 // The image of a keyframe, by its time.
 std::optional<std::filesystem::path> image_of(const LandmarkMap& map, FrameIndex frame,
-                                              const RgbdSequence& sequence) {
+                                              const ImageSequence& sequence) {
   const auto& times = map.frames().timestamps_s;
   if (times.empty() || !times[frame.value]) return std::nullopt;
   constexpr double kSameFrame = 1e-3;  // seconds; a map's times are the images' own
@@ -256,8 +256,8 @@ std::string write_common_view([[maybe_unused]] const std::string& folder,
   constexpr double kRadius = 0.05;  // metres
   const auto view = find_common_view(pair.source, pair.target, *best->target_from_source, kRadius);
   if (!view) return "Figure 1: no two keyframes see one place";
-  const auto source_image = image_of(pair.source, view->source, RgbdSequence(source_sequence));
-  const auto target_image = image_of(pair.target, view->target, RgbdSequence(target_sequence));
+  const auto source_image = image_of(pair.source, view->source, ImageSequence(source_sequence));
+  const auto target_image = image_of(pair.target, view->target, ImageSequence(target_sequence));
   if (!source_image || !target_image) {
     return fmt::format("Figure 1: the {} has no image of the time of the map's keyframe",
                        source_image ? target_sequence : source_sequence);

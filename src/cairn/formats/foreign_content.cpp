@@ -36,7 +36,7 @@ constexpr std::string_view kImage =
     "a map; 'cairn locate' takes a map and an image, COLMAP and OpenSfM make maps of images";
 constexpr std::string_view kStereo =
     "a map that ORB-SLAM3, stella_vslam or COLMAP made of it (docs/from_orbslam3.md and others): "
-    "Cairn itself maps RGB-D sequences only";
+    "Cairn itself maps RGB-D sequences, and stereo ones in the layouts of KITTI odometry and EuRoC";
 constexpr std::string_view kCloud =
     "a cloud in PLY, PCD, .xyz, .csv or .npy, to which CloudCompare and PDAL convert it";
 constexpr std::string_view kMesh =
@@ -49,6 +49,7 @@ constexpr std::string_view kExported =
     "its cameras and points in another format, such as Bundler's .out";
 constexpr std::string_view kGraph =
     "maps with landmarks, which 'cairn merge' and 'cairn atlas' align: it has poses only";
+constexpr std::string_view kMapped = "a map: 'cairn map' makes one of it";
 constexpr std::string_view kLists =
     "rgb.txt and depth.txt with a line 'time file' an image, as in TUM layout, for 'cairn map'";
 
@@ -255,19 +256,17 @@ struct FolderSign {
 
 // The first one that fits.
 constexpr FolderSign kFolderSigns[] = {
-    {{"rgb.txt", "depth.txt"},
-     "is an RGB-D sequence in TUM layout",
-     "a map: 'cairn map' makes one of it"},
+    {{"rgb.txt", "depth.txt"}, "is an RGB-D sequence in TUM layout", kMapped},
     {{"rgb.mp4", "odometry.csv"}, "is an RGB-D recording of a phone (Stray Scanner)", kLists},
     {{"color", "depth", "pose"}, "is an RGB-D sequence in ScanNet's layout", kLists},
     {{"frame-000000.color.png"}, "is an RGB-D sequence in the layout of 7-Scenes", kLists},
     {{"results", "traj.txt"}, "is an RGB-D sequence in Replica's layout", kLists},
     {{"rgb", "depth"}, "is an RGB-D sequence without the lists of its images", kLists},
     {{"color", "depth"}, "is an RGB-D sequence without the lists of its images", kLists},
-    {{"mav0"}, "is a sequence in EuRoC's layout", kStereo},
-    {{"cam0", "imu0"}, "is a sequence in EuRoC's layout", kStereo},
-    {{"image_0", "image_1"}, "is a stereo sequence in KITTI's layout", kStereo},
-    {{"image_2", "image_3"}, "is a stereo sequence in KITTI's layout", kStereo},
+    {{"mav0"}, "is a sequence in EuRoC's layout", kMapped},
+    {{"cam0", "imu0"}, "is a sequence in EuRoC's layout", kMapped},
+    {{"image_0", "image_1"}, "is a stereo sequence in KITTI's layout", kMapped},
+    {{"image_2", "image_3"}, "is a stereo sequence in KITTI's layout", kMapped},
     {{"image_0", "times.txt"}, "is a sequence in KITTI's layout", kStereo},
     {{"image_2", "times.txt"}, "is a sequence in KITTI's layout", kStereo},
     {{"image_00", "image_01"}, "is a stereo sequence in KITTI's raw layout", kStereo},

@@ -195,13 +195,13 @@ class Shrinkings {
 std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
                                      const LogSink& log) {
   constexpr int kQuality = 80;  // of the JPEG, 0 to 100
-  const RgbdSequence recorded(sequence, {}, log);
+  const ImageSequence recorded(sequence, {}, log);
   const auto seen = seen_frames(map, recorded.frames());
   if (seen.empty()) refuse(map, recorded.frames(), sequence);
   Shrinkings shrinkings(map, kWidestFrameImage);
   std::vector<FrameImage> images;
   for (const auto& [frame, image] : spread(seen, kMostFrameImages)) {
-    const ColorImage color = read_color_image(recorded.frames()[image].color);
+    const ColorImage color = recorded.read_color(image);
     const std::string jpeg = jpeg_bytes(shrinkings.of(frame, color)(color), kQuality);
     images.push_back({frame, ImageType::kJpeg, {jpeg.begin(), jpeg.end()}});
   }

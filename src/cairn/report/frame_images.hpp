@@ -21,7 +21,7 @@ inline constexpr std::uint32_t kWidestFrameImage = 320;  ///< pixels
 /// see is grey.
 /// @param sequence folder of the sequence
 /// @return in the order of the frames
-/// @throws Error (input) naming the folder if no colour image is near a frame in time, and as RgbdSequence
+/// @throws Error (input) naming the folder if no colour image is near a frame in time, and as ImageSequence
 ///        and read_color_image()
 std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
                                      const LogSink& log = {});

@@ -69,6 +69,7 @@ constexpr OptionField kSimulatorFields[] = {
      "Exposure time in seconds; 0: no blur. Blur makes rendering six times slower"},
     {"readout_s", option_at<&SimulatorOptions::readout_s>, within(0, 1), "--readout",
      "Readout time of a rolling shutter, from the first image row to the last, seconds"},
+    {"stereo_baseline_m", option_at<&SimulatorOptions::stereo_baseline_m>, within(0, 10)},
     {"light_grid_m", option_at<&SimulatorOptions::light_grid_m>, within(0.01, 1)},
     {"blur_samples", option_at<&SimulatorOptions::blur_samples>, within(2, 100)},
 };
@@ -92,7 +93,12 @@ struct RgbdSimulator::Optics {
   detail::RayTable rays;
   detail::Renderer renderer;
 
+  // @param camera_from_eye places another camera beside that of the trajectory
   RenderedFrame picture_at(const Trajectory& trajectory, double timestamp_s,
+                           const Rigid3& camera_from_eye, const Executor& executor) const;
+  // The mean of several during the exposure.
+  RenderedFrame blurred_at(const Trajectory& trajectory, double timestamp_s,
+                           const Rigid3& camera_from_eye, const SimulatorOptions& options,
                            const Executor& executor) const;
 };
 
@@ -111,10 +117,10 @@ const Scene& RgbdSimulator::scene() const {
 
 // With a rolling shutter few rows at a time, each from where the camera is then.
 RenderedFrame RgbdSimulator::Optics::picture_at(const Trajectory& trajectory, double timestamp_s,
+                                                const Rigid3& camera_from_eye,
                                                 const Executor& executor) const {
-  if (readout_s <= 0.0) {
-    return renderer.render(camera, rays, pose_at(trajectory, timestamp_s), executor);
-  }
+  const auto eye_at = [&](double time) { return pose_at(trajectory, time) * camera_from_eye; };
+  if (readout_s <= 0.0) return renderer.render(camera, rays, eye_at(timestamp_s), executor);
   constexpr std::uint32_t kRowsAtOnce = 4;
   constexpr std::uint32_t kMargin = 1;  // an edge is found by the rows beside it
   RenderedFrame whole;
@@ -134,8 +140,8 @@ RenderedFrame RgbdSimulator::Optics::picture_at(const Trajectory& trajectory, do
     };
     const detail::RayTable band_rays{part(rays.x, from, to, 1), part(rays.y, from, to, 1)};
     const double share = 0.5 * (first + last) / camera.height - 0.5;
-    const RenderedFrame rows = renderer.render(
-        band, band_rays, pose_at(trajectory, timestamp_s + share * readout_s), executor);
+    const RenderedFrame rows =
+        renderer.render(band, band_rays, eye_at(timestamp_s + share * readout_s), executor);
     const auto append = [&](auto& all, const auto& values, std::size_t each) {
       const auto inner = part(values, first - from, last - from, each);
       all.insert(all.end(), inner.begin(), inner.end());
@@ -147,24 +153,32 @@ RenderedFrame RgbdSimulator::Optics::picture_at(const Trajectory& trajectory, do
   return whole;
 }
 
+RenderedFrame RgbdSimulator::Optics::blurred_at(const Trajectory& trajectory, double timestamp_s,
+                                                const Rigid3& camera_from_eye,
+                                                const SimulatorOptions& options,
+                                                const Executor& executor) const {
+  RenderedFrame picture = picture_at(trajectory, timestamp_s, camera_from_eye, executor);
+  if (options.shutter_s <= 0.0) return picture;
+  std::vector<std::uint32_t> sum(picture.bgr.size(), 0);
+  const auto samples = static_cast<std::uint32_t>(options.blur_samples);
+  for (std::uint32_t k = 0; k < samples; ++k) {
+    const double offset = options.shutter_s * ((k + 0.5) / samples - 0.5);
+    const RenderedFrame part =
+        picture_at(trajectory, timestamp_s + offset, camera_from_eye, executor);
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += part.bgr[i];
+  }
+  for (std::size_t i = 0; i < sum.size(); ++i) {
+    picture.bgr[i] = static_cast<std::uint16_t>(sum[i] / samples);
+  }
+  return picture;
+}
+
 RgbdFrame RgbdSimulator::frame(std::size_t index, const Executor& executor) const {
   refuse_if(index >= trajectory_.size(), "RgbdSimulator::frame", fmt::format("frame {}", index),
             fmt::format("less than {}", trajectory_.size()));
   const TimedPose& pose = trajectory_.poses()[index];
-  RenderedFrame picture = optics_->picture_at(trajectory_, pose.timestamp_s, executor);
-  if (options_.shutter_s > 0.0) {
-    std::vector<std::uint32_t> sum(picture.bgr.size(), 0);
-    const auto samples = static_cast<std::uint32_t>(options_.blur_samples);
-    for (std::uint32_t k = 0; k < samples; ++k) {
-      const double offset = options_.shutter_s * ((k + 0.5) / samples - 0.5);
-      const RenderedFrame part =
-          optics_->picture_at(trajectory_, pose.timestamp_s + offset, executor);
-      for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += part.bgr[i];
-    }
-    for (std::size_t i = 0; i < sum.size(); ++i) {
-      picture.bgr[i] = static_cast<std::uint16_t>(sum[i] / samples);
-    }
-  }
+  RenderedFrame picture =
+      optics_->blurred_at(trajectory_, pose.timestamp_s, Rigid3(), options_, executor);
   // Two numbers from the seed and the frame, for the two sensors.
   Random random = Random(options_.seed).fork(index);
   RgbdFrame frame;
@@ -173,8 +187,16 @@ RgbdFrame RgbdSimulator::frame(std::size_t index, const Executor& executor) cons
   frame.width = picture.width;
   frame.height = picture.height;
   frame.bgr = detail::expose(picture, options_.sensor, random.draw_seed(), executor);
-  frame.depth_m = detail::measure_depth(picture, intrinsics(options_.camera).fx, options_.sensor,
-                                        random.draw_seed(), executor);
+  if (options_.stereo_baseline_m > 0.0) {
+    const Rigid3 camera_from_right(Eigen::Quaterniond::Identity(),
+                                   {options_.stereo_baseline_m, 0.0, 0.0});
+    const RenderedFrame right =
+        optics_->blurred_at(trajectory_, pose.timestamp_s, camera_from_right, options_, executor);
+    frame.right_bgr = detail::expose(right, options_.sensor, random.draw_seed(), executor);
+  } else {
+    frame.depth_m = detail::measure_depth(picture, intrinsics(options_.camera).fx, options_.sensor,
+                                          random.draw_seed(), executor);
+  }
   frame.exact_depth_m = std::move(picture.depth_m);
   return frame;
 }

@@ -62,6 +62,9 @@ struct SimulatorOptions {
   /// Readout time of a rolling shutter, from the first row of the colour and depth images to the last,
   /// seconds. A frame's time is that of its middle row. 0 to 1.
   double readout_s = 0.0;
+  /// From the camera to a second one on its right, of a rectified stereo pair that replaces the depth sensor, metres;
+  /// 0: none. 0 to 10.
+  double stereo_baseline_m = 0.0;
   std::uint64_t seed = 1;  ///< of the sensor's noise
 
   static const OptionTable table;
@@ -84,12 +87,13 @@ struct RgbdFrame {
   Rigid3 world_from_camera;  ///< exact, at the middle of the exposure of the middle row
   std::uint32_t width = 0;
   std::uint32_t height = 0;
-  std::vector<std::uint8_t> bgr;     ///< 8-bit blue, green, red
-  std::vector<float> depth_m;        ///< as measured; 0 if there is no reading
-  std::vector<float> exact_depth_m;  ///< 0 if no surface is hit
+  std::vector<std::uint8_t> bgr;  ///< 8-bit blue, green, red
+  std::vector<float> depth_m;     ///< as measured; 0 if there is no reading; empty of a stereo pair
+  std::vector<std::uint8_t> right_bgr;  ///< of the right camera of a stereo pair, else empty
+  std::vector<float> exact_depth_m;     ///< 0 if no surface is hit
 };
 
-/// Simulates an RGB-D camera on a path through a scene, frame by frame.
+/// Simulates an RGB-D or stereo camera on a path through a scene, frame by frame.
 class RgbdSimulator {
  public:
   /// @throws Error (misuse) for options or a scene that are not valid

@@ -199,7 +199,7 @@ MiniMapLength usual_length_to_close_loops() {
   return length;
 }
 
-LoopClosedSequence map_and_close_loops(const RgbdSequence& sequence, const Camera& camera,
+LoopClosedSequence map_and_close_loops(const ImageSequence& sequence, const Camera& camera,
                                        const MapSequenceOptions& mapping,
                                        const MergeOptions& options) {
   options.validate();

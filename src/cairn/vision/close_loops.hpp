@@ -54,7 +54,7 @@ struct LoopClosedSequence {
 /// @param mapping without mini_maps, the default length is used
 /// @param options as for close_loops()
 /// @throws Error as both
-LoopClosedSequence map_and_close_loops(const RgbdSequence& sequence, const Camera& camera,
+LoopClosedSequence map_and_close_loops(const ImageSequence& sequence, const Camera& camera,
                                        const MapSequenceOptions& mapping,
                                        const MergeOptions& options = {});
 

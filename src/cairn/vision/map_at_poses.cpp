@@ -131,9 +131,9 @@ class PosedMapping {
     for (const LandmarkMatch& match : matches) {
       const Keypoint& keypoint = frame.features.keypoints()[match.keypoint];
       const double depth = (camera_from_world * map_.graph().landmark(match.landmark).position).z();
-      const bool agrees =
-          keypoint.depth_m <= 0.0F ||
-          std::abs(keypoint.depth_m - depth) <= kMostOff * map_.sensor().sigma_depth_m(depth);
+      const bool agrees = keypoint.depth_m <= 0.0F ||
+                          std::abs(keypoint.depth_m - depth) <=
+                              kMostOff * map_.sensor().sigma_depth_m(depth, keypoint.octave);
       if (agrees) frame.landmarks[match.keypoint] = match.landmark;
     }
   }
@@ -165,7 +165,8 @@ MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
     prepared.frame.timestamp_s = images.timestamp_s;
     prepared.frame.image_name = images.name;
     prepared.frame.features = mapping.extractor().extract(detail::matrix_of(images.gray),
-                                                          detail::matrix_of(images.depth_m));
+                                                          detail::matrix_of(images.depth_m),
+                                                          detail::matrix_of(images.right));
     prepared.frame.world_from_camera = keyframes[i].pose.world_from_camera;
     return prepared;
   };
@@ -222,19 +223,23 @@ MapAtPoses map_at_poses(std::span<const double> timestamps_s,
   return map_keyframes(posed, read_frame, camera, options, counted(posed, timestamps_s.size()));
 }
 
-MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, const Camera& camera,
-                        const MapAtPosesOptions& options) {
+MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses,
+                        const Camera& camera, const MapAtPosesOptions& options) {
   options.validate();
   std::vector<double> timestamps;
   for (const SequenceFrame& frame : sequence.frames()) timestamps.push_back(frame.timestamp_s);
   auto posed = frames_with_pose(timestamps, poses, options.max_time_difference_s);
   MapAtPoses result = counted(posed, timestamps.size());
-  result.without_depth = std::erase_if(
-      posed, [&](const PosedFrame& frame) { return !sequence.frames()[frame.frame].depth; });
+  result.without_depth = std::erase_if(posed, [&](const PosedFrame& frame) {
+    const SequenceFrame& files = sequence.frames()[frame.frame];
+    return !files.depth && !files.right;
+  });
   const auto read = [&](std::size_t frame) {
     return frame_images(sequence, frame, camera, options.skip_unreadable);
   };
-  result = map_keyframes(posed, read, camera, options, std::move(result));
+  MapAtPosesOptions with_baseline = options;
+  with_baseline.features.baseline_m = sequence.baseline_m();
+  result = map_keyframes(posed, read, camera, with_baseline, std::move(result));
   result.map = detail::with_colors(std::move(result.map), sequence, options.executor, options.stop);
   return result;
 }

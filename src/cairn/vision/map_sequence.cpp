@@ -49,10 +49,13 @@ std::optional<DepthRange> depth_range(const DepthImage& depth_m) {
 
 PreparedFrame prepare(const FrameImages& images, const detail::FeatureExtractor& extractor) {
   const cv::Mat gray = detail::matrix_of(images.gray);
-  const cv::Mat depth_m = detail::matrix_of(images.depth_m);
-  PreparedFrame prepared{images.timestamp_s,          images.name, images.defect, !depth_m.empty(),
+  const bool has_depth = !images.depth_m.empty() || !images.right.empty();
+  PreparedFrame prepared{images.timestamp_s,          images.name, images.defect, has_depth,
                          depth_range(images.depth_m), std::nullopt};
-  if (!gray.empty()) prepared.features = extractor.extract(gray, depth_m);
+  if (!gray.empty()) {
+    prepared.features =
+        extractor.extract(gray, detail::matrix_of(images.depth_m), detail::matrix_of(images.right));
+  }
   return prepared;
 }
 
@@ -237,12 +240,14 @@ MappedSequence map_frames(std::size_t frames,
   return mapping.finish();
 }
 
-MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
+MappedSequence map_sequence(const ImageSequence& sequence, const Camera& camera,
                             const MapSequenceOptions& options) {
   const auto read = [&](std::size_t frame) {
     return frame_images(sequence, frame, camera, options.skip_unreadable);
   };
-  MappedSequence mapped = map_frames(sequence.frames().size(), read, camera, options);
+  MapSequenceOptions with_baseline = options;
+  with_baseline.odometry.features.baseline_m = sequence.baseline_m();
+  MappedSequence mapped = map_frames(sequence.frames().size(), read, camera, with_baseline);
   for (LandmarkMap& map : mapped.maps) {
     map = detail::with_colors(std::move(map), sequence, options.executor, options.stop);
   }

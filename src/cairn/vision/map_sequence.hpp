@@ -94,7 +94,7 @@ MappedSequence map_frames(std::size_t frames,
 /// The same for a sequence on disk; its landmarks get the colours of the images.
 /// @throws Error (input) naming an image that cannot be read or does not have the camera's size; (misuse);
 ///        (cancelled)
-MappedSequence map_sequence(const RgbdSequence& sequence, const Camera& camera,
+MappedSequence map_sequence(const ImageSequence& sequence, const Camera& camera,
                             const MapSequenceOptions& options = {});
 
 /// The mini-maps of a sequence as a graph: a node for each, with its position in time as id, and odometry
@@ -155,7 +155,7 @@ MapAtPoses map_at_poses(std::span<const double> timestamps_s,
 
 /// The same for a sequence on disk; frames without depth are not keyframes.
 /// @throws Error (input) naming an image that cannot be read or does not have the camera's size
-MapAtPoses map_at_poses(const RgbdSequence& sequence, const Trajectory& poses, const Camera& camera,
-                        const MapAtPosesOptions& options = {});
+MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses,
+                        const Camera& camera, const MapAtPosesOptions& options = {});
 
 }  // namespace cairn

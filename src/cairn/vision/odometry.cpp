@@ -24,6 +24,7 @@ constexpr OptionField kFeatureFields[] = {
      {.least = 0,
       .expected = "a positive number of metres",
       .least_is = OptionRange::End::kExcluded}},
+    {"baseline_m", option_at<&FeatureOptions::baseline_m>, within(0, 10)},
 };
 constinit const OptionTable FeatureOptions::table = {"FeatureOptions", kFeatureFields};
 
@@ -47,6 +48,7 @@ constexpr OptionField kSensorNoiseFields[] = {
      {.least = 0,
       .expected = "a number that is not negative",
       .most_is = OptionRange::End::kExcluded}},
+    {"disparity", option_at<&SensorNoise::disparity>, kFinitePositive},
 };
 constinit const OptionTable SensorNoise::table = {"SensorNoise", kSensorNoiseFields};
 
@@ -107,20 +109,21 @@ FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t 
   return images;
 }
 
-FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
+FrameImages frame_images(const ImageSequence& sequence, std::size_t frame, const Camera& camera,
                          bool skip_unreadable) {
   const SequenceFrame& entry = sequence.frames()[frame];
   FrameImages result;
   result.timestamp_s = entry.timestamp_s;
   result.name = entry.color.filename().string();
   try {
-    RgbdSequence::Images images = sequence.read(frame);
+    ImageSequence::Images images = sequence.read(frame);
     reject_if(images.gray.width != camera.width || images.gray.height != camera.height,
               entry.color.string(),
               fmt::format("{} x {} pixels", images.gray.width, images.gray.height),
               fmt::format("{} x {}, as the camera has", camera.width, camera.height));
     result.gray = std::move(images.gray);
     result.depth_m = std::move(images.depth);
+    result.right = std::move(images.right);
   } catch (const Error& error) {
     if (!skip_unreadable || error.kind() != ErrorKind::kInput) throw;
     result.defect = error.what();
@@ -137,7 +140,8 @@ Odometry::~Odometry() = default;
 FrameReport Odometry::track(const FrameImages& images) {
   return tracker_->track(images.timestamp_s,
                          tracker_->extractor().extract(detail::matrix_of(images.gray),
-                                                       detail::matrix_of(images.depth_m)),
+                                                       detail::matrix_of(images.depth_m),
+                                                       detail::matrix_of(images.right)),
                          images.name);
 }
 

@@ -26,19 +26,22 @@ class Tracker;
 /// Detection of corners: oriented FAST corners, evenly spread over the image, with ORB descriptors (Rublee et
 /// al., ICCV 2011).
 struct FeatureOptions {
-  int count = 1000;         ///< number of keypoints per image, 50 to 20000
-  int levels = 8;           ///< of the image pyramid, 1 to 12
-  double scale = 1.2;       ///< between its levels, 1.05 to 2
-  int threshold = 20;       ///< contrast of a corner, grey levels
-  int least_threshold = 7;  ///< the same, in areas without a corner of `threshold`
-  double max_depth_m = 10.0;
+  int count = 1000;           ///< number of keypoints per image, 50 to 20000
+  int levels = 8;             ///< of the image pyramid, 1 to 12
+  double scale = 1.2;         ///< between its levels, 1.05 to 2
+  int threshold = 20;         ///< contrast of a corner, grey levels
+  int least_threshold = 7;    ///< the same, in areas without a corner of `threshold`
+  double max_depth_m = 10.0;  ///< of depth images; positive
+  /// From the left camera of a rectified stereo pair to the right one, 0 to 10; 0: depth images. A corner of a pair
+  /// has a depth from twice the baseline, at least 0.3 m, to where its disparity is one pixel of its level.
+  double baseline_m = 0.0;
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// Standard deviations of an RGB-D camera's measurements.
+/// Standard deviations of the measurements of an RGB-D or stereo camera.
 struct SensorNoise {
   /// Of a detected corner, in pixels of its pyramid level; positive.
   double pixel = 0.9;
@@ -48,6 +51,8 @@ struct SensorNoise {
   /// Floor positive, quadratic not negative.
   double depth_floor_m = 0.001;
   double depth_quadratic = 0.002;
+  /// Of the disparity of a stereo pair, in pixels of its pyramid level; positive.
+  double disparity = 0.25;
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field
@@ -98,7 +103,8 @@ struct FrameImages {
   std::string name;  ///< of the colour image
   GrayImage gray;    ///< of the camera's size; empty if it could not be read, because of `defect`
   std::string defect;
-  DepthImage depth_m;  ///< of the same size; empty if there is none
+  DepthImage depth_m;    ///< of the same size; empty if there is none
+  GrayImage right = {};  ///< of a rectified stereo pair, of the same size; empty if there is none
 };
 
 /// Images from memory, row by row from the top left.
@@ -111,7 +117,7 @@ FrameImages frame_images(double timestamp_s, std::uint32_t width, std::uint32_t 
 /// Images of a sequence on disk. Thread-safe.
 /// @param skip_unreadable return an image that cannot be read as a defect instead of an error
 /// @throws Error (input) naming an image that cannot be read or does not have the camera's size
-FrameImages frame_images(const RgbdSequence& sequence, std::size_t frame, const Camera& camera,
+FrameImages frame_images(const ImageSequence& sequence, std::size_t frame, const Camera& camera,
                          bool skip_unreadable);
 
 enum class FrameStatus {

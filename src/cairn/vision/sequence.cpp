@@ -9,18 +9,11 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/vision/detail/tum_layout.hpp"
+#include "cairn/vision/detail/rectification.hpp"
+#include "cairn/vision/detail/sequence_layouts.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn {
-namespace {
-
-std::vector<detail::ImageEntry> list_in(const std::filesystem::path& file, const LogSink& log) {
-  FileReader reader(file);
-  return detail::read_image_list(reader, log);
-}
-
-}  // namespace
 
 constexpr OptionRange kSequenceRange = {.least = 0.0,
                                         .most = 1e9,
@@ -39,8 +32,8 @@ void SequenceOptions::validate() const {
   check_options(*this);
 }
 
-RgbdSequence::RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options,
-                           const LogSink& log)
+ImageSequence::ImageSequence(const std::filesystem::path& folder, const SequenceOptions& options,
+                             const LogSink& log)
     : depth_units_per_metre_(options.depth_units_per_metre) {
   options.validate();
   std::error_code ignored;
@@ -48,39 +41,107 @@ RgbdSequence::RgbdSequence(const std::filesystem::path& folder, const SequenceOp
   // If the type is unknown, the reader of the list says why.
   reject_if(
       type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none,
-      folder.string(), "not a folder", "the folder of a sequence with rgb.txt and depth.txt");
-  const std::vector<detail::ImageEntry> color = list_in(folder / "rgb.txt", log);
-  const std::vector<detail::ImageEntry> depth = list_in(folder / "depth.txt", log);
-  for (const detail::ImagePair& pair :
-       detail::associate_images(color, depth, options.max_time_difference_s)) {
-    SequenceFrame frame{color[pair.color].timestamp_s, folder / color[pair.color].file, {}};
-    if (pair.depth) {
-      frame.depth = folder / depth[*pair.depth].file;
-    } else {
-      ++frames_without_depth_;
-    }
-    frames_.push_back(std::move(frame));
+      folder.string(), "not a folder", "the folder of a sequence");
+  const detail::SequenceLists lists = detail::read_sequence_lists(folder, log);
+  if (lists.rig) {
+    rectification_ =
+        std::make_shared<detail::Rectification>(*lists.rig, lists.calibration.string());
   }
-  unused_depth_images_ = depth.size() - (frames_.size() - frames_without_depth_);
+  // The two images of a stereo pair are taken at once; what moves in between has another disparity.
+  constexpr double kAtOnce = 0.001;
+  const double tolerance_s = is_stereo() ? std::min(kAtOnce, options.max_time_difference_s)
+                                         : options.max_time_difference_s;
+  const auto partner_of = detail::associate_images(lists.images, lists.partners, tolerance_s);
+  for (std::size_t i = 0; i < lists.images.size(); ++i) {
+    SequenceFrame& frame =
+        frames_.emplace_back(lists.images[i].timestamp_s, folder / lists.images[i].file);
+    if (!partner_of[i]) {
+      ++frames_without_depth_;
+    } else {
+      (is_stereo() ? frame.right : frame.depth) = folder / lists.partners[*partner_of[i]].file;
+    }
+  }
+  unused_depth_images_ = lists.partners.size() - (frames_.size() - frames_without_depth_);
+  reject_if(
+      is_stereo() && frames_without_depth_ == frames_.size(), folder.string(),
+      lists.partners.empty()
+          ? "no image of the right camera"
+          : fmt::format("no pair of images within {} s: the first are from {:.6f} and {:.6f} s",
+                        tolerance_s, lists.images[0].timestamp_s, lists.partners[0].timestamp_s),
+      "pairs of images that were taken at once");
 }
 
-RgbdSequence::Images RgbdSequence::read(std::size_t frame) const {
+bool ImageSequence::is_in(const std::filesystem::path& folder) {
+  return detail::has_sequence_files(folder);
+}
+
+double ImageSequence::baseline_m() const {
+  return rectification_ ? rectification_->baseline_m() : 0.0;
+}
+
+Camera ImageSequence::camera(const std::optional<Camera>& given) const {
+  if (!rectification_) {
+    refuse_if(!given, "camera", "not given", "the camera of an RGB-D sequence");
+    return *given;
+  }
+  refuse_if(given.has_value(), "camera", "given, but the stereo sequence has its calibration",
+            "no camera");
+  return rectification_->camera();
+}
+
+const SequenceFrame& ImageSequence::files_of(std::size_t frame) const {
   refuse_if(frame >= frames_.size(), "frame", fmt::format("{} of {}", frame, frames_.size()),
             "the position of a frame");
+  return frames_[frame];
+}
+
+ImageSequence::Images ImageSequence::read(std::size_t frame) const {
+  const SequenceFrame& files = files_of(frame);
   Images images;
-  images.gray = read_gray_image(frames_[frame].color);
-  if (const auto& path = frames_[frame].depth) {
-    const StoredDepthImage stored = read_depth_image(*path);
-    reject_if(!same_size(stored, images.gray), path->string(),
-              fmt::format("{} x {} pixels", stored.width, stored.height),
-              fmt::format("{} x {}, as its colour image", images.gray.width, images.gray.height));
+  images.gray = read_gray_image(files.color);
+  const auto reject_unless_same = [&](const auto& image, const std::filesystem::path& file,
+                                      std::string_view other) {
+    reject_if(
+        !same_size(image, images.gray), file.string(),
+        fmt::format("{} x {} pixels", image.width, image.height),
+        fmt::format("{} x {}, as its {} image", images.gray.width, images.gray.height, other));
+  };
+  if (files.depth) {
+    const StoredDepthImage stored = read_depth_image(*files.depth);
+    reject_unless_same(stored, *files.depth, "colour");
     const auto metres_per_unit = static_cast<float>(1.0 / depth_units_per_metre_);
     images.depth = DepthImage(stored.width, stored.height);
     std::transform(
         stored.values.begin(), stored.values.end(), images.depth.values.begin(),
         [&](std::uint16_t units) { return static_cast<float>(units) * metres_per_unit; });
   }
+  if (files.right) {
+    images.right = read_gray_image(*files.right);
+    reject_unless_same(images.right, *files.right, "left");
+  }
+  if (rectification_) {
+    require_rig_size(images.gray, files.color);
+    images.gray = rectification_->left(std::move(images.gray));
+    if (files.right) images.right = rectification_->right(std::move(images.right));
+  }
   return images;
+}
+
+ColorImage ImageSequence::read_color(std::size_t frame) const {
+  const std::filesystem::path& file = files_of(frame).color;
+  ColorImage image = read_color_image(file);
+  if (!rectification_) return image;
+  require_rig_size(image, file);
+  return rectification_->left(std::move(image));
+}
+
+template <class ImageOf>
+void ImageSequence::require_rig_size(const ImageOf& image,
+                                     const std::filesystem::path& file) const {
+  const Camera& camera = rectification_->camera();
+  reject_if(image.width != camera.width || image.height != camera.height, file.string(),
+            fmt::format("{} x {} pixels", image.width, image.height),
+            fmt::format("{} x {}, as the camera has", camera.width, camera.height));
 }
 
 }  // namespace cairn

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -9,24 +10,29 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
+#include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/camera.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn {
 
 namespace detail {
 class FileLock;
-}
+class Rectification;
+}  // namespace detail
 
-/// The files of one frame of an RGB-D sequence.
+/// The files of one frame of a sequence.
 struct SequenceFrame {
-  double timestamp_s = 0.0;  ///< of the colour image
-  std::filesystem::path color;
+  double timestamp_s = 0.0;                    ///< of the colour image or the left one
+  std::filesystem::path color;                 ///< in a stereo sequence of the left camera
   std::optional<std::filesystem::path> depth;  ///< std::nullopt if no depth image is near in time
+  std::optional<std::filesystem::path> right;  ///< std::nullopt if none was taken at the same time
 };
 
 struct SequenceOptions {
@@ -38,34 +44,63 @@ struct SequenceOptions {
   void validate() const;
 };
 
-/// An RGB-D sequence on disk in the layout of the TUM benchmark: rgb.txt, depth.txt and the images that
-/// they list. Holds the lists; reads images one by one.
-class RgbdSequence {
+/// An RGB-D or stereo sequence on disk, in the layout of the TUM RGB-D benchmark, KITTI odometry or EuRoC, which it
+/// detects. Holds the lists; reads images one by one, and rectifies those of a stereo pair.
+class ImageSequence {
  public:
-  /// @throws Error (input) naming file, line and field if the lists cannot be read
-  explicit RgbdSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
-                        const LogSink& log = {});
+  /// @throws Error (input) naming file, line and field if lists or calibration cannot be read, and for a stereo
+  ///        sequence without images taken at the same time (1 ms)
+  explicit ImageSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
+                         const LogSink& log = {});
+
+  /// Whether the folder has a file of one of the layouts. Others are no sequence.
+  static bool is_in(const std::filesystem::path& folder);
 
   /// In the order of time.
   std::span<const SequenceFrame> frames() const { return frames_; }
+  /// Frames without depth image and right image.
   std::size_t frames_without_depth() const { return frames_without_depth_; }
+  /// The same of right images.
   std::size_t unused_depth_images() const { return unused_depth_images_; }
+
+  bool is_stereo() const { return rectification_ != nullptr; }
+  /// Of a stereo sequence, from the left camera to the right one; else 0.
+  double baseline_m() const;
+  /// The camera of the images that read() returns: of a stereo sequence its own, else the given one.
+  /// @throws Error (misuse) if both or none is there
+  Camera camera(const std::optional<Camera>& given) const;
 
   /// Images of one frame.
   struct Images {
     GrayImage gray;
     DepthImage depth;  ///< empty if the frame has none
+    GrayImage right;   ///< the same
   };
   /// Thread-safe.
   /// @throws Error (input) naming the file: missing, truncated, damaged, or colour and depth of different
   ///        sizes
   Images read(std::size_t frame) const;
+  /// The image of `frames()[frame].color`, as read() has it in grey. Thread-safe.
+  /// @throws Error as read()
+  ColorImage read_color(std::size_t frame) const;
 
  private:
+  const SequenceFrame& files_of(std::size_t frame) const;
+  template <class ImageOf>
+  void require_rig_size(const ImageOf& image, const std::filesystem::path& file) const;
+
   double depth_units_per_metre_;
+  std::shared_ptr<const detail::Rectification> rectification_;  // of a stereo sequence
   std::vector<SequenceFrame> frames_;
   std::size_t frames_without_depth_ = 0;
   std::size_t unused_depth_images_ = 0;
+};
+
+/// Two cameras, rigidly mounted.
+struct StereoRig {
+  Camera left;
+  Camera right;
+  Rigid3 left_from_right;  ///< metres
 };
 
 /// Format of colour images.
@@ -74,7 +109,7 @@ enum class ColorFormat {
   kJpeg,  ///< quality 95: several times faster to write and smaller
 };
 
-/// Writes an RGB-D sequence in the layout of the TUM benchmark. Images are written by add(), the lists by
+/// Writes an RGB-D sequence in the layout of the TUM benchmark, or a stereo sequence in EuRoC's. Images are written by add(), the lists by
 /// finish(), so that an unfinished folder is not mistaken for a sequence. Destroying an unfinished writer
 /// removes what it wrote. A folder has one writer at a time. A killed process leaves a hidden file in it that lists
 /// what it wrote; the next writer deletes that and takes the folder over.
@@ -87,6 +122,10 @@ class SequenceWriter {
   explicit SequenceWriter(const std::filesystem::path& folder,
                           ColorFormat color_format = ColorFormat::kPng,
                           double depth_units_per_metre = SequenceOptions().depth_units_per_metre);
+  /// For a stereo sequence.
+  /// @throws Error as the other; (misuse) for cameras whose model EuRoC's layout does not have
+  SequenceWriter(const std::filesystem::path& folder, const StereoRig& rig,
+                 ColorFormat color_format);
   ~SequenceWriter();
   SequenceWriter(const SequenceWriter&) = delete;
   SequenceWriter& operator=(const SequenceWriter&) = delete;
@@ -96,6 +135,8 @@ class SequenceWriter {
   /// @throws Error (storage) naming the file; (misuse) for images of different sizes, or a timestamp that
   ///        was added before, to the microsecond
   void add(double timestamp_s, const ColorImage& color, const DepthImage& depth_m);
+  /// The same for the images of a stereo pair.
+  void add(double timestamp_s, const ColorImage& left, const ColorImage& right);
   /// Writes another file of the sequence into its folder, over one of that name. Not thread-safe.
   /// @throws Error (storage) naming the file
   void add_file(const std::string& name, const std::function<void(const ByteSink&)>& write);
@@ -106,13 +147,22 @@ class SequenceWriter {
   static bool is_unfinished(const std::filesystem::path& folder);
 
  private:
+  // The images of one camera.
+  struct Part {
+    std::filesystem::path images;  // folder, relative to the sequence's
+    std::filesystem::path list;
+  };
   struct Entry {
     double timestamp_s;
-    std::string time;
-    std::string color;
-    std::string depth;
+    std::string time;  // as the layout writes it
+    std::array<std::string, 2> files;
   };
 
+  SequenceWriter(const std::filesystem::path& folder, ColorFormat color_format,
+                 double depth_units_per_metre, std::array<Part, 2> parts);
+  bool is_stereo() const;
+  Entry add_entry(double timestamp_s, std::string_view second_ending);
+  void write_color(const std::string& file, const ColorImage& image) const;
   void take_folder();
   void delete_leftovers() const;
   void make_folder(const std::filesystem::path& folder);
@@ -120,6 +170,7 @@ class SequenceWriter {
   void discard();
 
   std::filesystem::path folder_;
+  std::array<Part, 2> parts_;
   ColorFormat color_format_;
   double depth_units_per_metre_;
   // The hidden file, locked until the sequence is finished.

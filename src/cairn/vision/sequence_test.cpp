@@ -44,7 +44,7 @@ std::vector<std::string> names_in(const std::filesystem::path& folder) {
   return names;
 }
 
-TEST(RgbdSequence, ComesBackAsWritten) {
+TEST(ImageSequence, ComesBackAsWritten) {
   const TemporaryFolder folder;
   DepthImage depth(32, 24, 1.5F);
   depth.at(0, 0) = 0.0F;
@@ -54,23 +54,23 @@ TEST(RgbdSequence, ComesBackAsWritten) {
   SequenceWriter writer(folder / "s");
   writer.add(1.0, kColor, depth);
   writer.add(1.04, kColor, depth);
-  EXPECT_THROW(RgbdSequence(folder / "s"), Error) << "unfinished";
+  EXPECT_THROW(ImageSequence(folder / "s"), Error) << "unfinished";
   writer.finish();
-  const RgbdSequence sequence(folder / "s");
+  const ImageSequence sequence(folder / "s");
   ASSERT_EQ(sequence.frames().size(), 2U);
   EXPECT_EQ(sequence.frames()[1].timestamp_s, 1.04);
   EXPECT_EQ(sequence.frames_without_depth(), 0U);
-  const RgbdSequence::Images images = sequence.read(1);
+  const ImageSequence::Images images = sequence.read(1);
   EXPECT_EQ(images.gray, GrayImage(32, 24, 50));
   EXPECT_FLOAT_EQ(images.depth.at(5, 5), 1.5F);
   for (std::size_t column = 0; column < 4; ++column) EXPECT_EQ(images.depth.at(column, 0), 0.0F);
 }
 
-TEST(RgbdSequence, CountsFramesWithoutDepthAndDepthWithoutFrames) {
+TEST(ImageSequence, CountsFramesWithoutDepthAndDepthWithoutFrames) {
   const TemporaryFolder folder;
   folder.write("rgb.txt", "1 a.png\n2 b.png\n3 c.png\n");
   folder.write("depth.txt", "2.001 d.png\n5 e.png\n");
-  const RgbdSequence sequence(folder.path());
+  const ImageSequence sequence(folder.path());
   EXPECT_EQ(sequence.frames().size(), 3U);
   EXPECT_EQ(sequence.frames_without_depth(), 2U);
   EXPECT_EQ(sequence.unused_depth_images(), 1U);
@@ -78,16 +78,15 @@ TEST(RgbdSequence, CountsFramesWithoutDepthAndDepthWithoutFrames) {
   EXPECT_TRUE(sequence.frames()[1].depth);
 }
 
-TEST(RgbdSequence, NamesWhatIsMissingOrDoesNotFit) {
+TEST(ImageSequence, NamesWhatIsMissingOrDoesNotFit) {
   const TemporaryFolder folder;
-  EXPECT_THAT(message_of([&] { RgbdSequence(folder / "none"); }), HasSubstr("none: not a folder"));
-  EXPECT_THAT(message_of([&] { RgbdSequence(folder.path()); }),
-              HasSubstr("rgb.txt: cannot be read"));
+  EXPECT_THAT(message_of([&] { ImageSequence(folder / "none"); }), HasSubstr("none: not a folder"));
+  EXPECT_THAT(message_of([&] { ImageSequence(folder.path()); }), HasSubstr("holds no sequence"));
   folder.write("rgb.txt", "1 a.png\n2 b.png\n");
   folder.write("depth.txt", "1 d.png\n");
   write_png(folder / "a.png", kColor);
   write_png(folder / "d.png", StoredDepthImage(10, 10, 1));
-  const RgbdSequence sequence(folder.path());
+  const ImageSequence sequence(folder.path());
   EXPECT_THAT(message_of([&] { sequence.read(0); }),
               HasSubstr("d.png: 10 x 10 pixels; expected 32 x 24"));
   EXPECT_THAT(message_of([&] { sequence.read(1); }), HasSubstr("b.png: cannot be read"));
@@ -112,7 +111,7 @@ TEST(SequenceWriter, ListsFramesInTheOrderOfTimeHoweverTheyCame) {
   for (int i = 8; i > 0; i -= 2) writer.add(i, kColor, depth);
   other.join();
   writer.finish();
-  const RgbdSequence sequence(folder / "s");
+  const ImageSequence sequence(folder / "s");
   ASSERT_EQ(sequence.frames().size(), 9U);
   for (std::size_t i = 0; i < 9; ++i) {
     EXPECT_EQ(sequence.frames()[i].timestamp_s, static_cast<double>(i + 1));
@@ -171,7 +170,7 @@ TEST(SequenceWriter, TakesOverWhatAKilledOneLeft) {
     writer.finish();
   }
   EXPECT_FALSE(SequenceWriter::is_unfinished(folder / "s"));
-  EXPECT_EQ(RgbdSequence(folder / "s").frames().size(), 1U);
+  EXPECT_EQ(ImageSequence(folder / "s").frames().size(), 1U);
   EXPECT_THAT(names_in(folder / "s"), UnorderedElementsAre("rgb", "depth", "rgb.txt", "depth.txt"));
   EXPECT_THAT(names_in(folder / "s/rgb"), UnorderedElementsAre("mine.png", "3.000000.png"));
   EXPECT_THAT(names_in(folder / "s/depth"), UnorderedElementsAre("3.000000.png"));
@@ -187,8 +186,8 @@ TEST(SequenceWriter, LeavesTheFolderOfAWriterAtWorkAlone) {
               HasSubstr("another process is writing it"));
   first.add(2.0, kColor, depth);
   first.finish();
-  EXPECT_EQ(RgbdSequence(folder / "s").frames().size(), 2U);
-  EXPECT_FALSE(RgbdSequence(folder / "s").read(0).gray.empty());
+  EXPECT_EQ(ImageSequence(folder / "s").frames().size(), 2U);
+  EXPECT_FALSE(ImageSequence(folder / "s").read(0).gray.empty());
 }
 
 TEST(SequenceWriter, RefusesATimeTwiceAndUnitsThatAreNone) {
@@ -209,16 +208,16 @@ TEST(SequenceWriter, RefusesImagesThatDoNotGoTogether) {
   EXPECT_THROW(writer.add(1.0, ColorImage(), DepthImage()), Error);
 }
 
-TEST(RgbdSequence, ReadsTheBenchmark) {
+TEST(ImageSequence, ReadsTheBenchmark) {
   const auto data = testing::real_data();
   if (!data) GTEST_SKIP() << testing::kNoRealData;
-  const RgbdSequence sequence(*data / "tum_fr1_desk");
+  const ImageSequence sequence(*data / "tum_fr1_desk");
   EXPECT_EQ(sequence.frames().size(), 613U);
   EXPECT_GT(sequence.frames_without_depth(), 17U) << "the first colour frames precede the depth";
   EXPECT_EQ(
       sequence.frames().size() - sequence.frames_without_depth() + sequence.unused_depth_images(),
       595U);
-  const RgbdSequence::Images images = sequence.read(300);
+  const ImageSequence::Images images = sequence.read(300);
   EXPECT_EQ(images.gray.width, 640U);
   EXPECT_EQ(images.gray.height, 480U);
   EXPECT_GT(std::count_if(images.depth.values.begin(), images.depth.values.end(),

@@ -180,13 +180,14 @@ Descriptor descriptor_of(const cv::Mat& rows, std::size_t i) {
 }  // namespace
 
 Features::Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
-                   std::vector<cv::Mat> pyramid, cv::Mat depth_m)
+                   std::vector<cv::Mat> pyramid, cv::Mat depth_m, std::vector<cv::Mat> right)
     : keypoints_(std::move(keypoints)),
       descriptors_(std::move(descriptors)),
       corners_(keypoints_.size()),
       pyramid_(std::move(pyramid)),
+      right_(std::move(right)),
       depth_m_(std::move(depth_m)),
-      has_depth_(!depth_m_.empty()),
+      has_depth_(!depth_m_.empty() || !right_.empty()),
       columns_(std::max(1, (pyramid_.front().cols + kCell - 1) / kCell)),
       rows_(std::max(1, (pyramid_.front().rows + kCell - 1) / kCell)) {
   fill_grid();
@@ -363,29 +364,44 @@ Eigen::Vector2d FeatureExtractor::depth_slope(const cv::Mat& depth_m, const Pixe
   return Eigen::Vector2d(sum_x / weight_x, sum_y / weight_y) / (step * center);
 }
 
-Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) const {
-  refuse_if(gray.type() != CV_8UC1 || gray.size() != size_, "image",
-            fmt::format("{} x {} pixels", gray.cols, gray.rows),
-            fmt::format("{} x {} of 8 bit, as the camera has", size_.width, size_.height));
-  refuse_if(!depth_m.empty() && (depth_m.type() != CV_32FC1 || depth_m.size() != size_),
-            "depth image", fmt::format("{} x {} pixels", depth_m.cols, depth_m.rows),
-            fmt::format("{} x {} of 32-bit float", size_.width, size_.height));
+// The image of the level before on this one.
+cv::Mat FeatureExtractor::on_level(const cv::Mat& finer, std::size_t level) const {
+  const cv::Size size(static_cast<int>(std::lround(size_.width / scales_[level])),
+                      static_cast<int>(std::lround(size_.height / scales_[level])));
+  cv::Mat coarser;
+  cv::resize(finer, coarser, size, 0.0, 0.0, cv::INTER_LINEAR);
+  return coarser;
+}
+
+void FeatureExtractor::check(const cv::Mat& gray, const cv::Mat& depth_m,
+                             const cv::Mat& right) const {
+  const auto refuse_unless = [&](const cv::Mat& image, int type, std::string_view name,
+                                 std::string_view expected) {
+    refuse_if(image.type() != type || image.size() != size_, name,
+              fmt::format("{} x {} pixels", image.cols, image.rows),
+              fmt::format("{} x {} of {}", size_.width, size_.height, expected));
+  };
+  refuse_unless(gray, CV_8UC1, "image", "8 bit, as the camera has");
+  if (!depth_m.empty()) refuse_unless(depth_m, CV_32FC1, "depth image", "32-bit float");
+  if (right.empty()) return;
+  refuse_unless(right, CV_8UC1, "right image", "8 bit");
+  refuse_if(!depth_m.empty(), "right image", "there is a depth image, too", "one of them");
+  refuse_if(!(options_.baseline_m > 0.0), "right image", "the baseline is not given",
+            "FeatureOptions.baseline_m");
+}
+
+Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m,
+                                   const cv::Mat& right) const {
+  check(gray, depth_m, right);
   double share = 0.0;  // corners go to the levels in proportion to their side lengths
   for (const double scale : scales_) share += 1.0 / scale;
 
   std::vector<Keypoint> keypoints;
   std::vector<Descriptor> descriptors;
   std::vector<cv::Mat> pyramid;
-  cv::Mat level_image = gray;
-  for (int level = 0; level < options_.levels; ++level) {
-    const double scale = scales_[static_cast<std::size_t>(level)];
-    if (level > 0) {
-      const cv::Size size(static_cast<int>(std::lround(size_.width / scale)),
-                          static_cast<int>(std::lround(size_.height / scale)));
-      cv::Mat smaller;
-      cv::resize(level_image, smaller, size, 0.0, 0.0, cv::INTER_LINEAR);
-      level_image = smaller;
-    }
+  for (std::size_t level = 0; level < scales_.size(); ++level) {
+    const double scale = scales_[level];
+    const cv::Mat level_image = level > 0 ? on_level(pyramid.back(), level) : gray;
     pyramid.push_back(level_image);
     const cv::Rect inner(kBorder, kBorder, level_image.cols - 2 * kBorder,
                          level_image.rows - 2 * kBorder);
@@ -414,13 +430,79 @@ Features FeatureExtractor::extract(const cv::Mat& gray, const cv::Mat& depth_m) 
       constexpr float kRadians = 0.01745329252F;
       keypoint.angle = corners[i].angle * kRadians;
       keypoint.octave = static_cast<std::uint8_t>(level);
-      keypoint.read_depth_m = depth_at(depth_m, keypoint.raw);
-      keypoint.depth_m = keypoint.read_depth_m;
       keypoints.push_back(keypoint);
       descriptors.push_back(descriptor_of(rows, i));
     }
   }
-  return {std::move(keypoints), std::move(descriptors), std::move(pyramid), depth_m};
+  std::vector<cv::Mat> of_right;
+  while (!right.empty() && of_right.size() < pyramid.size()) {
+    of_right.push_back(of_right.empty() ? right : on_level(of_right.back(), of_right.size()));
+  }
+  Features features(std::move(keypoints), std::move(descriptors), std::move(pyramid), depth_m,
+                    std::move(of_right));
+  for (Keypoint& keypoint : features.keypoints_) {
+    keypoint.read_depth_m = depth_at(features, keypoint.raw, keypoint.octave);
+    keypoint.depth_m = keypoint.read_depth_m;
+  }
+  if (!right.empty()) refuse_swapped(features);
+  return features;
+}
+
+// In pixels of the image.
+std::optional<Disparity> FeatureExtractor::disparity_at(const Features& features, const Pixel& raw,
+                                                        int octave,
+                                                        const DisparityRange& range) const {
+  const auto level = static_cast<std::size_t>(octave);
+  const cv::Mat& left = features.pyramid()[level];
+  const double scale = static_cast<double>(left.cols) / size_.width;
+  const Eigen::Vector2d at((raw.u + 0.5) * scale - 0.5,
+                           (raw.v + 0.5) * left.rows / size_.height - 0.5);
+  auto found = disparity(left, features.right()[level], at, range);
+  if (found) found->pixels /= scale;
+  return found;
+}
+
+DisparityRange FeatureExtractor::disparity_range(int octave) const {
+  // A nearer surface looks different to the two cameras.
+  constexpr double kNearest = 0.3;
+  const double nearest_m = std::max(kNearest, 2.0 * options_.baseline_m);
+  const double most = pinhole_.fx * options_.baseline_m / nearest_m;
+  return {1.0, most / scales_[static_cast<std::size_t>(octave)]};
+}
+
+float FeatureExtractor::depth_at(const Features& features, const Pixel& raw, int octave) const {
+  if (features.right().empty()) return depth_at(features.depth_m(), raw);
+  const auto found = disparity_at(features, raw, octave, disparity_range(octave));
+  return found ? static_cast<float>(pinhole_.fx * options_.baseline_m / found->pixels) : 0.0F;
+}
+
+Eigen::Vector2d FeatureExtractor::depth_slope(const Features& features, const Pixel& raw,
+                                              int octave) const {
+  if (features.right().empty()) {
+    return depth_slope(features.depth_m(), raw, 4.0 * scales_[static_cast<std::size_t>(octave)]);
+  }
+  const auto found = disparity_at(features, raw, octave, disparity_range(octave));
+  return found ? Eigen::Vector2d(-found->slope / found->pixels) : Eigen::Vector2d::Zero();
+}
+
+// The corners of a pair in the right order have positive disparities.
+void FeatureExtractor::refuse_swapped(const Features& features) const {
+  constexpr std::ptrdiff_t kEnough = 50;
+  const auto keypoints = features.keypoints();
+  const auto positive =
+      std::count_if(keypoints.begin(), keypoints.end(),
+                    [](const Keypoint& keypoint) { return keypoint.read_depth_m > 0.0F; });
+  if (positive >= kEnough) return;
+  const auto negative =
+      std::count_if(keypoints.begin(), keypoints.end(), [&](const Keypoint& keypoint) {
+        const DisparityRange range = disparity_range(keypoint.octave);
+        return disparity_at(features, keypoint.raw, keypoint.octave, {-range.most, -range.least})
+            .has_value();
+      });
+  reject_if(negative >= kEnough && negative > 4 * positive, "stereo pair",
+            fmt::format("{} of {} corners have a negative disparity, {} a positive one", negative,
+                        keypoints.size(), positive),
+            "the left image first: left and right are swapped");
 }
 
 std::vector<std::optional<Descriptor>> FeatureExtractor::describe_added(

@@ -16,6 +16,7 @@
 #include "cairn/map/camera.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/vision/detail/row_motion.hpp"
+#include "cairn/vision/detail/stereo_matching.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/odometry.hpp"
 
@@ -53,7 +54,7 @@ struct Keypoint {
   Pixel raw;                  ///< in the original image
   Eigen::Vector2f pixel;      ///< undistorted, and moved to where the middle row would have seen it
   float depth_m = 0.0F;       ///< along the optical axis, moved alike; 0 if unknown or ambiguous
-  float read_depth_m = 0.0F;  ///< the same as read from the depth image
+  float read_depth_m = 0.0F;  ///< the same as the depth image or the stereo pair has it
   float angle = 0.0F;         ///< of the patch, radians
   std::uint8_t octave = 0;
   PixelSource source = PixelSource::kCorner;
@@ -65,22 +66,25 @@ class Features {
   Features() = default;
   /// @param pyramid the image, from fine to coarse
   /// @param depth_m as for FeatureExtractor::extract
+  /// @param right   the right image of a stereo pair, as `pyramid`; or empty
   Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
-           std::vector<cv::Mat> pyramid, cv::Mat depth_m);
+           std::vector<cv::Mat> pyramid, cv::Mat depth_m, std::vector<cv::Mat> right = {});
 
   std::span<const Keypoint> keypoints() const { return keypoints_; }
   std::span<const Descriptor> descriptors() const { return descriptors_; }
   std::size_t size() const { return keypoints_.size(); }
   /// Number of corners; the keypoints after these were added.
   std::size_t corners() const { return corners_; }
-  /// Whether there was a depth image.
+  /// Whether there was a depth image or a right image.
   bool has_depth() const { return has_depth_; }
 
   /// The image, from fine to coarse; empty after it was dropped.
   std::span<const cv::Mat> pyramid() const { return pyramid_; }
+  std::span<const cv::Mat> right() const { return right_; }
   const cv::Mat& depth_m() const { return depth_m_; }
   void drop_images() {
     pyramid_.clear();
+    right_.clear();
     depth_m_.release();
   }
   void add(std::span<const Keypoint> keypoints, std::span<const Descriptor> descriptors);
@@ -132,6 +136,7 @@ class Features {
   std::vector<Descriptor> descriptors_;
   std::size_t corners_ = 0;
   std::vector<cv::Mat> pyramid_;
+  std::vector<cv::Mat> right_;
   cv::Mat depth_m_;
   bool has_depth_ = false;
   RowMotion row_motion_;
@@ -152,7 +157,10 @@ class FeatureExtractor {
   /// belong to either surface.
   /// @param gray 8 bit, of the camera's size
   /// @param depth_m 32-bit float of the same size, 0 if unknown; or empty
-  Features extract(const cv::Mat& gray, const cv::Mat& depth_m) const;
+  /// @param right   of a rectified stereo pair, 8 bit, of the same size; or empty. Excludes depth_m
+  /// @throws Error (misuse) for other images; (input) if most disparities are negative, so that left and right are
+  ///         swapped
+  Features extract(const cv::Mat& gray, const cv::Mat& depth_m, const cv::Mat& right = {}) const;
 
   /// Descriptors of what the image shows at the keypoints that were added to its corners; std::nullopt near its
   /// edges. The features must still have their images.
@@ -161,10 +169,15 @@ class FeatureExtractor {
   const Pinhole& pinhole() const { return pinhole_; }
   /// Pixel size of each pyramid level, in pixels of the image.
   const std::vector<double>& scales() const { return scales_; }
-  /// The depth of a corner; 0 if unknown or ambiguous.
+  /// Of a stereo pair; 0: depth images.
+  double baseline_m() const { return options_.baseline_m; }
+  /// The depth at a place of the image, of a corner on this octave; 0 if unknown or ambiguous.
+  float depth_at(const Features& features, const Pixel& raw, int octave) const;
+  /// Increase of the depth per pixel to the right and downwards around such a place, as a share of its depth; zero if
+  /// the surface is not known well enough.
+  Eigen::Vector2d depth_slope(const Features& features, const Pixel& raw, int octave) const;
+  /// The same from a depth image.
   float depth_at(const cv::Mat& depth_m, const Pixel& raw) const;
-  /// Increase of the depth per pixel to the right and downwards around a corner, as a share of its depth;
-  /// zero if the surface is not known well enough.
   /// @param reach in pixels: half the side of the window
   static Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach);
   /// Moves all keypoints and their depths to where the image's middle row would have seen them; those
@@ -177,6 +190,13 @@ class FeatureExtractor {
   Eigen::Vector2f undistorted(const Pixel& raw) const;
 
  private:
+  void check(const cv::Mat& gray, const cv::Mat& depth_m, const cv::Mat& right) const;
+  cv::Mat on_level(const cv::Mat& finer, std::size_t level) const;
+  DisparityRange disparity_range(int octave) const;
+  std::optional<Disparity> disparity_at(const Features& features, const Pixel& raw, int octave,
+                                        const DisparityRange& range) const;
+  void refuse_swapped(const Features& features) const;
+
   FeatureOptions options_;
   cv::Size size_;
   Pinhole pinhole_;

@@ -45,7 +45,7 @@ KeyframeMap::KeyframeMap(const Camera& camera, const FeatureOptions& features,
       graph_(sensor_) {}
 
 SensorModel KeyframeMap::sensor_with(const SensorNoise& noise) const {
-  return {noise, extractor_.pinhole(), extractor_.scales()};
+  return {noise, extractor_.pinhole(), extractor_.scales(), extractor_.baseline_m()};
 }
 
 ExpectedLandmarks KeyframeMap::expected_in(const TrackedFrame& frame) const {
@@ -209,11 +209,12 @@ std::vector<LandmarkMatch> KeyframeMap::find_without_corners(
     keypoint.pixel.setZero();  // corrected() sets it, which GCC does not see
     keypoint.octave = static_cast<std::uint8_t>(found->octave);
     keypoint.source = PixelSource::kPatch;
-    keypoint.read_depth_m = extractor_.depth_at(frame.features.depth_m(), found->raw);
+    keypoint.read_depth_m = extractor_.depth_at(frame.features, found->raw, found->octave);
     keypoint = extractor_.corrected(frame.features, keypoint);
     // The depth is that of another surface.
-    if (keypoint.depth_m > 0.0F && std::abs(keypoint.depth_m - x_in_camera.z()) >
-                                       5.0 * sensor_.sigma_depth_m(keypoint.depth_m)) {
+    if (keypoint.depth_m > 0.0F &&
+        std::abs(keypoint.depth_m - x_in_camera.z()) >
+            5.0 * sensor_.sigma_depth_m(keypoint.depth_m, keypoint.octave)) {
       continue;
     }
     const auto number = static_cast<std::uint32_t>(frame.features.size() + keypoints.size());
@@ -234,10 +235,9 @@ void KeyframeMap::cut_patch(const KeypointReference& reference) {
                                (keypoint.raw.v + 0.5) * image.rows / image_.height - 0.5);
   const LandmarkIndex landmark = *keyframe.landmarks[reference.keypoint];
   if (const auto patch = ReferencePatch::cut(image, center)) {
-    graph_.landmark(landmark).appearance =
-        LandmarkAppearance{reference, *patch,
-                           FeatureExtractor::depth_slope(keyframe.features.depth_m(), keypoint.raw,
-                                                         4.0 * sensor_.scale(keypoint.octave))};
+    graph_.landmark(landmark).appearance = LandmarkAppearance{
+        reference, *patch,
+        extractor_.depth_slope(keyframe.features, keypoint.raw, keypoint.octave)};
     keyframe.features.set_source(reference.keypoint, PixelSource::kReference);
   }
 }

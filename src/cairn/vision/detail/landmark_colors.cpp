@@ -36,18 +36,18 @@ std::uint8_t median(std::vector<Bgr>& samples, std::size_t channel) {
   return (*middle)[channel];
 }
 
-std::optional<std::filesystem::path> image_at(const RgbdSequence& sequence, double timestamp_s) {
+std::optional<std::size_t> frame_at(const ImageSequence& sequence, double timestamp_s) {
   const auto frames = sequence.frames();
   const auto found = std::lower_bound(
       frames.begin(), frames.end(), timestamp_s,
       [](const SequenceFrame& frame, double time) { return frame.timestamp_s < time; });
   if (found == frames.end() || found->timestamp_s != timestamp_s) return std::nullopt;
-  return found->color;
+  return static_cast<std::size_t>(found - frames.begin());
 }
 
 }  // namespace
 
-LandmarkMap with_colors(LandmarkMap map, const RgbdSequence& sequence, const Executor& executor,
+LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence, const Executor& executor,
                         const std::stop_token& stop) {
   const ObservationTable& observations = map.observations();
   if (observations.frames.empty() || map.frames().timestamps_s.empty()) return map;
@@ -59,10 +59,10 @@ LandmarkMap with_colors(LandmarkMap map, const RgbdSequence& sequence, const Exe
   executor.for_blocks(map.frame_count(), 1, [&](std::size_t frame, std::size_t) {
     if (stop.stop_requested()) throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
     const auto time = map.frames().timestamps_s[frame];
-    const auto path = time ? image_at(sequence, *time) : std::nullopt;
-    if (!path) return;
+    const auto in_sequence = time ? frame_at(sequence, *time) : std::nullopt;
+    if (!in_sequence) return;
     try {
-      const ColorImage image = read_color_image(*path);
+      const ColorImage image = sequence.read_color(*in_sequence);
       for (const std::size_t i : seen_by[frame]) {
         samples[i] = sampled(image, observations.pixels[i]);
       }

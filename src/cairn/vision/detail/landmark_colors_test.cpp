@@ -65,7 +65,7 @@ TEST(LandmarkColors, AreTheMedianOfTheImagesThatObserved) {
   const TemporaryFolder folder;
   write_sequence(folder / "s");
   const LandmarkMap before = seen_map();
-  const LandmarkMap map = with_colors(before, RgbdSequence(folder / "s"), Executor(2), {});
+  const LandmarkMap map = with_colors(before, ImageSequence(folder / "s"), Executor(2), {});
   const auto& colors = map.landmarks().colors;
   ASSERT_EQ(colors.size(), 4U);
   EXPECT_EQ(colors[0], (Color{110, 20, 10}));
@@ -79,7 +79,7 @@ TEST(LandmarkColors, AreTheMedianOfTheImagesThatObserved) {
 TEST(LandmarkColors, AreUnknownWhereNoImageCanBeRead) {
   const TemporaryFolder folder;
   write_sequence(folder / "s");
-  const RgbdSequence sequence(folder / "s");
+  const ImageSequence sequence(folder / "s");
   std::filesystem::remove(sequence.frames()[2].color);
   const LandmarkMap map = with_colors(seen_map(), sequence, Executor(2), {});
   EXPECT_EQ(map.landmarks().colors[2], std::nullopt);

@@ -58,6 +58,9 @@ SensorNoise estimated_noise(const LandmarkGraph& graph) {
   const double depth_factor = factor(depth, kMedianOfOne);
   noise.depth_floor_m *= depth_factor;
   noise.depth_quadratic *= depth_factor;
+  // Still less do they show what a window's edges and slant do to its disparity.
+  constexpr double kLeastOfDisparity = 0.5;
+  noise.disparity *= std::max(kLeastOfDisparity, depth_factor);
   return noise;
 }
 

@@ -24,7 +24,7 @@ PointMatch match_of(const Rigid3& world_from_camera, const Eigen::Vector3d& x_in
   PointMatch match;
   match.x_in_world = world_from_camera * x_in_camera;
   match.measured.sigma_pixel = 0.9;
-  match.measured.sigma_depth_m = testing::test_sensor().sigma_depth_m(x_in_camera.z());
+  match.measured.sigma_depth_m = testing::test_sensor().sigma_depth_m(x_in_camera.z(), 0);
   const Eigen::Vector2d off(random.normal(), random.normal());
   match.measured.pixel = kTestPinhole.project(x_in_camera) + noise * 0.9 * off;
   match.measured.depth_m = x_in_camera.z() + noise * match.measured.sigma_depth_m * random.normal();

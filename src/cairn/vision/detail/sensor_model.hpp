@@ -13,13 +13,14 @@
 
 namespace cairn::detail {
 
-/// A pinhole camera's measurement of a point: its pixel and, if `sigma_depth` is finite, its depth along
-/// the optical axis.
+/// A pinhole camera's measurement of a point: its pixel and, if measured, its depth along the optical axis.
 struct PointMeasurement {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  ///< undistorted
   double depth_m = 0.0;                             ///< 0: not measured
   double sigma_pixel = 1.0;
   double sigma_depth_m = 1.0;
+  /// The error is normal in the inverse of the depth, as a disparity is; else in the depth.
+  bool inverse_depth = false;
 
   bool has_depth() const { return depth_m > 0.0; }
 };
@@ -48,8 +49,9 @@ inline PointResidual point_residual(const Pinhole& pinhole, const PointMeasureme
   residual.by_x_in_camera.row(0) << fx, 0.0, -fx * x_in_camera.x() * inverse;
   residual.by_x_in_camera.row(1) << 0.0, fy, -fy * x_in_camera.y() * inverse;
   if (measured.has_depth()) {
-    residual.value.z() = (x_in_camera.z() - measured.depth_m) / measured.sigma_depth_m;
-    residual.by_x_in_camera(2, 2) = 1.0 / measured.sigma_depth_m;
+    const double share = measured.inverse_depth ? measured.depth_m * inverse : 1.0;
+    residual.value.z() = (x_in_camera.z() - measured.depth_m) * share / measured.sigma_depth_m;
+    residual.by_x_in_camera(2, 2) = share * share / measured.sigma_depth_m;
   }
   return residual;
 }
@@ -70,8 +72,13 @@ inline double huber_weight(double squared, double quadratic_up_to) {
 class SensorModel {
  public:
   /// @throws Error (misuse) naming the field of the noise
-  SensorModel(const SensorNoise& noise, const Pinhole& pinhole, std::vector<double> octave_scales)
-      : noise_(noise), pinhole_(pinhole), octave_scales_(std::move(octave_scales)) {
+  /// @param baseline_m of a stereo pair; 0: depth images
+  SensorModel(const SensorNoise& noise, const Pinhole& pinhole, std::vector<double> octave_scales,
+              double baseline_m = 0.0)
+      : noise_(noise),
+        pinhole_(pinhole),
+        octave_scales_(std::move(octave_scales)),
+        baseline_m_(baseline_m) {
     noise_.validate();
   }
 
@@ -91,20 +98,26 @@ class SensorModel {
                                                                        : kReference;
     return of_octave * scale(keypoint.octave);
   }
-  double sigma_depth_m(double depth_m) const {
+  /// @param octave on which the disparity of a stereo pair was measured
+  double sigma_depth_m(double depth_m, int octave) const {
+    if (baseline_m_ > 0.0) {
+      return depth_m * depth_m / (pinhole_.fx * baseline_m_) * noise_.disparity * scale(octave);
+    }
     return noise_.depth_floor_m + noise_.depth_quadratic * depth_m * depth_m;
   }
   PointMeasurement measurement(const Keypoint& keypoint) const {
     return {.pixel = keypoint.pixel.cast<double>(),
             .depth_m = keypoint.depth_m,
             .sigma_pixel = sigma_pixel(keypoint),
-            .sigma_depth_m = sigma_depth_m(keypoint.depth_m)};
+            .sigma_depth_m = sigma_depth_m(keypoint.depth_m, keypoint.octave),
+            .inverse_depth = baseline_m_ > 0.0};
   }
 
  private:
   SensorNoise noise_;
   Pinhole pinhole_;
   std::vector<double> octave_scales_;
+  double baseline_m_;
 };
 
 }  // namespace cairn::detail

@@ -33,14 +33,17 @@ NumberedEntry parse_entry(std::string_view line, const std::string& source, std:
   const auto timestamp = parse_number(time);
   reject_if(!timestamp, place + ": field 1 (timestamp)", printable(time) + " is not a number",
             "seconds");
-  const std::string file(trimmed(line.substr(time.size())));
-  reject_if(file.empty(), place + ": field 2 (file)", "missing", "timestamp file");
-  reject_if(!stays_inside(file), place + ": field 2 (file)",
-            printable(file) + " leaves the sequence's folder", "a path inside it");
-  return {{*timestamp, file}, number};
+  return {{*timestamp, file_inside(std::string(trimmed(line.substr(time.size()))), place)}, number};
 }
 
 }  // namespace
+
+std::string file_inside(std::string file, const std::string& place) {
+  reject_if(file.empty(), place + ": field 2 (file)", "missing", "timestamp file");
+  reject_if(!stays_inside(file), place + ": field 2 (file)",
+            printable(file) + " leaves the sequence's folder", "a path inside it");
+  return file;
+}
 
 std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) {
   std::vector<NumberedEntry> entries;
@@ -69,21 +72,20 @@ std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log) 
   return result;
 }
 
-std::vector<ImagePair> associate_images(const std::vector<ImageEntry>& color,
-                                        const std::vector<ImageEntry>& depth,
-                                        double max_difference_s) {
+std::vector<std::optional<std::size_t>> associate_images(const std::vector<ImageEntry>& images,
+                                                         const std::vector<ImageEntry>& partners,
+                                                         double max_difference_s) {
   const auto times = [](const std::vector<ImageEntry>& entries) {
     std::vector<double> result;
     result.reserve(entries.size());
     for (const ImageEntry& entry : entries) result.push_back(entry.timestamp_s);
     return result;
   };
-  std::vector<ImagePair> pairs(color.size());
-  for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i].color = i;
-  for (const auto& [i, j] : detail::associate_times(times(color), times(depth), max_difference_s)) {
-    pairs[i].depth = j;
+  std::vector<std::optional<std::size_t>> partner_of(images.size());
+  for (const auto& [i, j] : associate_times(times(images), times(partners), max_difference_s)) {
+    partner_of[i] = j;
   }
-  return pairs;
+  return partner_of;
 }
 
 }  // namespace cairn::detail

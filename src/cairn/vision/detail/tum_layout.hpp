@@ -25,16 +25,14 @@ struct ImageEntry {
 ///         the sequence's folder, a duplicate timestamp, or a list without entries
 std::vector<ImageEntry> read_image_list(ByteSource& source, const LogSink& log = {});
 
-/// A colour image and its depth image, as indices into their lists.
-struct ImagePair {
-  std::size_t color = 0;
-  std::optional<std::size_t> depth;  ///< std::nullopt if no depth image is close enough in time
-};
+/// The file name of a list's line.
+/// @throws Error (input) naming the place if it is empty or leaves the sequence's folder
+std::string file_inside(std::string file, const std::string& place);
 
-/// Pairs colour images with depth images one to one, closest in time first, if less than `max_difference_s`
-/// apart. Returns all colour images, in order.
-std::vector<ImagePair> associate_images(const std::vector<ImageEntry>& color,
-                                        const std::vector<ImageEntry>& depth,
-                                        double max_difference_s);
+/// Pairs images with those of another camera one to one, closest in time first, if less than `max_difference_s` apart.
+/// Returns the partner of each image, as an index; std::nullopt if none is close enough in time.
+std::vector<std::optional<std::size_t>> associate_images(const std::vector<ImageEntry>& images,
+                                                         const std::vector<ImageEntry>& partners,
+                                                         double max_difference_s);
 
 }  // namespace cairn::detail

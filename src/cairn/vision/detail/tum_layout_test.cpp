@@ -33,10 +33,9 @@ std::vector<ImageEntry> at(const std::vector<double>& times) {
   return entries;
 }
 
-std::vector<int> depth_of(const std::vector<ImagePair>& pairs) {
+std::vector<int> depth_of(const std::vector<std::optional<std::size_t>>& pairs) {
   std::vector<int> result;
-  for (const ImagePair& pair : pairs)
-    result.push_back(pair.depth ? static_cast<int>(*pair.depth) : -1);
+  for (const auto& depth : pairs) result.push_back(depth ? static_cast<int>(*depth) : -1);
   return result;
 }
 

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/core/log.hpp"
+#include "cairn/vision/detail/rectification.hpp"
+#include "cairn/vision/detail/tum_layout.hpp"
+
+namespace cairn::detail {
+
+/// The images of a recorded sequence, each list in the order of time.
+struct SequenceLists {
+  std::vector<ImageEntry> images;     ///< in colour, or of the left camera
+  std::vector<ImageEntry> partners;   ///< of depth, or of the right camera
+  std::optional<StereoRig> rig;       ///< of a stereo sequence
+  std::filesystem::path calibration;  ///< the file of the rig
+};
+
+/// A camera as a sensor.yaml of EuRoC's layout.
+/// @throws Error (misuse) for a camera whose model such a file cannot hold
+std::string euroc_camera_text(const Camera& camera, const Rigid3& body_from_camera);
+
+/// Whether a folder has a file or folder of any layout, so that it is worth to say what it lacks.
+bool has_sequence_files(const std::filesystem::path& folder);
+
+/// Reads the lists and the calibration of a sequence, in the first of the layouts whose files are there: TUM RGB-D,
+/// KITTI odometry (grey or colour pair), EuRoC.
+/// @throws Error (input) naming file, line and field of what cannot be read; for a folder in none of the layouts, what
+///         each of them wants
+SequenceLists read_sequence_lists(const std::filesystem::path& folder, const LogSink& log);
+
+}  // namespace cairn::detail
