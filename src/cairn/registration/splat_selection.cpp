@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include <Eigen/Core>
 
 #include "cairn/core/statistics.hpp"
-#include "cairn/geometry/covariance.hpp"
 #include "cairn/map/splats.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
@@ -59,10 +59,12 @@ Neighbourhoods compared_with_neighbours(const LandmarkTable& landmarks,
   const BatchTree tree(points);
   BatchTree::Batch batch = tree.batch(kRank + 1);  // the point itself is the first
   batch.for_each(points, Executor(1), [&](std::size_t i, const auto& nearest) {
-    result.distances[rows[i]] = std::sqrt(nearest.squared_distance(kRank));
+    result.distances[rows[i]] = std::sqrt(nearest.squared_distance(nearest.size() - 1));
     if (landmarks.colors.empty()) return;
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (std::size_t k = 1; k <= kRank; ++k) mean += color_of(nearest.index(k)) / double{kRank};
+    for (std::size_t k = 1; k < nearest.size(); ++k) {
+      mean += color_of(nearest.index(k)) / static_cast<double>(kRank);
+    }
     result.contrasts[rows[i]] = (color_of(i) - mean).norm();
   });
   return result;
@@ -97,7 +99,11 @@ std::optional<SplatSelection> selected_splats(const LandmarkMap& map) {
   selection.transparent = map.landmark_count() - rows.size();
   const auto& positions = landmarks.positions;
   const auto longest_axis = [&](std::uint32_t row) {
-    return std::sqrt(spectral_norm(landmarks.covariances[row]));
+    double longest = -std::numeric_limits<double>::infinity();
+    for (const std::size_t scale : columns->log_scales) {
+      longest = std::max(longest, landmarks.columns[scale].values[row]);
+    }
+    return std::exp(longest);
   };
   selection.large = drop_outliers(rows, measured(rows, longest_axis));
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();

@@ -61,6 +61,30 @@ TEST(SelectedSplats, AreOpaqueSmallNearAndAmongOthers) {
   EXPECT_EQ(landmarks_to_align(map), selection->kept);
 }
 
+TEST(SelectedSplats, AreThoseThatDifferFromTheirNeighboursIfThereAreMany) {
+  constexpr std::size_t kAlike = 100;
+  LandmarkMap map = testing::random_splats(kMostSplatLandmarks + kAlike, 0, 3);
+  for (const char* const name : {"opacity", "scale_0", "scale_1", "scale_2"}) {
+    map = with_column(map, name, std::vector<double>(map.landmark_count(), 1.0));
+  }
+  MapTables tables = std::move(map).tables();
+  LandmarkTable& landmarks = tables.landmarks;
+  Random random(4);
+  for (std::size_t i = 0; i < landmarks.positions.size(); ++i) {
+    landmarks.positions[i] = {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+  }
+  set_splat_looks(*splat_columns(landmarks.columns), landmarks);
+  // The first are in one place, and of one colour.
+  for (std::size_t i = 0; i < kAlike; ++i) {
+    landmarks.positions[i] *= 0.01;
+    landmarks.colors[i] = Color{10, 20, 30};
+  }
+  const auto selection = selected_splats(LandmarkMap(std::move(tables)));
+  EXPECT_EQ(selection->plain, kAlike);
+  ASSERT_EQ(selection->kept.size(), kMostSplatLandmarks);
+  EXPECT_EQ(selection->kept.front(), LandmarkIndex{kAlike});
+}
+
 TEST(SelectedSplats, DoNotDependOnTheFrame) {
   const LandmarkMap map = splats_with_others();
   const Similarity3 motion(7.0, Rigid3::from_roll_pitch_yaw({0, 0, 0}, 0.0, 0.0, std::acos(0.0)));

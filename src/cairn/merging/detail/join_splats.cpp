@@ -217,6 +217,8 @@ bool are_splats(std::span<const PlacedMap> maps) {
       move_columns(none, Similarity3(2.0, Rigid3()), placed.name);
       continue;
     }
+    reject_if(placed.map->frame_count() > 0, placed.name,
+              "has keyframes beside its Gaussian splats", "splats alone");
     reject_if(layout->log_scales.size() != first->log_scales.size() ||
                   layout->base_color.has_value() != first->base_color.has_value(),
               placed.name, "its splats have other properties than those of " + maps.front().name,
