@@ -42,7 +42,7 @@ LandmarkMap splats_with_others() {
     column("opacity")[kGood + k] = -0.1;
     column("scale_1")[kGood + 2 + k] = -3.0 + std::log(5.1);
     landmarks.positions[kGood + 4 + k] = {30.0 + static_cast<double>(k), 0.0, 0.0};
-    landmarks.positions[kGood + 6 + k] = {0.0, 4.0, k == 0 ? 0.0 : 3.0};
+    landmarks.positions[kGood + 6 + k] = {0.0, 4.0, k == 0 ? 0.0 : 1.5};
   }
   set_splat_looks(*splat_columns(landmarks.columns), landmarks);
   return LandmarkMap(std::move(tables));
