@@ -24,6 +24,7 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/icp.hpp"
+#include "cairn/registration/point_set.hpp"
 
 #include "commands.hpp"
 #include "support/alignments.hpp"
@@ -353,7 +354,6 @@ struct AlignArguments {
 
     LoadedMap source_map = load_map(source, common);
     LoadedMap target_map = load_map(target, common);
-    if (!output.empty()) require_no_splats(source_map.map, source);  // before the long work
     complete_options();
     with_scale =
         scale_range(options, source_map.map.info().length_unit, target_map.map.info().length_unit)
@@ -367,7 +367,7 @@ struct AlignArguments {
     for (LoadedMap* const loaded : {&source_map, &target_map}) {
       if (given_camera) loaded->map = with_camera(loaded->map, *given_camera);
       loaded->description["kept_landmarks"] =
-          landmarks_observed(loaded->map, options.points.min_observations).size();
+          landmarks_to_align(loaded->map, options.points).size();
     }
     if (has_initial()) options.prior = PosePrior{.target_from_source = guess};
     if (gravity) options.gravity = gravity_prior(source_map.map, target_map.map);

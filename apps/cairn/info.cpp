@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -19,6 +21,9 @@
 #include "cairn/formats/pose_graph_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/splats.hpp"
+#include "cairn/registration/point_set.hpp"
+#include "cairn/registration/splat_selection.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -33,8 +38,7 @@ Json quantiles_json(const std::optional<ErrorStatistics>& q) {
   return {{"lowest", q->lowest}, {"median", q->median}, {"mean", q->mean}, {"highest", q->highest}};
 }
 
-// What the verb finds out beside what the map itself says. `kept`: with two or more observations,
-// or all of a map without observations.
+// What the verb finds out beside what the map itself says. `kept`: the landmarks that would take part in an alignment.
 struct Findings {
   std::vector<LandmarkIndex> kept;
   std::optional<std::size_t> unobserved;
@@ -42,6 +46,7 @@ struct Findings {
   Eigen::AlignedBox3d extent;                        // of kept, or of all if none is
   std::optional<ErrorStatistics> reprojection_px;
   ConventionCheck conventions;
+  std::optional<SplatSelection> splats;
   std::vector<std::pair<std::string, std::optional<ErrorStatistics>>> confidences;  // of kept
   std::vector<std::string> warnings;
 };
@@ -60,7 +65,8 @@ std::optional<ErrorStatistics> confidence_quantiles(const LandmarkMap& map, cons
 
 Findings examine(const LandmarkMap& map) {
   Findings findings;
-  findings.kept = landmarks_observed(map, 2);
+  findings.kept = landmarks_to_align(map);
+  findings.splats = selected_splats(map);
   std::vector<double> counts;
   for (const LandmarkIndex landmark :
        findings.kept.empty() ? landmarks_observed(map, 0) : findings.kept) {
@@ -83,6 +89,17 @@ Findings examine(const LandmarkMap& map) {
   return findings;
 }
 
+bool is_of_splats(std::string_view column) {
+  constexpr std::array<std::string_view, 5> kStems = {"f_dc_", "f_rest_", "opacity", "scale_",
+                                                      "rot_"};
+  return std::any_of(kStems.begin(), kStems.end(),
+                     [&](std::string_view stem) { return column.starts_with(stem); });
+}
+
+double median_opacity(const LandmarkMap& map, const SplatColumns& columns) {
+  return map.landmark_count() == 0 ? 0.0 : upper_median(splat_opacities(columns, map.landmarks()));
+}
+
 std::string place_text(const GeodeticPosition& place) {
   return fmt::format("latitude {:.7f}, longitude {:.7f}, altitude {:.2f} m", place.latitude_deg,
                      place.longitude_deg, place.altitude_m);
@@ -100,6 +117,7 @@ class Properties {
   Properties(const LandmarkMap& map, const Findings& findings) : map_(map), findings_(findings) {
     add_counts();
     add_columns();
+    add_splats();
     add_frame_of_reference();
     add_poses();
     add_origin();
@@ -165,9 +183,22 @@ class Properties {
     }
     std::string columns;
     for (const NamedColumn& column : map_.landmarks().columns) {
+      if (findings_.splats && is_of_splats(column.name)) continue;
       columns += (columns.empty() ? "" : ", ") + column.name;
     }
     if (!columns.empty()) add("columns", columns);
+  }
+
+  void add_splats() {
+    if (!findings_.splats) return;
+    const SplatSelection& splats = *findings_.splats;
+    const SplatColumns columns = *splat_columns(map_.landmarks().columns);
+    add("Gaussian splats", fmt::format("of degree {}, median opacity {:.2f}", columns.degree,
+                                       median_opacity(map_, columns)));
+    add("serve as landmarks",
+        fmt::format("{}; left out: {} transparent, {} large, {} far away, {} floaters, {} plain",
+                    splats.kept.size(), splats.transparent, splats.large, splats.distant,
+                    splats.isolated, splats.plain));
   }
 
   void add_frame_of_reference() {
@@ -308,6 +339,15 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
     json["pose_uncertainty"]["greatest"]["frame"] = poses->worst.value;
     json["pose_uncertainty"]["greatest_step"]["frames"] = {poses->step.first.value,
                                                            poses->step.second.value};
+  }
+  json["splats"] = nullptr;
+  if (const auto& splats = findings.splats) {
+    const SplatColumns columns = *splat_columns(map.landmarks().columns);
+    json["splats"] = {
+        {"degree", columns.degree},         {"median_opacity", median_opacity(map, columns)},
+        {"landmarks", splats->kept.size()}, {"transparent", splats->transparent},
+        {"large", splats->large},           {"distant", splats->distant},
+        {"isolated", splats->isolated},     {"plain", splats->plain}};
   }
   json["uuid"] = cli::to_json(map.info().uuid);
   json["provenance"] = map.info().provenance;

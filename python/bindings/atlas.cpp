@@ -637,6 +637,7 @@ void bind_reading(AtlasClass& atlas) {
                 "frame          name of a map of the group; None: the largest group\n"
                 "at             id of a commit: use the atlas as it was after it\n"
                 "straighten     straighten maps that others show to be bent\n"
+                "thin_splats    leave out duplicates of Gaussian splats of lower opacity\n"
                 "adjust         optimise all keyframes and landmarks (bundle adjustment); warns if "
                 "the maps\n"
                 "               lack the data"))

@@ -165,6 +165,7 @@ void bind_merging(py::module_& module) {
            "candidates         number of other maps to try each map with, the likeliest; 0: all.\n"
            "                   None: all of up to 32 maps, otherwise 10\n"
            "straighten         straighten maps that others show to be bent\n"
+           "thin_splats        leave out duplicates of Gaussian splats of lower opacity\n"
            "adjust             optimise all keyframes and landmarks (bundle adjustment); warns if "
            "the\n"
            "                   maps lack the data\n"

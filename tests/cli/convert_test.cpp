@@ -12,6 +12,7 @@
 
 #include "cli.hpp"
 #include "support/mcap_recording.hpp"
+#include "support/splats.hpp"
 
 namespace cairn::testing {
 namespace {
@@ -146,7 +147,26 @@ TEST_F(ConvertTest, ApplyMovesWhatBelongsToAMap) {
                  {"none.json"});
 }
 
-TEST_F(ConvertTest, SplatsAreNotTurnedHoweverItIsAsked) {
+TEST_F(ConvertTest, SplatsTurnAlikeHoweverItIsAsked) {
+  const LandmarkMap splats = random_splats(20, 2, 1);
+  write_map(splats, path("splat.ply"));
+  write("by.txt", "0 -1 0 0\n1 0 0 0\n0 0 1 0\n0 0 0 1\n");
+  answer({"convert", "splat.ply", "one.ply", "--transform", "0 0 0 0 0 90"});
+  answer({"convert", "splat.ply", "two.ply", "--transform-matrix", "by.txt"});
+  answer({"convert", "splat.ply", "three.ply", "--apply", "by.txt"});
+  const LandmarkMap one = read_map(path("one.ply"));
+  EXPECT_NE(one.column("f_rest_0")->values, splats.column("f_rest_0")->values);
+  for (const char* const other : {"two.ply", "three.ply"}) {
+    const LandmarkMap map = read_map(path(other));
+    for (const NamedColumn& column : one.landmarks().columns) {
+      for (std::size_t i = 0; i < column.values.size(); ++i) {
+        EXPECT_NEAR(map.column(column.name)->values[i], column.values[i], 1e-6) << column.name;
+      }
+    }
+  }
+}
+
+TEST_F(ConvertTest, SplatsInNoKnownLayoutAreNotTurned) {
   const std::string header =
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float "
       "z\nproperty float f_dc_0\nproperty float rot_0\nend_header\n";
@@ -161,8 +181,6 @@ TEST_F(ConvertTest, SplatsAreNotTurnedHoweverItIsAsked) {
       EXPECT_FALSE(std::filesystem::exists(path(name)));
     }
   }
-  expect_refusal({"align", "splat.ply", "splat.ply", "-o", "out.ply"}, kBadInput,
-                 {"splat.ply", "has Gaussian splats"});
   write("other.ply", header + "1 2 3 4 5\n");
   expect_refusal({"merge", "splat.ply", "other.ply", "-o", "out.ply"}, kBadInput,
                  {"splat", "has Gaussian splats"});

@@ -2,9 +2,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
+
+#include "cairn/map/operations.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
+#include "support/splats.hpp"
 
 namespace cairn::testing {
 namespace {
@@ -37,6 +41,27 @@ TEST_F(MergeTest, MakesOneMapOfTwo) {
             pair.source.observation_count() + pair.target.observation_count());
   EXPECT_LT(map.landmark_count(), 1400U);
   EXPECT_EQ(map.frames().translations[0], pair.target.frames().translations[0]);
+}
+
+TEST_F(MergeTest, JoinsSplatsAndThinsThemUnlessToldNotTo) {
+  LandmarkMap splats = random_splats(500, 1, 1);
+  splats = with_column(splats, "opacity", std::vector<double>(500, 2.0));
+  write_map(splats, path("a.ply"));
+  const Similarity3 moved(3.0, Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.3, 0.2, 2.0));
+  write_map(transformed(splats, moved), path("b.ply"));
+  answer({"merge", "a.ply", "b.ply", "-o", "both.ply"});
+  answer({"merge", "a.ply", "b.ply", "-o", "all.ply", "--no-thin-splats"});
+  const LandmarkMap both = read_map(path("both.ply"));
+  const LandmarkMap all = read_map(path("all.ply"));
+  EXPECT_EQ(both.landmark_count(), 500U);
+  ASSERT_EQ(all.landmark_count(), 1000U);
+  EXPECT_EQ(all.landmarks().columns.size(), splats.landmarks().columns.size());
+  for (std::size_t i = 0; i < 500; ++i) {
+    EXPECT_EQ(all.landmarks().positions[i], splats.landmarks().positions[i]);
+    EXPECT_LT((all.landmarks().positions[500 + i] - splats.landmarks().positions[i]).norm(), 1e-4);
+    EXPECT_NEAR(all.column("f_rest_1")->values[500 + i], splats.column("f_rest_1")->values[i],
+                1e-4);
+  }
 }
 
 TEST_F(MergeTest, JsonHasEveryMapAndEveryPair) {

@@ -10,7 +10,7 @@
 
 namespace cairn::cli {
 
-/// --straighten, --adjust, their negations and --refine-intrinsics, of a command that writes a merged map.
+/// --straighten, --thin-splats, --adjust, their negations and --refine-intrinsics, of a command that writes a merged map.
 void add_adjustment_to(const Command& command, FusionOptions& options);
 
 /// null where the map was not straightened

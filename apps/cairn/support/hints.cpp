@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/statistics.hpp"
+#include "cairn/map/splats.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -111,7 +112,12 @@ class Hints {
       if (kept >= kFewLandmarks) continue;
       few = true;
       const std::size_t left_out = map->landmark_count() - kept;
-      if (map->landmark_count() >= kFewLandmarks) {
+      if (splat_columns(map->landmarks().columns)) {
+        add(
+            fmt::format("Use a {} with more opaque and small splats: {} of {} serve as landmarks; "
+                        "'cairn info' says why.",
+                        role, kept, map->landmark_count()));
+      } else if (map->landmark_count() >= kFewLandmarks) {
         add(
             fmt::format("Lower --min-observations, now {}: it leaves out {} of the {}'s {} "
                         "landmarks.",
@@ -189,12 +195,17 @@ class Hints {
   void about_evidence() {
     if (!is_improbable()) return;
     const auto& candidates = alignment_.candidates;
-    if (!candidates.empty() && !candidates.front().support.agreement) {
+    const bool are_splats =
+        splat_columns(source_.landmarks().columns) && splat_columns(target_.landmarks().columns);
+    if (are_splats) {
+      add("Align the COLMAP models that the splats were trained on, which have descriptors and "
+          "cameras, and move the splats by cairn convert --apply.");
+    } else if (!candidates.empty() && !candidates.front().support.agreement) {
       add("Use maps that both have descriptors of one kind, which tell similar places apart; cairn "
           "map stores them.");
     }
     for (const auto& [role, map] : {std::pair{"source", &source_}, {"target", &target_}}) {
-      if (map->has_observations()) continue;
+      if (are_splats || map->has_observations()) continue;
       add(fmt::format("Use a {} map with observations, which allow the free-space check.", role));
     }
     if (!is_open() && alignment_.registration.covariance && probability() >= kLeastRequired) {

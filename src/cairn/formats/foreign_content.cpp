@@ -12,6 +12,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/format_row.hpp"
+#include "cairn/formats/detail/own/ply_header.hpp"
 #include "cairn/formats/map_file.hpp"
 
 namespace cairn {
@@ -41,7 +42,6 @@ constexpr std::string_view kCloud =
     "a cloud in PLY, PCD, .xyz, .csv or .npy, to which CloudCompare and PDAL convert it";
 constexpr std::string_view kMesh =
     "a cloud in PLY, PCD, .xyz, .csv or .npy, to which CloudCompare and MeshLab convert it";
-constexpr std::string_view kSplats = "splats as PLY, as gsplat and SuperSplat write them";
 constexpr std::string_view kUnpacked = "the file or folder in it: unpack it";
 constexpr std::string_view kOrbslam3 =
     "a map that the header for ORB-SLAM3 writes (docs/from_orbslam3.md)";
@@ -211,8 +211,10 @@ std::optional<ForeignContent> by_lines(std::string_view bytes) {
 std::optional<ForeignContent> foreign_file(const MapInput& input) {
   const std::string_view bytes = input.first_bytes;
   const std::string extension = lower_extension(input.path);
-  if (extension == ".spz") return ForeignContent{"is a file of Gaussian splats (SPZ)", kSplats};
-  if (extension == ".splat") return ForeignContent{"is a file of Gaussian splats", kSplats};
+  for (const std::string_view splats : {".splat", ".spz", ".ksplat", ".sog"}) {
+    if (extension != splats) continue;
+    return ForeignContent{"is a compressed file of Gaussian splats", detail::kExpectedSplats};
+  }
   if (extension == ".sens") return ForeignContent{"is an RGB-D recording of ScanNet", kLists};
   if (const auto known = first_sign(kSigns, [&](const Sign& sign) {
         return bytes.size() > sign.offset && bytes.substr(sign.offset).starts_with(sign.bytes);

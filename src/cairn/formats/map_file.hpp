@@ -175,7 +175,8 @@ void write_binary(const LandmarkMap& map, const ByteSink& sink, const Progress& 
 /// @throws Error (input) naming source, line or byte, value and constraint
 LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options = {});
 
-/// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, count, named columns.
+/// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, count, named columns. Gaussian splats are
+/// written as trainers write them.
 void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 
 /// Reads the points of a PCD 0.7 file as landmarks (docs/formats.md lists the fields).
@@ -185,11 +186,11 @@ LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options = {});
 /// Writes the landmarks as PCD 0.7 points: position, covariance, colour, count, named columns.
 void write_pcd(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 
-/// Transforms a point cloud or mesh in PLY that belongs to a map: positions, normals and
-/// covariances (cov_xx ... cov_zz) of the vertices. All other content is copied byte for byte.
+/// Transforms a point cloud, mesh or splats in PLY that belong to a map: positions, covariances (cov_xx ... cov_zz) and
+/// what a ColumnMotion moves of the vertices. All other content is copied byte for byte.
 /// @param source ascii, binary little- or big-endian; the result has the same form
 /// @throws Error (input) naming source, line or byte: not PLY, truncated, without x, y and z, or with
-///        Gaussian splats that are turned or scaled, for their spherical harmonics would not follow
+///        Gaussian splats in no known layout that are turned or scaled
 void move_ply(ByteSource& source, const Similarity3& new_from_old, const ByteSink& sink);
 
 /// A UUID (RFC 9562, version 8) from a hash of the bytes.

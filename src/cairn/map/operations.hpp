@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -56,7 +55,7 @@ LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 LandmarkMap without_frames(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 /// The map in another world frame. Transforms positions, covariances, poses, normals, gravity and georeference; scales
-/// all lengths, of depths and rigs too but not of named columns. Keeps the unit's name. @throws as transformed_columns()
+/// all lengths, of depths and rigs too but not of named columns. Keeps the unit's name. @throws as ColumnMotion
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
 /// The map with its length unit renamed.
@@ -83,24 +82,6 @@ bool states_image_sizes(const MapInfo& info);
 
 /// Notes in the provenance that the file states no image sizes: those of the cameras follow from the observations.
 void note_unstated_image_sizes(MapInfo& info);
-
-/// Attributes of points that depend on the frame, recognised by their names as point clouds have them: "nx" or
-/// "normal_x", in upper or lower case.
-struct TurningColumns {
-  std::vector<std::array<std::size_t, 3>> vectors;  ///< indices of x, y and z of normals
-  /// Gaussian splats have rotations and spherical harmonics, which Cairn cannot turn.
-  bool are_splats = false;
-};
-
-TurningColumns turning_columns(std::span<const std::string_view> names);
-
-/// @throws Error (input) naming `name` if the map has the columns of Gaussian splats
-void require_no_splats(const LandmarkMap& map, std::string_view name);
-
-/// Named columns in another frame: turns normals and copies all others.
-/// @throws Error (input) for Gaussian splats, unless only their place changes
-std::vector<NamedColumn> transformed_columns(std::span<const NamedColumn> columns,
-                                             const Similarity3& new_from_old);
 
 // ---- descriptors
 

@@ -380,21 +380,6 @@ TEST(Transformed, TurnsNormals) {
   EXPECT_EQ(moved.column("weight")->values, one);
 }
 
-TEST(Transformed, RefusesSplatsUnlessOnlyTheirPlaceChanges) {
-  for (const char* name : {"rot_0", "f_rest_0"}) {
-    const LandmarkMap splats = with_column(plain_map(), name, {1, 2, 3});
-    for (const Similarity3& move :
-         {Similarity3(2.0, Rigid3()), Similarity3(Rigid3::from_roll_pitch_yaw({}, 0, 0, 0.1))}) {
-      EXPECT_THAT(
-          testing::message_of(ErrorKind::kInput, [&] { transformed(splats, move); }),
-          HasSubstr("map: has Gaussian splats, whose spherical harmonics would not follow"));
-    }
-    const LandmarkMap moved =
-        transformed(splats, Similarity3(Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0, 0, 0)));
-    EXPECT_EQ(moved.column(name)->values[2], 3.0);
-  }
-}
-
 TEST(WithColumn, AddsAColumn) {
   const LandmarkMap map = with_column(plain_map(), "weight", {1.0, kNan, 3.0});
   ASSERT_NE(map.column("weight"), nullptr);

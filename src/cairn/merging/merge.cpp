@@ -11,6 +11,7 @@
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/detail/join_splats.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {
@@ -99,8 +100,10 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
   std::vector<const LandmarkMap*> pointers;
   std::vector<std::string> sessions;
   std::vector<NodeExtent> extents;
+  std::vector<PlacedMap> joinable;
+  for (const MergeInput& input : maps) joinable.push_back({input.map, input.name, {}});
+  detail::are_splats(joinable);  // throws before the long work
   for (const MergeInput& input : maps) {
-    require_no_splats(*input.map, input.name);  // before the long work
     pointers.push_back(input.map);
     sessions.push_back(input.session);
     extents.push_back(node_extent(input.map->landmarks().positions));

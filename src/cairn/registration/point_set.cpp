@@ -2,14 +2,18 @@
 #include "cairn/registration/point_set.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "cairn/map/operations.hpp"
+#include "cairn/registration/splat_selection.hpp"
 
 namespace cairn {
 
 std::vector<LandmarkIndex> landmarks_to_align(const LandmarkMap& map,
                                               const PointSetOptions& options) {
-  std::vector<LandmarkIndex> kept = landmarks_observed(map, options.min_observations);
+  auto splats = selected_splats(map);
+  std::vector<LandmarkIndex> kept =
+      splats ? std::move(splats->kept) : landmarks_observed(map, options.min_observations);
   const auto& ids = map.landmarks().ids;
   std::sort(kept.begin(), kept.end(),
             [&](LandmarkIndex a, LandmarkIndex b) { return ids[a.value] < ids[b.value]; });

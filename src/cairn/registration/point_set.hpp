@@ -26,7 +26,7 @@ struct PointSetOptions {
   std::size_t min_observations = 2;
 };
 
-/// The landmarks that take part in an alignment, by ascending id.
+/// The landmarks that take part in an alignment, by ascending id: of Gaussian splats those of selected_splats().
 std::vector<LandmarkIndex> landmarks_to_align(const LandmarkMap& map,
                                               const PointSetOptions& options = {});
 

@@ -4,7 +4,6 @@
 #include <charconv>
 #include <cmath>
 #include <optional>
-#include <ranges>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -19,7 +18,7 @@
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/own/ply_header.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/map/operations.hpp"
+#include "cairn/map/column_motion.hpp"
 
 namespace cairn {
 namespace {
@@ -31,7 +30,7 @@ using detail::ScalarType;
 // Indices of the vertex properties to be transformed.
 struct Movable {
   std::array<std::size_t, 3> position{};
-  std::vector<std::array<std::size_t, 3>> normals;
+  ColumnMotion others;  // normals and splats
   std::optional<std::array<std::size_t, 6>> covariance;
 };
 
@@ -106,22 +105,20 @@ class PlyMover {
     };
     std::vector<std::string_view> names;
     for (const PointField& property : vertex.properties) names.push_back(property.name);
-    TurningColumns turning = turning_columns(names);
-    if (turning.are_splats && !(new_from_old_.linear() == Eigen::Matrix3d::Identity())) {
-      refuse("header", "has Gaussian splats, whose spherical harmonics would not follow",
-             "points or a mesh");
-    }
-    for (const std::size_t i : std::as_const(turning.vectors) | std::views::join) {
+    ColumnMotion others(names, new_from_old_, fmt::format("{}: header", name_));
+    for (const std::size_t i : others.changed()) {
       const PointField& part = vertex.properties[i];
       if (part.list_count || is_integer(part.type)) {
-        refuse("header", "has normals that are no numbers of type float or double",
-               "normals that can be turned");
+        refuse(
+            "header",
+            fmt::format("property {} is no number of type float or double", printable(part.name)),
+            "normals and splats that can be turned");
       }
     }
     const auto position = floats(std::array<std::string_view, 3>{"x", "y", "z"});
     if (!position)
       refuse("header", "has no x, y and z of type float or double", "positions of vertices");
-    return {*position, std::move(turning.vectors),
+    return {*position, std::move(others),
             floats(std::array<std::string_view, 6>{"cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz",
                                                    "cov_zz"})};
   }
@@ -135,7 +132,7 @@ class PlyMover {
       for (std::size_t i = 0; i < 3; ++i) values[places.at(i)] = x[static_cast<Eigen::Index>(i)];
     };
     put(movable.position, new_from_old_ * vector(movable.position));
-    for (const auto& normal : movable.normals) put(normal, rotation_ * vector(normal));
+    movable.others.move(values);
     if (!movable.covariance) return;
     const auto& c = *movable.covariance;
     Eigen::Matrix3d covariance;
@@ -151,7 +148,7 @@ class PlyMover {
   static std::vector<bool> moved_places(const PlyElement& vertex, const Movable& movable) {
     std::vector<bool> moved(vertex.properties.size(), false);
     for (const std::size_t i : movable.position) moved[i] = true;
-    for (const std::size_t i : movable.normals | std::views::join) moved[i] = true;
+    for (const std::size_t i : movable.others.changed()) moved[i] = true;
     if (movable.covariance) {
       for (const std::size_t i : *movable.covariance) moved[i] = true;
     }

@@ -10,6 +10,7 @@
 #include "cairn/map/operations.hpp"
 
 #include "support/maps.hpp"
+#include "support/ply_splats.hpp"
 #include "support/refusal.hpp"
 
 namespace cairn {
@@ -44,7 +45,7 @@ TEST(CarryAlong, PositionsAndNormalsMoveAndTheRestStays) {
               HasSubstr(" 2 6 0 0 1\n9 1 0 0 "));
 }
 
-TEST(CarryAlong, SplatsMayChangeTheirPlaceAlone) {
+TEST(CarryAlong, SplatsInNoKnownLayoutMayChangeTheirPlaceAlone) {
   const std::string header =
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float "
       "z\nproperty float f_rest_0\nproperty float rot_0\nend_header\n";
@@ -69,6 +70,35 @@ TEST(CarryAlong, AllFormsOfAMapMoveAsTheMapDoes) {
               1e-15);
     EXPECT_FALSE(back.covariance(LandmarkIndex{1})) << "unknown stays unknown";
     EXPECT_EQ(back.column("confidence")->values[0], 0.25);
+  }
+}
+
+TEST(CarryAlong, SplatsMoveAsTheMapDoes) {
+  const LandmarkMap splats = testing::random_splats(30, 3, 1);
+  const LandmarkMap expected = transformed(splats, quarter_turn());
+  for (const bool ascii : {true, false}) {
+    const LandmarkMap out = testing::read_splats(moved(testing::ply_of(splats, ascii)));
+    for (const NamedColumn& column : expected.landmarks().columns) {
+      for (std::size_t i = 0; i < splats.landmark_count(); ++i) {
+        EXPECT_NEAR(out.column(column.name)->values[i], column.values[i], 1e-6) << column.name;
+      }
+    }
+  }
+}
+
+TEST(CarryAlong, SplatsComeBackInSinglePrecision) {
+  const LandmarkMap splats = testing::random_splats(30, 4, 2);
+  const Similarity3 there(3.0, Rigid3::from_roll_pitch_yaw({1.0, 2.0, -1.0}, 0.3, 1.0, -2.0));
+  const std::string out = moved(moved(testing::ply_of(splats), there), there.inverse());
+  const LandmarkMap back = testing::read_splats(out);
+  for (const NamedColumn& column : splats.landmarks().columns) {
+    const double most = column.name.starts_with("f_rest") ? 1e-6 : 1e-5;
+    for (std::size_t i = 0; i < splats.landmark_count(); ++i) {
+      EXPECT_NEAR(back.column(column.name)->values[i], column.values[i], most) << column.name;
+    }
+  }
+  for (std::size_t i = 0; i < splats.landmark_count(); ++i) {
+    EXPECT_LT((back.landmarks().positions[i] - splats.landmarks().positions[i]).norm(), 1e-5);
   }
 }
 
@@ -107,7 +137,7 @@ TEST(CarryAlong, WhatIsNoCloudIsRefused) {
   EXPECT_THAT(refused("ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float "
                       "y\nproperty float z\nproperty char nx\nproperty char ny\nproperty char "
                       "nz\nend_header\n"),
-              HasSubstr("has normals that are no numbers of type float or double"));
+              HasSubstr("property 'nx' is no number of type float or double"));
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "cairn/formats/detail/own/ply_header.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/map/splats.hpp"
 
 namespace cairn {
 namespace {
@@ -63,14 +64,20 @@ LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options) {
 }
 
 void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
-  const detail::PointRows rows(map, detail::PointFormat::kPly, detail::ScalarType::kFloat64);
+  const bool are_splats = splat_columns(map.landmarks().columns).has_value();
+  const detail::PointRows rows(
+      map, are_splats ? detail::PointFormat::kSplats : detail::PointFormat::kPly,
+      are_splats ? detail::ScalarType::kFloat32 : detail::ScalarType::kFloat64);
   std::string header =
       fmt::format("ply\nformat {} 1.0\n", options.ascii ? "ascii" : "binary_little_endian");
-  header += fmt::format("comment {}\n", detail::unit_comment(map.info().length_unit));
+  const std::string unit =
+      fmt::format("comment {}\n", detail::unit_comment(map.info().length_unit));
+  if (!are_splats) header += unit;
   header += fmt::format("element vertex {}\n", map.landmark_count());
   for (const detail::PointField& field : rows.fields()) {
     header += fmt::format("property {} {}\n", detail::scalar(field.type).c_name, field.name);
   }
+  if (are_splats) header += unit;  // the viewer of the original trainer has the count in line 3
   header += "end_header\n";
   rows.write(std::move(header), options.ascii, sink);
 }

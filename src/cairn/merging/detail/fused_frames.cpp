@@ -418,24 +418,30 @@ std::string Fusion::frames_line(std::size_t m) const {
          line;
 }
 
-void Fusion::set_info() {
-  const PlacedMap& placed_first = maps_.front();
-  const MapInfo& first = placed_first.map->info();
-  MapInfo& info = tables_.info;
+MapInfo info_of_world(std::span<const PlacedMap> maps) {
+  const MapInfo& first = maps.front().map->info();
+  MapInfo info;
   info.length_unit = first.length_unit;
   info.gravity = first.gravity;
-  if (placed_first.is_in_world()) {
+  if (maps.front().is_in_world()) {
     info.world_frame = first.world_frame;
   } else if (info.gravity) {
-    info.gravity = placed_first.world_from_map.rigid().rotation() * *info.gravity;
+    info.gravity = maps.front().world_from_map.rigid().rotation() * *info.gravity;
   }
+  for (const PlacedMap& placed : maps) {
+    const auto& georeference = placed.map->info().georeference;
+    if (!georeference) continue;
+    info.georeference =
+        placed.is_in_world() ? *georeference : georeference->moved(placed.world_from_map);
+    break;
+  }
+  return info;
+}
+
+void Fusion::set_info() {
+  MapInfo& info = tables_.info = info_of_world(maps_);
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const MapInfo& theirs = maps_[m].map->info();
-    if (theirs.georeference && !info.georeference) {
-      info.georeference = maps_[m].is_in_world()
-                              ? *theirs.georeference
-                              : theirs.georeference->moved(maps_[m].world_from_map);
-    }
     std::vector<ControlPoint> points = theirs.control_points;
     for (ControlPoint& point : points) {
       for (ControlPoint::View& view : point.views) view.image_name = image_name(m, view.image_name);

@@ -51,6 +51,9 @@ struct Estimate {
   Matrix3d stated;  // with that of the poses in the world
 };
 
+// Unit, gravity, frame and georeference of maps in the world.
+MapInfo info_of_world(std::span<const PlacedMap> maps);
+
 // The fused map under construction.
 class Fusion {
  public:

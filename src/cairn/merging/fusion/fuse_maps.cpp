@@ -18,8 +18,10 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/map/column_motion.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/fusion.hpp"
+#include "cairn/merging/detail/join_splats.hpp"
 
 namespace cairn {
 namespace detail {
@@ -136,7 +138,6 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
   std::size_t frames = 0;
   for (const std::size_t m : order_) {
     const PlacedMap& placed = maps[m];
-    require_no_splats(*placed.map, placed.name);
     landmarks += placed.map->landmark_count();
     frames += placed.map->frame_count();
     has_colors_ = has_colors_ || !placed.map->landmarks().colors.empty();
@@ -485,8 +486,9 @@ void Fusion::set_columns() {
   columns.push_back({kFromLandmarkColumn, std::move(from_landmark)});
   columns.push_back({kFusedColumn, std::move(parts)});
   for (const std::size_t m : order_) {
-    for (const NamedColumn& theirs :
-         transformed_columns(maps_[m].map->landmarks().columns, maps_[m].world_from_map)) {
+    std::vector<NamedColumn> moved = maps_[m].map->landmarks().columns;
+    move_columns(moved, maps_[m].world_from_map, maps_[m].name);
+    for (const NamedColumn& theirs : moved) {
       // Not copied, because the landmarks have moved; it can be computed from the observations.
       if (theirs.name == kStaleColumn) continue;
       const std::string& name = theirs.name;
@@ -529,6 +531,11 @@ constexpr OptionField kFusionFields[] = {
      {},
      "--straighten,!--no-straighten",
      "Straighten maps that others show to be bent. Default: on"},
+    {"thin_splats",
+     option_at<&FusionOptions::thin_splats>,
+     {},
+     "--thin-splats,!--no-thin-splats",
+     "Gaussian splats: leave out the duplicates of lower opacity where maps overlap. Default: on"},
     {"adjust",
      option_at<&FusionOptions::adjust>,
      {},
@@ -553,7 +560,8 @@ void FusionOptions::validate() const {
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options) {
   options.validate();
   if (maps.empty()) throw Error(ErrorKind::kMisuse, "maps", "none", "at least one map");
-  return detail::Fusion(maps, options).run();
+  return detail::are_splats(maps) ? detail::join_splats(maps, options)
+                                  : detail::Fusion(maps, options).run();
 }
 
 }  // namespace cairn

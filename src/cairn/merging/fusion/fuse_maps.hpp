@@ -42,6 +42,8 @@ struct FusionOptions {
   double fusion_probability = 0.5;
   /// merge_placed(): whether to straighten maps that others show to be bent.
   bool straighten = true;
+  /// Of splats: whether to leave out the duplicates of lower opacity; see fuse_maps().
+  bool thin_splats = true;
   /// merge_placed(): whether to bundle-adjust all keyframes and landmarks of the merged map.
   bool adjust = false;
   AdjustOptions adjustment = {};  ///< its execution is the one below
@@ -111,8 +113,13 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// gravity and georeference are in the world. Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
 /// in the world. The same input and seed give the same result for any number of threads.
 ///
-/// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices, and for
-///         Gaussian splats
+/// Gaussian splats are joined instead: each stays as it is, moved into the world, but for duplicates. Two splats of
+/// different maps are duplicates if their Gaussians overlap by a Bhattacharyya coefficient of at least 0.8. The one of
+/// lower opacity is left out and counts as fused. Columns are those of the map with the highest degree, then others.
+/// Harmonics and normals that a map lacks are zero, other values unknown.
+///
+/// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices, or for splats
+///         with maps that are none
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {});
 
 }  // namespace cairn

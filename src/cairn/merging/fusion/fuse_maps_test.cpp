@@ -551,7 +551,7 @@ TEST(FuseMaps, FusesLandmarksThatKeypointsOfCommonImagesShow) {
   EXPECT_EQ(result.map.frame_count(), 12U);
 }
 
-TEST(FuseMaps, TurnsNormalsAndRefusesSplats) {
+TEST(FuseMaps, TurnsNormals) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 3});
   const auto with = [](LandmarkMap map, const std::vector<NamedColumn>& columns) {
     for (const auto& [name, values] : columns) map = with_column(map, name, values);
@@ -570,11 +570,6 @@ TEST(FuseMaps, TurnsNormalsAndRefusesSplats) {
   EXPECT_NEAR(fused.column("nx")->values[last], expected.x(), 1e-12);
   EXPECT_NEAR(fused.column("ny")->values[last], expected.y(), 1e-12);
   EXPECT_NEAR(fused.column("nz")->values[last], expected.z(), 1e-12);
-  const LandmarkMap splats =
-      with(pair.target, {{"f_dc_0", all(pair.target, 1)}, {"rot_0", all(pair.target, 1)}});
-  maps[0].map = &splats;
-  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { fuse_maps(maps); }),
-              HasSubstr("a: has Gaussian splats"));
 }
 
 TEST(FuseMaps, IsTheSameForAnyNumberOfThreads) {

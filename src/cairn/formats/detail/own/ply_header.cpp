@@ -43,6 +43,11 @@ class PlyHeaderReader {
     }
     if (!has_format_) refuse("the header ends without the format", "a line 'format ...'");
     if (header_.vertex() == nullptr) refuse("no element 'vertex' in the header", "one");
+    for (const PointField& property : header_.vertex()->properties) {
+      if (property.name == "packed_position") {
+        refuse("these are Gaussian splats in compressed PLY", kExpectedSplats);
+      }
+    }
     return std::move(header_);
   }
 

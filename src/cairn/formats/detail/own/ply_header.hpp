@@ -12,6 +12,10 @@
 
 namespace cairn::detail {
 
+/// What to give instead of splats that are compressed.
+inline constexpr std::string_view kExpectedSplats =
+    "splats as PLY, to which 'npx @playcanvas/splat-transform IN OUT.ply' converts it";
+
 enum class PlyEncoding { kAscii, kLittleEndian, kBigEndian };
 
 struct PlyElement {

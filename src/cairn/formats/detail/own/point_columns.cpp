@@ -19,6 +19,7 @@
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/geometry/limits.hpp"
+#include "cairn/map/splats.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -409,6 +410,17 @@ void PointTable::drop_points_without_position() {
 }
 
 void PointTable::forget_infinite_values() {
+  if (const auto splats = splat_columns(columns_)) {
+    // Of an opacity of 0 or 1, or of an axis without length: not unknown.
+    std::vector<std::size_t> logarithms = splats->log_scales;
+    logarithms.push_back(splats->opacity);
+    for (const std::size_t column : logarithms) {
+      for (double& value : columns_[column].values) {
+        constexpr double kMost = 80.0;  // its exponential is finite in single precision too
+        if (std::isinf(value)) value = std::copysign(kMost, value);
+      }
+    }
+  }
   for (NamedColumn& column : columns_) {
     const auto is_infinite = [](double value) { return std::isinf(value); };
     const auto count = std::count_if(column.values.begin(), column.values.end(), is_infinite);
@@ -487,6 +499,8 @@ LandmarkMap PointTable::finish(std::optional<LengthUnit> unit) && {
   landmarks.covariances = std::move(covariances_);
   landmarks.colors = std::move(colors_);
   landmarks.columns = std::move(columns_);
+  const auto splats = splat_columns(landmarks.columns);
+  if (splats && !has_covariances_) set_splat_looks(*splats, landmarks);
   take_ids(landmarks);
   if (options_.progress) options_.progress(1.0);
   return LandmarkMap(std::move(tables), [this](MapColumn, std::size_t) { return source_; });

@@ -21,6 +21,7 @@ namespace cairn::detail {
 enum class PointFormat {
   kPly,
   kPcd,
+  kSplats,    ///< PLY as trainers of Gaussian splats write it; write-only
   kFoxglove,  ///< as PLY, with an alpha value; write-only
 };
 

@@ -2,7 +2,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <concepts>
 #include <limits>
+#include <span>
 #include <type_traits>
 #include <utility>
 
@@ -10,6 +12,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/own/point_columns.hpp"
+#include "cairn/map/column_motion.hpp"
 
 // Points of a map as a format writes them.
 namespace cairn::detail {
@@ -18,16 +21,11 @@ namespace {
 constexpr std::size_t kRowBlock = std::size_t{1} << 20;
 constexpr std::size_t kAlpha = kChannelNames.size();  // index of the channel that follows them
 
-void append_text_value(std::string& out, double value) {
-  // Some readers do not accept the sign of a NaN.
-  if (std::isnan(value)) {
-    out += "nan";
-  } else {
-    append_number(out, value);
-  }
-}
-void append_text_value(std::string& out, float value) {
+template <std::floating_point Number>
+void append_text_value(std::string& out, Number value) {
   std::array<char, 32> buffer;
+  // Some readers do not accept the sign of a NaN.
+  if (std::isnan(value)) value = std::abs(value);
   const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
   out.append(buffer.data(), result.ptr);
 }
@@ -35,18 +33,42 @@ void append_text_value(std::string& out, std::uint64_t value) {
   append_number(out, value);
 }
 
+// By column: whether a splat has it in single precision, as trainers write all properties. Those of splats and normals
+// are rounded, others only if that loses nothing.
+std::vector<bool> single_precision_columns(const SplatColumns& splats,
+                                           std::span<const NamedColumn> columns) {
+  std::vector<std::string_view> names;
+  for (const NamedColumn& column : columns) names.push_back(column.name);
+  const Similarity3 any_turn(Rigid3::from_roll_pitch_yaw({0, 0, 0}, 1.0, 1.0, 1.0));
+  const ColumnMotion turning(names, any_turn, "splats");
+  std::vector<bool> single;
+  for (const NamedColumn& column : columns) {
+    single.push_back(std::all_of(column.values.begin(), column.values.end(), [](double value) {
+      return std::isnan(value) || static_cast<double>(static_cast<float>(value)) == value;
+    }));
+  }
+  for (const std::size_t column : turning.changed()) single[column] = true;
+  single[splats.opacity] = true;
+  if (splats.base_color) {
+    for (const std::size_t column : *splats.base_color) single[column] = true;
+  }
+  return single;
+}
+
 }  // namespace
 
 PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type)
     : map_(map) {
   const LandmarkTable& landmarks = map.landmarks();
+  const bool are_splats = format == PointFormat::kSplats;
   for (std::size_t i = 0; i < 3; ++i) add(kAxisNames[i], position_type, Content::kPosition, i);
-  for (std::size_t i = 0; map.has_covariances() && i < kCovarianceEntries.size(); ++i) {
+  for (std::size_t i = 0; !are_splats && map.has_covariances() && i < kCovarianceEntries.size();
+       ++i) {
     add(kCovarianceEntries[i].name, ScalarType::kFloat64, Content::kCovariance, i);
   }
   // Point formats cannot mark a colour as unknown, so colours are written only if all are known.
   const bool all_colored =
-      !landmarks.colors.empty() &&
+      !landmarks.colors.empty() && !(are_splats && map.column("f_dc_0") != nullptr) &&
       std::all_of(landmarks.colors.begin(), landmarks.colors.end(),
                   [](const std::optional<Color>& color) { return color.has_value(); });
   if (all_colored && format == PointFormat::kPcd) {
@@ -58,14 +80,18 @@ PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType posi
       add("alpha", ScalarType::kUint8, Content::kChannel, kAlpha);
     }
   }
-  const bool has_counts = !map.observations().offsets.empty();
+  const bool has_counts = !are_splats && !map.observations().offsets.empty();
   if (has_counts) add("observations", ScalarType::kUint32, Content::kCount);
   const bool ids_fit_32_bits = std::all_of(
       landmarks.ids.begin(), landmarks.ids.end(),
       [](LandmarkId id) { return id.value <= std::numeric_limits<std::uint32_t>::max(); });
-  if (map.column("id") == nullptr && (ids_fit_32_bits || format == PointFormat::kPcd)) {
+  if (!are_splats && map.column("id") == nullptr &&
+      (ids_fit_32_bits || format == PointFormat::kPcd)) {
     add("id", ids_fit_32_bits ? ScalarType::kUint32 : ScalarType::kUint64, Content::kId);
   }
+  const std::vector<bool> single =
+      are_splats ? single_precision_columns(*splat_columns(landmarks.columns), landmarks.columns)
+                 : std::vector<bool>();
   for (std::size_t i = 0; i < landmarks.columns.size(); ++i) {
     const std::string& name = landmarks.columns[i].name;
     if (has_counts && name == "observations") continue;
@@ -73,7 +99,8 @@ PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType posi
                                    [&](const PointField& field) { return field.name == name; });
     refuse_if(taken || (format == PointFormat::kPcd && name == "_"), "column " + printable(name),
               "the format has another meaning for this name", "another name");
-    add(name, ScalarType::kFloat64, Content::kColumn, i);
+    add(name, are_splats && single[i] ? ScalarType::kFloat32 : ScalarType::kFloat64,
+        Content::kColumn, i);
   }
 }
 
@@ -134,7 +161,11 @@ void PointRows::visit(std::size_t field, std::size_t row, Put&& put) const {
       break;
     }
     case Content::kColumn:
-      put(landmarks.columns[index].values[row]);
+      if (fields_[field].type == ScalarType::kFloat32) {
+        put(static_cast<float>(landmarks.columns[index].values[row]));
+      } else {
+        put(landmarks.columns[index].values[row]);
+      }
       break;
   }
 }

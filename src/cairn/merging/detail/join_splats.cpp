@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/merging/detail/join_splats.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <Eigen/LU>
+#include <fmt/format.h>
+
+#include "cairn/core/error.hpp"
+#include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/decompositions.hpp"
+#include "cairn/map/column_motion.hpp"
+#include "cairn/map/splats.hpp"
+#include "cairn/merging/detail/fusion.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+
+namespace cairn::detail {
+namespace {
+
+// A map's splats in the world.
+struct WorldSplats {
+  std::vector<Vector3d> positions;
+  std::vector<Matrix3d> covariances;
+  std::vector<double> opacities;
+  std::size_t rank = 0;  // in the order of largest_first()
+};
+
+// A disc is as thick as this share of its width, for its thickness is less than the error of the surface.
+Matrix3d thickened(const Matrix3d& covariance) {
+  constexpr double kLeastShare = 0.3;
+  SymmetricEigen<3> eigen = symmetric_eigen<3>(covariance);
+  const double least = kLeastShare * kLeastShare * eigen.values[2];
+  const Vector3d values = eigen.values.cwiseMax(least);
+  return eigen.vectors * values.asDiagonal() * eigen.vectors.transpose();
+}
+
+WorldSplats splats_in_world(const PlacedMap& placed, const Executor& executor) {
+  const LandmarkTable& landmarks = placed.map->landmarks();
+  WorldSplats world;
+  world.positions = moved_points(landmarks.positions, placed.world_from_map);
+  world.opacities = splat_opacities(*splat_columns(landmarks.columns), landmarks);
+  world.covariances.assign(landmarks.positions.size(), Matrix3d::Zero());
+  constexpr std::size_t kSplatSlice = 4096;
+  const Matrix3d linear = placed.world_from_map.linear();
+  executor.for_blocks(
+      landmarks.positions.size(), kSplatSlice, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+          if (landmarks.covariances.empty() || !is_known(landmarks.covariances[i])) continue;
+          world.covariances[i] = thickened(propagated_covariance(linear, landmarks.covariances[i]));
+        }
+      });
+  return world;
+}
+
+// Overlap of two Gaussians, 0 to 1 (Bhattacharyya 1943); 0 if one has no extent.
+double overlap_coefficient(const Vector3d& apart, const Matrix3d& a, const Matrix3d& b) {
+  const Matrix3d mean = 0.5 * (a + b);
+  const double product = a.determinant() * b.determinant();
+  if (!(product > 0.0)) return 0.0;
+  const double distance = apart.dot(mean.inverse() * apart) / 8.0 +
+                          0.5 * std::log(mean.determinant() / std::sqrt(product));
+  return std::exp(-distance);
+}
+
+// Marks the splats of a map of which another one has a duplicate of higher opacity.
+void mark_duplicates(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
+                     const Executor& executor, std::vector<std::uint8_t>& thinned) {
+  constexpr std::size_t kNearest = 4;
+  constexpr double kLeastOverlap = 0.8;  // of equal discs 1.3 standard deviations apart
+  BatchTree::Batch batch = of_other.batch(kNearest);
+  batch.for_each(map.positions, executor, [&](std::size_t i, const auto& nearest) {
+    for (std::size_t k = 0; k < nearest.size() && thinned[i] == 0; ++k) {
+      const std::uint32_t j = nearest.index(k);
+      const bool has_more = other.opacities[j] == map.opacities[i]
+                                ? other.rank < map.rank
+                                : other.opacities[j] > map.opacities[i];
+      if (has_more && overlap_coefficient(other.positions[j] - map.positions[i], map.covariances[i],
+                                          other.covariances[j]) >= kLeastOverlap) {
+        thinned[i] = 1;
+      }
+    }
+  });
+}
+
+// By map and splat: whether it is left out.
+std::vector<std::vector<std::uint8_t>> thinned_splats(std::span<const PlacedMap> maps,
+                                                      const FusionOptions& options) {
+  std::vector<std::vector<std::uint8_t>> thinned;
+  for (const PlacedMap& placed : maps) thinned.emplace_back(placed.map->landmark_count(), 0);
+  if (!options.thin_splats) return thinned;
+  const Executor& executor = options.execution.executor;
+  std::vector<WorldSplats> worlds;
+  std::vector<BatchTree> trees;
+  for (const PlacedMap& placed : maps) {
+    worlds.push_back(splats_in_world(placed, executor));
+    trees.emplace_back(worlds.back().positions);
+  }
+  const std::vector<std::size_t> order = largest_first(maps);
+  for (std::size_t i = 0; i < order.size(); ++i) worlds[order[i]].rank = i;
+  for (std::size_t a = 0; a < maps.size(); ++a) {
+    for (std::size_t b = 0; b < maps.size(); ++b) {
+      if (a == b || worlds[b].positions.empty()) continue;
+      mark_duplicates(worlds[a], worlds[b], trees[b], executor, thinned[a]);
+    }
+  }
+  return thinned;
+}
+
+// A column of the joined splats: where each map has it.
+struct JoinedColumn {
+  std::string name;
+  double missing = std::numeric_limits<double>::quiet_NaN();
+  std::vector<std::optional<std::size_t>> of_map;
+};
+
+std::vector<JoinedColumn> joined_columns(std::span<const PlacedMap> maps) {
+  std::vector<SplatColumns> layouts;
+  for (const PlacedMap& placed : maps) {
+    layouts.push_back(*splat_columns(placed.map->landmarks().columns));
+  }
+  const auto first = static_cast<std::size_t>(
+      std::max_element(layouts.begin(), layouts.end(),
+                       [](const auto& a, const auto& b) { return a.degree < b.degree; }) -
+      layouts.begin());
+  std::vector<JoinedColumn> joined;
+  const auto add = [&](const PlacedMap& placed, const SplatColumns& layout) {
+    const auto& columns = placed.map->landmarks().columns;
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const bool is_harmonic =
+          std::find(layout.harmonics.begin(), layout.harmonics.end(), i) != layout.harmonics.end();
+      const bool is_there = std::any_of(joined.begin(), joined.end(), [&](const JoinedColumn& one) {
+        return one.name == columns[i].name;
+      });
+      if (is_there || (is_harmonic && &layout != &layouts[first])) continue;
+      JoinedColumn& column = joined.emplace_back();
+      column.name = columns[i].name;
+      const std::string plain = plain_column_name(columns[i].name);
+      if (is_harmonic || plain == "nx" || plain == "ny" || plain == "nz") column.missing = 0.0;
+    }
+  };
+  add(maps[first], layouts[first]);
+  for (std::size_t m = 0; m < maps.size(); ++m) add(maps[m], layouts[m]);
+  const std::size_t each = layouts[first].harmonics.size() / 3;  // of a channel
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    const auto& columns = maps[m].map->landmarks().columns;
+    for (JoinedColumn& column : joined) {
+      const auto found = std::find_if(columns.begin(), columns.end(), [&](const NamedColumn& one) {
+        return one.name == column.name;
+      });
+      column.of_map.push_back(found == columns.end() ? std::nullopt
+                                                     : std::optional(static_cast<std::size_t>(
+                                                           found - columns.begin())));
+    }
+    // Harmonics go by channel and not by name.
+    const std::size_t theirs = layouts[m].harmonics.size() / 3;
+    for (std::size_t i = 0; i < 3 * each; ++i) {
+      joined[layouts[first].harmonics[i]].of_map[m] =
+          i % each < theirs ? std::optional(layouts[m].harmonics[i / each * theirs + i % each])
+                            : std::nullopt;
+    }
+  }
+  return joined;
+}
+
+void append_splats(const PlacedMap& placed, std::size_t number,
+                   std::span<const JoinedColumn> joined, const std::vector<std::uint8_t>& thinned,
+                   LandmarkTable& all) {
+  const LandmarkTable& landmarks = placed.map->landmarks();
+  std::vector<std::string_view> names;
+  for (const NamedColumn& column : landmarks.columns) names.push_back(column.name);
+  const ColumnMotion motion(names, placed.world_from_map, placed.name);
+  std::vector<double> row(names.size());
+  for (std::size_t i = 0; i < landmarks.positions.size(); ++i) {
+    if (thinned[i] != 0) continue;
+    for (std::size_t k = 0; k < row.size(); ++k) row[k] = landmarks.columns[k].values[i];
+    motion.move(row);
+    for (std::size_t k = 0; k < joined.size(); ++k) {
+      const auto& from = joined[k].of_map[number];
+      all.columns[k].values.push_back(from ? row[*from] : joined[k].missing);
+    }
+    all.ids.push_back(LandmarkId{all.ids.size()});
+    all.positions.push_back(placed.is_in_world() ? landmarks.positions[i]
+                                                 : placed.world_from_map * landmarks.positions[i]);
+    all.colors.push_back(landmarks.colors.empty() ? std::nullopt : landmarks.colors[i]);
+  }
+}
+
+}  // namespace
+
+bool are_splats(std::span<const PlacedMap> maps) {
+  const auto layout_of = [](const PlacedMap& placed) {
+    return splat_columns(placed.map->landmarks().columns);
+  };
+  const auto first = layout_of(maps.front());
+  for (const PlacedMap& placed : maps) {
+    const auto layout = layout_of(placed);
+    reject_if(
+        layout.has_value() != first.has_value(), placed.name,
+        fmt::format("{}, but {} {}", layout ? "has Gaussian splats" : "has no Gaussian splats",
+                    maps.front().name, layout ? "has none" : "has"),
+        "splats alone, or maps alone");
+    if (!layout) {
+      // Refuses splats in no known layout.
+      std::vector<NamedColumn> none;
+      for (const NamedColumn& column : placed.map->landmarks().columns)
+        none.push_back({column.name, {}});
+      move_columns(none, Similarity3(2.0, Rigid3()), placed.name);
+      continue;
+    }
+    reject_if(placed.map->frame_count() > 0, placed.name,
+              "has keyframes beside its Gaussian splats", "splats alone");
+    reject_if(layout->log_scales.size() != first->log_scales.size() ||
+                  layout->base_color.has_value() != first->base_color.has_value(),
+              placed.name, "its splats have other properties than those of " + maps.front().name,
+              "scale_2 and f_dc_0 in both or in neither");
+  }
+  return first.has_value();
+}
+
+FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& options) {
+  const std::vector<std::vector<std::uint8_t>> thinned = thinned_splats(maps, options);
+  const std::vector<JoinedColumn> joined = joined_columns(maps);
+  FusionResult result;
+  result.frames.resize(maps.size());
+  MapTables tables;
+  tables.info = info_of_world(maps);
+  LandmarkTable& all = tables.landmarks;
+  std::size_t kept = 0;
+  for (const auto& of_map : thinned) {
+    kept += static_cast<std::size_t>(std::count(of_map.begin(), of_map.end(), 0));
+  }
+  all.positions.reserve(kept);
+  all.ids.reserve(kept);
+  for (const JoinedColumn& column : joined) all.columns.push_back({column.name, {}});
+  for (NamedColumn& column : all.columns) column.values.reserve(kept);
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    append_splats(maps[m], m, joined, thinned[m], all);
+    const auto left_out =
+        static_cast<std::size_t>(std::count(thinned[m].begin(), thinned[m].end(), 1));
+    result.maps.push_back({.landmarks = maps[m].map->landmark_count(), .fused = left_out});
+    for (const std::string& line : maps[m].map->info().provenance) {
+      tables.info.provenance.push_back(fmt::format("{}: {}", maps[m].name, line));
+    }
+    tables.info.provenance.push_back(
+        fmt::format("map {} of a merge: {}, {} splats, of which {} are left out as duplicates", m,
+                    maps[m].name, maps[m].map->landmark_count(), left_out));
+  }
+  set_splat_looks(*splat_columns(all.columns), all);
+  result.map = LandmarkMap(std::move(tables));
+  return result;
+}
+
+}  // namespace cairn::detail
