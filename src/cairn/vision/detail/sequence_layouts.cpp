@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
@@ -321,7 +322,13 @@ SequenceLists read_sequence_lists(const fs::path& folder, const LogSink& log) {
     layouts += fmt::format("{}{} ({})", layouts.empty() ? "" : "; or ", layout.name,
                            fmt::join(layout.files, ", "));
   }
-  throw Error(ErrorKind::kInput, folder.string(), most > 0 ? missing : "holds no sequence",
+  // A name that the system refuses is another mistake than a folder without a sequence.
+  std::error_code refused;
+  fs::status(folder, refused);
+  const bool is_known = !refused || refused == std::errc::no_such_file_or_directory;
+  if (!is_known) missing = refused.message();
+  throw Error(ErrorKind::kInput, folder.string(),
+              most > 0 || !is_known ? missing : "holds no sequence",
               "a folder in the layout of " + layouts);
 }
 
