@@ -324,7 +324,7 @@ SequenceLists read_sequence_lists(const fs::path& folder, const LogSink& log) {
   }
   // A name that the system refuses is another mistake than a folder without a sequence.
   std::error_code refused;
-  fs::status(folder, refused);
+  static_cast<void>(fs::status(folder, refused));
   const bool is_known = !refused || refused == std::errc::no_such_file_or_directory;
   if (!is_known) missing = refused.message();
   throw Error(ErrorKind::kInput, folder.string(),
