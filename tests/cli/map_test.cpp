@@ -617,11 +617,9 @@ double drift_of(const std::vector<Rigid3>& estimate, const std::vector<Rigid3>& 
 TEST_F(RealMapTest, AStereoDriveIsNearTheTruth) {
   const std::string drive = data_ + "/kitti_stereo";
   answer({"map", drive, "-o", "out.map", "--trajectory", "out.tum"});
-  FileReader file(path("out.tum"));
+  const Trajectory mapped = trajectory("out.tum");
   std::vector<Rigid3> estimate;
-  for (const TimedPose& pose : read_trajectory(file).poses()) {
-    estimate.push_back(pose.world_from_camera);
-  }
+  for (const TimedPose& pose : mapped.poses()) estimate.push_back(pose.world_from_camera);
   std::vector<Rigid3> truth;
   std::ifstream rows(drive + "/poses.txt");
   Matrix4d matrix = Matrix4d::Identity();
