@@ -617,7 +617,8 @@ double drift_of(const std::vector<Rigid3>& estimate, const std::vector<Rigid3>& 
 TEST_F(RealMapTest, AStereoDriveIsNearTheTruth) {
   const std::string drive = data_ + "/kitti_stereo";
   answer({"map", drive, "-o", "out.map", "--trajectory", "out.tum"});
-  const Trajectory mapped = trajectory("out.tum");
+  FileReader file(path("out.tum"));
+  const Trajectory mapped = read_trajectory(file);
   std::vector<Rigid3> estimate;
   for (const TimedPose& pose : mapped.poses()) estimate.push_back(pose.world_from_camera);
   std::vector<Rigid3> truth;
