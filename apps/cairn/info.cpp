@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <span>
@@ -11,6 +10,7 @@
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/error.hpp"
@@ -22,7 +22,6 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/splats.hpp"
-#include "cairn/registration/point_set.hpp"
 #include "cairn/registration/splat_selection.hpp"
 
 #include "commands.hpp"
@@ -65,8 +64,8 @@ std::optional<ErrorStatistics> confidence_quantiles(const LandmarkMap& map, cons
 
 Findings examine(const LandmarkMap& map) {
   Findings findings;
-  findings.kept = landmarks_to_align(map);
   findings.splats = selected_splats(map);
+  findings.kept = findings.splats ? findings.splats->kept : landmarks_observed(map, 2);
   std::vector<double> counts;
   for (const LandmarkIndex landmark :
        findings.kept.empty() ? landmarks_observed(map, 0) : findings.kept) {
@@ -87,13 +86,6 @@ Findings examine(const LandmarkMap& map) {
   }
   findings.warnings = map_defects(map);
   return findings;
-}
-
-bool is_of_splats(std::string_view column) {
-  constexpr std::array<std::string_view, 5> kStems = {"f_dc_", "f_rest_", "opacity", "scale_",
-                                                      "rot_"};
-  return std::any_of(kStems.begin(), kStems.end(),
-                     [&](std::string_view stem) { return column.starts_with(stem); });
 }
 
 double median_opacity(const LandmarkMap& map, const SplatColumns& columns) {
@@ -181,11 +173,12 @@ class Properties {
       }
       add("descriptors", text);
     }
-    std::string columns;
-    for (const NamedColumn& column : map_.landmarks().columns) {
-      if (findings_.splats && is_of_splats(column.name)) continue;
-      columns += (columns.empty() ? "" : ", ") + column.name;
+    std::vector<std::string_view> names = column_names(map_.landmarks().columns);
+    if (findings_.splats) {
+      for (const std::size_t i : splat_columns(names)->all()) names[i] = {};
     }
+    std::erase(names, std::string_view());
+    const std::string columns = fmt::format("{}", fmt::join(names, ", "));
     if (!columns.empty()) add("columns", columns);
   }
 

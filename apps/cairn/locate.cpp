@@ -98,22 +98,27 @@ std::vector<std::string> stamps_of(const std::vector<std::string>& images) {
   return times.size() == images.size() ? times : numbers;
 }
 
-// The locators of images by their sizes: with the map's camera of that size, or with a focal length to be found if the map
-// has none or several.
-class LocatorsBySize {
+// The locators of images: with the given camera or, by their sizes, with the only one of that size among others, or with a
+// focal length to be found if there is none or several.
+class Locators {
  public:
-  LocatorsBySize(const LandmarkMap& map, std::span<const Camera> cameras,
-                 const LocateOptions& options)
-      : cameras_(cameras.begin(), cameras.end()),
-        any_(map, unknown_camera(kAnySide, kAnySide), options) {}
+  Locators(const LandmarkMap& map, const std::optional<Camera>& given,
+           std::span<const Camera> others, const LocateOptions& options)
+      : is_given_(given.has_value()),
+        cameras_(others.begin(), others.end()),
+        first_(map, given.value_or(unknown_camera(kAnySide, kAnySide)), options) {}
 
   /// Thread-safe.
   const ImageLocator& of(const GrayImage& image) {
+    if (is_given_) return first_;
     const std::lock_guard lock(mutex_);
     const auto [place, is_new] = locators_.try_emplace({image.width, image.height});
     if (is_new) place->second = made(image.width, image.height);
     return *place->second;
   }
+
+ private:
+  static constexpr std::uint32_t kAnySide = 64;  // without a given camera, the first has no use
 
   static Camera unknown_camera(std::uint32_t width, std::uint32_t height) {
     constexpr double kUsual = 1.2;  // focal length of photographs, in larger sides
@@ -124,27 +129,24 @@ class LocatorsBySize {
             {kUsual * std::max(width, height), 0.5 * (width - 1.0), 0.5 * (height - 1.0)}};
   }
 
- private:
-  static constexpr std::uint32_t kAnySide = 64;  // the camera of the first locator has no use
-
   std::unique_ptr<ImageLocator> made(std::uint32_t width, std::uint32_t height) const {
     const Camera* only = nullptr;
     for (const Camera& camera : cameras_) {
       if (camera.width != width || camera.height != height) continue;
-      if (only != nullptr &&
-          (camera.model != only->model || camera.parameters != only->parameters)) {
+      if (only != nullptr && !is_same_lens(camera, *only)) {
         only = nullptr;
         break;
       }
       only = &camera;
     }
     return std::make_unique<ImageLocator>(
-        only != nullptr ? any_.with_camera(*only)
-                        : any_.with_camera(unknown_camera(width, height), FocalLength::kUnknown));
+        only != nullptr ? first_.with_camera(*only)
+                        : first_.with_camera(unknown_camera(width, height), FocalLength::kUnknown));
   }
 
+  bool is_given_;
   std::vector<Camera> cameras_;
-  ImageLocator any_;
+  ImageLocator first_;
   std::mutex mutex_;
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::unique_ptr<ImageLocator>> locators_;
 };
@@ -225,13 +227,15 @@ struct LocateArguments {
     if (!output.empty()) require_map_path(output, "--output");
     options.seed = common.seed;
     const LoadedMap loaded = load_world();
-    CameraFile file;
+    std::optional<CameraFile> file;
     if (!camera.empty() && camera != kUnknown) file = load_camera(camera);
-    const double units = depth_units.value_or(
-        file.depth_units_per_metre.value_or(SequenceOptions().depth_units_per_metre));
+    const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
+    const double units =
+        depth_units.value_or(stated_units.value_or(SequenceOptions().depth_units_per_metre));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
-    const std::vector<ImageLocation> found = locate_all(loaded.map, file.camera, depth_m);
+    const std::vector<ImageLocation> found =
+        locate_all(loaded.map, file ? std::optional(file->camera) : std::nullopt, depth_m);
     Json json = describe(loaded);
     json["results"] = Json::array();
     bool all = true;
@@ -263,27 +267,20 @@ struct LocateArguments {
     return load_map(map, common);
   }
 
-  std::vector<ImageLocation> locate_all(const LandmarkMap& in_map, const Camera& given,
+  std::vector<ImageLocation> locate_all(const LandmarkMap& in_map,
+                                        const std::optional<Camera>& given,
                                         const DepthImage& depth_m) const {
-    const bool is_given = !camera.empty() && camera != kUnknown;
     const std::string descriptors = map + ": descriptors";
-    std::optional<ImageLocator> locator;
-    std::optional<LocatorsBySize> locators;
-    with_option_names({{"descriptors", descriptors}}, [&] {
-      if (is_given) {
-        locator.emplace(in_map, given, options);
-      } else {
-        const auto cameras = camera == kUnknown ? std::span<const Camera>() : in_map.cameras();
-        locators.emplace(in_map, cameras, options);
-      }
-    });
+    const auto others = camera == kUnknown ? std::span<const Camera>() : in_map.cameras();
+    std::optional<Locators> locators;
+    with_option_names({{"descriptors", descriptors}},
+                      [&] { locators.emplace(in_map, given, others, options); });
     std::vector<ImageLocation> found(images.size());
     common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const GrayImage image = read_gray_image(images[i]);
-        with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
-          found[i] = (is_given ? *locator : locators->of(image)).locate(image, depth_m);
-        });
+        with_option_names({{"image", images[i]}, {"depth image", depth}},
+                          [&] { found[i] = locators->of(image).locate(image, depth_m); });
       }
     });
     return found;

@@ -305,9 +305,11 @@ struct MapArguments {
                 kCameraHelp);
       return *given;
     }
-    refuse_if(!camera.empty(), "--camera", "given, but the stereo sequence has its calibration",
-              "no camera");
-    return {images.camera(std::nullopt), std::nullopt, given ? given->readout_s : std::nullopt};
+    CameraFile file{{}, std::nullopt, given ? given->readout_s : std::nullopt};
+    with_option_names({{"camera", "--camera"}}, [&] {
+      file.camera = images.camera(camera.empty() ? std::nullopt : std::optional(given->camera));
+    });
+    return file;
   }
 
   double readout_s(const CameraFile& camera_file) const {

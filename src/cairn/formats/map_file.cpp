@@ -19,8 +19,7 @@ namespace {
 // Frames and observations aside, which the format's row says it cannot hold.
 void log_point_losses(const LandmarkMap& map, const MapWriteOptions& options,
                       std::string_view format) {
-  std::vector<std::string_view> columns;
-  for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
+  const std::vector<std::string_view> columns = column_names(map.landmarks().columns);
   detail::log_losses(options.log, map,
                      {.timestamps = true,
                       .keypoints = true,

@@ -442,4 +442,9 @@ std::optional<Eigen::Vector3d> unproject(const Camera& camera, const Pixel& pixe
   return ray->normalized();
 }
 
+bool is_same_lens(const Camera& a, const Camera& b) {
+  return a.model == b.model && a.width == b.width && a.height == b.height &&
+         a.parameters == b.parameters;
+}
+
 }  // namespace cairn

@@ -55,6 +55,9 @@ const CameraModel* camera_model(std::string_view name);
 /// its range, no size); empty if it has none.
 std::string camera_defect(const Camera& camera);
 
+/// Whether both have one model, size and parameters.
+bool is_same_lens(const Camera& a, const Camera& b);
+
 /// Scales and origin of the image: what a pixel is of the model's plane. On the optical axis, focal lengths and
 /// principal point.
 struct Intrinsics {

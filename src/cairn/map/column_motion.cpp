@@ -84,9 +84,7 @@ void ColumnMotion::move_splat(std::span<double> row) const {
 
 void move_columns(std::span<NamedColumn> columns, const Similarity3& new_from_old,
                   std::string_view where) {
-  std::vector<std::string_view> names;
-  for (const NamedColumn& column : columns) names.push_back(column.name);
-  const ColumnMotion motion(names, new_from_old, where);
+  const ColumnMotion motion(column_names(columns), new_from_old, where);
   if (motion.changed().empty()) return;
   std::vector<double> row(columns.size(), 0.0);
   for (std::size_t i = 0; i < columns.front().values.size(); ++i) {

@@ -550,6 +550,12 @@ void drop_unknown_columns(MapTables& tables) {
 
 }  // namespace
 
+std::vector<std::string_view> column_names(std::span<const NamedColumn> columns) {
+  std::vector<std::string_view> names;
+  for (const NamedColumn& column : columns) names.push_back(column.name);
+  return names;
+}
+
 std::string_view to_string(PixelSource source) {
   switch (source) {
     case PixelSource::kCorner:

@@ -172,6 +172,9 @@ struct NamedColumn {
   std::vector<double> values;
 };
 
+/// The names, which refer to the columns.
+std::vector<std::string_view> column_names(std::span<const NamedColumn> columns);
+
 /// Landmarks in columns. The optional columns are empty or have one entry per landmark.
 struct LandmarkTable {
   std::vector<LandmarkId> ids;

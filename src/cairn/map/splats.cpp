@@ -20,12 +20,6 @@
 namespace cairn {
 namespace {
 
-std::vector<std::string_view> names_of(std::span<const NamedColumn> columns) {
-  std::vector<std::string_view> names;
-  for (const NamedColumn& column : columns) names.push_back(column.name);
-  return names;
-}
-
 class PlainNames {
  public:
   explicit PlainNames(std::span<const std::string_view> names) {
@@ -76,6 +70,18 @@ std::string plain_column_name(std::string_view name) {
   return plain;
 }
 
+std::vector<std::size_t> SplatColumns::all() const {
+  std::vector<std::size_t> indices = {opacity};
+  const auto append = [&](const auto& more) {
+    indices.insert(indices.end(), more.begin(), more.end());
+  };
+  append(rotation);
+  append(log_scales);
+  if (base_color) append(*base_color);
+  append(harmonics);
+  return indices;
+}
+
 std::optional<SplatColumns> splat_columns(std::span<const std::string_view> names) {
   const PlainNames plain(names);
   SplatColumns columns;
@@ -103,7 +109,7 @@ std::optional<SplatColumns> splat_columns(std::span<const std::string_view> name
 }
 
 std::optional<SplatColumns> splat_columns(std::span<const NamedColumn> columns) {
-  return splat_columns(names_of(columns));
+  return splat_columns(column_names(columns));
 }
 
 bool has_splat_names(std::span<const std::string_view> names) {
@@ -146,16 +152,17 @@ std::vector<HarmonicsRotation> harmonics_rotation(int degree, const Eigen::Matri
       64;  // more than harmonics, so that the equations are well conditioned
   const std::vector<Eigen::Vector3d> directions = directions_on_sphere(kDirections);
   std::vector<HarmonicsRotation> matrices;
+  using AllHarmonics = Eigen::Matrix<double, Eigen::Dynamic, Harmonics::SizeAtCompileTime>;
+  AllHarmonics all_now(kDirections, AllHarmonics::ColsAtCompileTime);
+  AllHarmonics all_before(kDirections, AllHarmonics::ColsAtCompileTime);
+  for (int i = 0; i < kDirections; ++i) {
+    const Eigen::Vector3d& towards = directions[static_cast<std::size_t>(i)];
+    all_now.row(i) = harmonics_towards(towards).transpose();
+    all_before.row(i) = harmonics_towards(rotation.transpose() * towards).transpose();
+  }
   for (int l = 1; l <= degree; ++l) {
-    Eigen::MatrixXd now(kDirections, 2 * l + 1);
-    Eigen::MatrixXd before(kDirections, 2 * l + 1);
-    for (int i = 0; i < kDirections; ++i) {
-      const Eigen::Vector3d& towards = directions[static_cast<std::size_t>(i)];
-      now.row(i) = harmonics_towards(towards).segment(l * l - 1, 2 * l + 1).transpose();
-      before.row(i) = harmonics_towards(rotation.transpose() * towards)
-                          .segment(l * l - 1, 2 * l + 1)
-                          .transpose();
-    }
+    const Eigen::MatrixXd now = all_now.middleCols(l * l - 1, 2 * l + 1);
+    const Eigen::MatrixXd before = all_before.middleCols(l * l - 1, 2 * l + 1);
     matrices.emplace_back((now.transpose() * now).ldlt().solve(now.transpose() * before));
   }
   return matrices;

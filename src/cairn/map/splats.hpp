@@ -29,6 +29,9 @@ struct SplatColumns {
   std::vector<std::size_t>
       harmonics;  ///< f_rest_0 ...: degrees 1 to `degree` of red, then of green, then of blue
   int degree = 0;
+
+  /// The indices of all members.
+  std::vector<std::size_t> all() const;
 };
 
 /// The columns of splats among the names, in upper or lower case, if there are any. std::nullopt if some are missing,

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <set>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -25,12 +24,8 @@ void extend(Column& column, std::size_t size) {
 CameraIndex index_of_camera(std::vector<Camera>& cameras, const Camera& camera) {
   std::uint64_t next_id = 0;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Camera& known = cameras[i];
-    if (known.model == camera.model && known.width == camera.width &&
-        known.height == camera.height && known.parameters == camera.parameters) {
-      return CameraIndex{static_cast<std::uint32_t>(i)};
-    }
-    next_id = std::max(next_id, known.id.value + 1);
+    if (is_same_lens(cameras[i], camera)) return CameraIndex{static_cast<std::uint32_t>(i)};
+    next_id = std::max(next_id, cameras[i].id.value + 1);
   }
   cameras.push_back(camera);
   cameras.back().id = CameraId{next_id};
@@ -102,48 +97,32 @@ ObservationTable with_matches(const ObservationTable& old, std::size_t landmarks
   return table;
 }
 
-// The row of the feature nearest to each pixel, if it is within kSamePlace of it.
-class NearestFeature {
- public:
-  explicit NearestFeature(const detail::SiftFeatures& features) : features_(features) {
-    for (std::uint32_t i = 0; i < features.keypoints.size(); ++i) {
-      cells_[key(features.keypoints[i].pt.x, features.keypoints[i].pt.y)].push_back(i);
-    }
+// The SIFT features of an image at their places in it.
+detail::Features features_of(const detail::SiftFeatures& sift, const cv::Mat& gray) {
+  std::vector<detail::Keypoint> keypoints;
+  for (const cv::KeyPoint& found : sift.keypoints) {
+    detail::Keypoint keypoint;
+    keypoint.pixel = {found.pt.x, found.pt.y};
+    keypoints.push_back(keypoint);
   }
+  return {std::move(keypoints), {}, {gray}, {}};
+}
 
-  std::optional<std::uint32_t> at(const Pixel& pixel) const {
-    double least = kSamePlace * kSamePlace;
-    std::optional<std::uint32_t> nearest;
-    for (int row = -1; row <= 1; ++row) {
-      for (int column = -1; column <= 1; ++column) {
-        const auto cell = cells_.find(key(pixel.u + column * kCell, pixel.v + row * kCell));
-        if (cell == cells_.end()) continue;
-        for (const std::uint32_t i : cell->second) {
-          const double du = features_.keypoints[i].pt.x - pixel.u;
-          const double dv = features_.keypoints[i].pt.y - pixel.v;
-          const double squared = du * du + dv * dv;
-          if (squared > least || (nearest && squared == least)) continue;
-          least = squared;
-          nearest = i;
-        }
-      }
-    }
-    return nearest;
-  }
-
- private:
-  static constexpr double kSamePlace =
+// The feature nearest to a pixel, if it is within kSamePlace of it.
+std::optional<std::uint32_t> nearest_feature(const detail::Features& features, const Pixel& pixel) {
+  constexpr double kSamePlace =
       1.5;  // pixels: other programs' features are not quite where ours are
-  static constexpr double kCell = 4.0;
-
-  static std::int64_t key(double u, double v) {
-    return static_cast<std::int64_t>(std::floor(v / kCell)) * (std::int64_t{1} << 32) +
-           static_cast<std::int64_t>(std::floor(u / kCell));
-  }
-
-  const detail::SiftFeatures& features_;
-  std::unordered_map<std::int64_t, std::vector<std::uint32_t>> cells_;
-};
+  const Eigen::Vector2d at(pixel.u, pixel.v);
+  double least = kSamePlace * kSamePlace;
+  std::optional<std::uint32_t> nearest;
+  features.visit_near(at, kSamePlace, [&](std::uint32_t i) {
+    const double squared = (features.keypoints()[i].pixel.cast<double>() - at).squaredNorm();
+    if (squared > least || (nearest && squared == least)) return;
+    least = squared;
+    nearest = i;
+  });
+  return nearest;
+}
 
 void require_camera_size(const LandmarkMap& map, FrameIndex frame, const GrayImage& image) {
   const FrameTable& frames = map.frames();
@@ -182,7 +161,7 @@ LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> im
 LandmarkMap with_image_descriptors(
     const LandmarkMap& map, const std::function<std::optional<GrayImage>(FrameIndex)>& image_of,
     const Execution& execution) {
-  constexpr std::size_t kBytes = 128;
+  constexpr std::size_t kBytes = detail::kSiftBytes;
   constexpr int kMostFeatures = 20000;
   const ObservationTable& observations = map.observations();
   std::vector<std::vector<std::size_t>> seen_by(map.frame_count());
@@ -198,13 +177,13 @@ LandmarkMap with_image_descriptors(
     const std::optional<GrayImage> image = image_of(index);
     if (!image) return;
     require_camera_size(map, index, *image);
-    const detail::SiftFeatures features =
-        detail::sift_features(detail::matrix_of(*image), kMostFeatures, true);
-    const NearestFeature nearest(features);
+    const cv::Mat gray = detail::matrix_of(*image);
+    const detail::SiftFeatures sift = detail::sift_features(gray, kMostFeatures, true);
+    const detail::Features features = features_of(sift, gray);
     for (const std::size_t i : seen_by[frame]) {
-      const auto row = nearest.at(observations.pixels[i]);
-      if (!row) continue;
-      const auto bytes = std::span(features.descriptors).subspan(*row * kBytes, kBytes);
+      const auto feature = nearest_feature(features, observations.pixels[i]);
+      if (!feature) continue;
+      const auto bytes = std::span(sift.descriptors).subspan(*feature * kBytes, kBytes);
       found[i].assign(bytes.begin(), bytes.end());
     }
   });

@@ -228,8 +228,7 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options) {
   const LandmarkTable& landmarks = map.landmarks();
   const bool all_colored = std::all_of(landmarks.colors.begin(), landmarks.colors.end(),
                                        [](const auto& color) { return color.has_value(); });
-  std::vector<std::string_view> columns;
-  for (const NamedColumn& column : landmarks.columns) columns.push_back(column.name);
+  const std::vector<std::string_view> columns = column_names(landmarks.columns);
   const detail::Holdings holdings = {.observations = false,
                                      .cameras = false,
                                      .image_names = false,

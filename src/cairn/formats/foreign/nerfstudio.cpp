@@ -250,8 +250,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
     all["frames"].push_back(std::move(frame));
   }
   // Before writing, because the caller may refuse the loss.
-  std::vector<std::string_view> columns;
-  for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
+  const std::vector<std::string_view> columns = column_names(map.landmarks().columns);
   log_losses(options.log, map, {.observations = false, .covariances = true, .columns = columns},
              "nerfstudio", path.string());
   const fs::path points = path.parent_path() / kPointsName;

@@ -372,8 +372,7 @@ void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
     std::replace(text.begin(), text.end(), ' ', ',');
     sink(text);
   });
-  std::vector<std::string_view> columns;
-  for (const NamedColumn& column : map.landmarks().columns) columns.push_back(column.name);
+  const std::vector<std::string_view> columns = column_names(map.landmarks().columns);
   Holdings holdings = kPositionsOnly;
   holdings.colors = true;
   holdings.covariances = true;

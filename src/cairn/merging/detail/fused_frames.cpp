@@ -48,9 +48,8 @@ CameraIndex Fusion::add_camera(Camera camera, bool is_mounted) {
 // be alike, and a rig of another map may have another baseline.
 std::vector<CameraIndex> Fusion::add_cameras(std::size_t m) {
   const LandmarkMap& map = *maps_[m].map;
-  const auto is_same = [&](CameraIndex fused, Camera camera) {
-    camera.id = tables_.cameras[fused.value].id;
-    return tables_.cameras[fused.value] == camera;
+  const auto is_same = [&](CameraIndex fused, const Camera& camera) {
+    return is_same_lens(tables_.cameras[fused.value], camera);
   };
   std::vector<std::optional<CameraIndex>> of(map.cameras().size());
   for (Rig rig : map.rigs()) {

@@ -176,10 +176,8 @@ void append_splats(const PlacedMap& placed, std::size_t number,
                    std::span<const JoinedColumn> joined, const std::vector<std::uint8_t>& thinned,
                    LandmarkTable& all) {
   const LandmarkTable& landmarks = placed.map->landmarks();
-  std::vector<std::string_view> names;
-  for (const NamedColumn& column : landmarks.columns) names.push_back(column.name);
-  const ColumnMotion motion(names, placed.world_from_map, placed.name);
-  std::vector<double> row(names.size());
+  const ColumnMotion motion(column_names(landmarks.columns), placed.world_from_map, placed.name);
+  std::vector<double> row(landmarks.columns.size());
   for (std::size_t i = 0; i < landmarks.positions.size(); ++i) {
     if (thinned[i] != 0) continue;
     for (std::size_t k = 0; k < row.size(); ++k) row[k] = landmarks.columns[k].values[i];
@@ -211,10 +209,8 @@ bool are_splats(std::span<const PlacedMap> maps) {
         "splats alone, or maps alone");
     if (!layout) {
       // Refuses splats in no known layout.
-      std::vector<NamedColumn> none;
-      for (const NamedColumn& column : placed.map->landmarks().columns)
-        none.push_back({column.name, {}});
-      move_columns(none, Similarity3(2.0, Rigid3()), placed.name);
+      const Similarity3 any_motion(2.0, Rigid3());
+      ColumnMotion(column_names(placed.map->landmarks().columns), any_motion, placed.name);
       continue;
     }
     reject_if(placed.map->frame_count() > 0, placed.name,

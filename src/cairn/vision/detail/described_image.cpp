@@ -2,7 +2,6 @@
 #include "cairn/vision/detail/described_image.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <numeric>
@@ -15,7 +14,6 @@
 namespace cairn::detail {
 namespace {
 
-constexpr int kSiftBytes = 128;
 constexpr float kSiftLength = 512.0F;  // of a descriptor, as all systems store them
 // SIFT finds more features than corners are needed, and the ones that a map kept need not be the strongest.
 constexpr int kSiftFeatures = 4;       // times the number of corners
@@ -25,10 +23,10 @@ constexpr double kRootMean = 29.0;     // 33 is the mean of a root's bytes on ph
 void append_sift(const cv::Mat& rows, int row, bool root, std::vector<std::uint8_t>& bytes) {
   const float* const values = rows.ptr<float>(row);
   float norm = 0.0F;
-  for (int k = 0; k < kSiftBytes; ++k) norm += root ? values[k] : values[k] * values[k];
+  for (std::size_t k = 0; k < kSiftBytes; ++k) norm += root ? values[k] : values[k] * values[k];
   if (!root) norm = std::sqrt(norm);
   const float per_norm = norm > 0.0F ? 1.0F / norm : 0.0F;
-  for (int k = 0; k < kSiftBytes; ++k) {
+  for (std::size_t k = 0; k < kSiftBytes; ++k) {
     const float share = values[k] * per_norm;
     const float byte = std::round(kSiftLength * (root ? std::sqrt(share) : share));
     bytes.push_back(static_cast<std::uint8_t>(std::clamp(byte, 0.0F, 255.0F)));

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include <opencv2/core/mat.hpp>
@@ -15,6 +15,8 @@
 #include "cairn/vision/detail/features.hpp"
 
 namespace cairn::detail {
+
+inline constexpr std::size_t kSiftBytes = 128;  ///< of a descriptor
 
 /// Descriptors that can be made of an image's features.
 enum class ImageDescriptor {
@@ -33,7 +35,7 @@ struct DescribedImage {
   std::vector<std::uint8_t> descriptors;  ///< a row for each keypoint
 };
 
-/// SIFT features of an image, and a row of 128 bytes for each.
+/// SIFT features of an image, and a row of kSiftBytes for each.
 struct SiftFeatures {
   std::vector<cv::KeyPoint> keypoints;
   std::vector<std::uint8_t> descriptors;
@@ -55,7 +57,9 @@ class ImageDescriber {
   DescribedImage describe(const cv::Mat& gray, const cv::Mat& depth_m) const;
 
   const FeatureExtractor& extractor() const { return extractor_; }
-  std::size_t bytes_each() const { return kind_ == ImageDescriptor::kOrb ? 32 : 128; }
+  std::size_t bytes_each() const {
+    return kind_ == ImageDescriptor::kOrb ? sizeof(Descriptor) : kSiftBytes;
+  }
   descriptor_kernel::Norm norm() const {
     return kind_ == ImageDescriptor::kOrb ? descriptor_kernel::Norm::kHamming
                                           : descriptor_kernel::Norm::kSquaredBytes;

@@ -39,6 +39,7 @@ constexpr std::size_t kFewestOthers = 4;  // of a landmark's features with other
 constexpr std::size_t kMostOthers = 32;
 constexpr int kCellColumns = 8;
 constexpr int kCellRows = 6;
+static_assert(kCellColumns * kCellRows == kImageCells);
 constexpr int kFewestOfCell = 3;        // landmarks by which a cell is judged
 constexpr double kCluster = 0.125;      // radius of a cluster, in widths of the image
 constexpr double kSameRotation = 0.1;   // radians: largest difference of equal poses
@@ -173,18 +174,13 @@ std::optional<ImagePose> ImagePoseSearch::best(const SensorModel& sensor) const 
   return result;
 }
 
-namespace {
-
-SensorModel with_focal_length(const SensorModel& sensor, double focal_length) {
+SensorModel ImagePoseSearch::with_focal_length(const SensorModel& sensor,
+                                               double focal_length) const {
   Pinhole pinhole = sensor.pinhole();
   pinhole.fx = focal_length;
   pinhole.fy = focal_length;
-  std::vector<double> scales;
-  for (int octave = 0; octave < sensor.octaves(); ++octave) scales.push_back(sensor.scale(octave));
-  return {sensor.noise(), pinhole, std::move(scales)};
+  return {sensor.noise(), pinhole, describer_.extractor().scales()};
 }
-
-}  // namespace
 
 // The sum of squared residuals of the best pose for these matches; large ones grow slowly.
 double ImagePoseSearch::misfit(const SensorModel& sensor, const ImagePose& pose) const {

@@ -33,7 +33,7 @@ struct ImagePose {
 };
 
 /// Number of cells into which an image is divided.
-inline constexpr std::size_t kImageCells = 48;  // 8 x 6
+inline constexpr std::size_t kImageCells = 48;
 
 /// A pose found together with the focal length.
 struct FocalLengthPose {
@@ -76,6 +76,7 @@ class ImagePoseSearch {
   FeatureMatch most_alike(std::uint32_t landmark, std::span<const std::uint32_t> features) const;
   std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
   void refine(const SensorModel& sensor, ImagePose& pose) const;
+  SensorModel with_focal_length(const SensorModel& sensor, double focal_length) const;
   double misfit(const SensorModel& sensor, const ImagePose& pose) const;
   void weigh(const View& view, const Found& found, ImagePose& pose) const;
   std::size_t largest_cluster(std::span<const FeatureMatch> matches) const;

@@ -53,14 +53,14 @@ std::optional<int> best_column(const cv::Mat& image, int x, int y, const cv::Mat
                                int first, int last) {
   first = std::max(first, kWindowHalf);
   last = std::min(last, searched.cols - 1 - kWindowHalf);
-  const double variance = window_moments(image, x, y).variance();
+  const Moments here = window_moments(image, x, y);
+  const double variance = here.variance();
   if (first > last || !(variance > 0.0)) return std::nullopt;
   std::array<std::uint8_t, kWindowArea> window;
   for (int dy = 0; dy < kWindowSide; ++dy) {
     std::copy_n(image.ptr<std::uint8_t>(y + dy - kWindowHalf) + x - kWindowHalf, kWindowSide,
                 window.begin() + dy * kWindowSide);
   }
-  const int sum = window_moments(image, x, y).sum;
   std::vector<double> scores;
   Moments there = window_moments(searched, first, y);
   for (int column = first; column <= last; ++column) {
@@ -71,7 +71,7 @@ std::optional<int> best_column(const cv::Mat& image, int x, int y, const cv::Mat
       for (int dx = 0; dx < kWindowSide; ++dx) products += row[dx] * window[dy * kWindowSide + dx];
     }
     const double covariance =
-        static_cast<double>(kWindowArea) * products - static_cast<double>(sum) * there.sum;
+        static_cast<double>(kWindowArea) * products - static_cast<double>(here.sum) * there.sum;
     const double both = variance * there.variance();
     scores.push_back(both > 0.0 ? covariance / std::sqrt(both) : 0.0);
     if (column == last) break;

@@ -87,8 +87,9 @@ AlongParts along_parts(const LandmarkMap& map, std::span<const FrameId> middles)
 
 std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOptions& points,
                                     std::size_t part_landmarks) {
+  if (!map.has_observations() || map.frame_count() == 0) return {};
   const std::vector<LandmarkIndex> kept = landmarks_to_align(map, points);
-  if (!map.has_observations() || map.frame_count() == 0 || kept.empty()) return {};
+  if (kept.empty()) return {};
   const std::vector<FrameIndex> order = keyframes_in_order(map);
   const std::vector<std::uint32_t> rank = ranks_of(order);
   std::vector<std::optional<Observed>> observed(kept.size());

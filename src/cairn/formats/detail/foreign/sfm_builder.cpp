@@ -343,11 +343,6 @@ void shift_centre(Camera& camera, double by) {
   }
 }
 
-bool is_same_lens(const Camera& a, const Camera& b) {
-  return a.model == b.model && a.width == b.width && a.height == b.height &&
-         a.parameters == b.parameters;
-}
-
 bool is_file(const std::filesystem::path& path) {
   std::error_code ignored;
   return std::filesystem::is_regular_file(path, ignored);

@@ -167,9 +167,6 @@ inline constexpr double kPixelCentre = 0.5;
 /// must be known.
 void shift_centre(Camera& camera, double by);
 
-/// Whether both have one model, size and parameters.
-bool is_same_lens(const Camera& a, const Camera& b);
-
 /// Whether there is a regular file. Opening a pipe of that name would block.
 bool is_file(const std::filesystem::path& path);
 

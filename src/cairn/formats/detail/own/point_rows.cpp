@@ -37,10 +37,8 @@ void append_text_value(std::string& out, std::uint64_t value) {
 // are rounded, others only if that loses nothing.
 std::vector<bool> single_precision_columns(const SplatColumns& splats,
                                            std::span<const NamedColumn> columns) {
-  std::vector<std::string_view> names;
-  for (const NamedColumn& column : columns) names.push_back(column.name);
   const Similarity3 any_turn(Rigid3::from_roll_pitch_yaw({0, 0, 0}, 1.0, 1.0, 1.0));
-  const ColumnMotion turning(names, any_turn, "splats");
+  const ColumnMotion turning(column_names(columns), any_turn, "splats");
   std::vector<bool> single;
   for (const NamedColumn& column : columns) {
     single.push_back(std::all_of(column.values.begin(), column.values.end(), [](double value) {
@@ -48,10 +46,7 @@ std::vector<bool> single_precision_columns(const SplatColumns& splats,
     }));
   }
   for (const std::size_t column : turning.changed()) single[column] = true;
-  single[splats.opacity] = true;
-  if (splats.base_color) {
-    for (const std::size_t column : *splats.base_color) single[column] = true;
-  }
+  for (const std::size_t column : splats.all()) single[column] = true;
   return single;
 }
 
