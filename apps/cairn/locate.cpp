@@ -177,7 +177,7 @@ struct LocateArguments {
     command.add_text(
         "--camera", camera,
         fmt::format(
-            "Camera of the images: {}; or unknown: the focal length is found with the pose "
+            "Camera of the images: {}; or unknown: the lens is found with the pose "
             "(default: the map's camera for images of that size, or unknown if it has none or "
             "several)",
             kCameraHelp),

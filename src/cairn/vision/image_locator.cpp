@@ -91,32 +91,8 @@ class ImageLocator::View {
         landmarks_->metric && !depth.empty() ? detail::matrix_of(depth) : cv::Mat();
     const DescribedImage described = describer_.describe(detail::matrix_of(image), depth_m);
     const ImagePoseSearch search(landmarks_->described, describer_, described, options_.seed);
-    ImageLocation result;
-    result.camera = camera_;
-    result.corners = described.features.size();
-    result.proposals = search.proposals();
-    std::optional<ImagePose> best;
-    SensorModel sensor = sensor_of(describer_.extractor().pinhole());
-    if (focal_length_ == FocalLength::kKnown) {
-      best = search.best(sensor);
-    } else if (auto found = search.best_of_focal_lengths(sensor)) {
-      best = std::move(found->pose);
-      sensor = sensor_of(found->pinhole);
-      result.camera = camera_with(found->pinhole);
-      result.focal_length_sigma = found->sigma;
-    }
-    if (!best) {
-      result.reason =
-          fmt::format("no pose explains enough matches: {} of {} corners match a landmark",
-                      search.proposals(), described.features.size());
-      return result;
-    }
-    // Similar objects may occur in several places, so pairs that a good pose does not explain may give
-    // another pose.
-    std::optional<ImagePose> next;
-    if (probability_of(*best) >= options_.min_probability) next = search.rival(sensor, *best);
-    report(described, *best, next && !search.same(*best, *next) ? &*next : nullptr, result);
-    return result;
+    if (focal_length_ == FocalLength::kUnknown) return locate_with_lens(search, described);
+    return judged(search, described, search.best(sensor()));
   }
 
  private:
@@ -126,16 +102,67 @@ class ImageLocator::View {
                 fmt::format("{} x {}, as the camera has", camera_.width, camera_.height));
   }
 
-  SensorModel sensor_of(const detail::Pinhole& pinhole) const {
-    return {SensorNoise(), pinhole, describer_.extractor().scales()};
+  SensorModel sensor() const {
+    return {SensorNoise(), describer_.extractor().pinhole(), describer_.extractor().scales()};
   }
 
-  Camera camera_with(const detail::Pinhole& pinhole) const {
-    return {camera_.id,
-            "SIMPLE_PINHOLE",
-            camera_.width,
-            camera_.height,
-            {pinhole.fx, pinhole.cx, pinhole.cy}};
+  // Finds the lens by the matches, and the matches with the lens, in turn.
+  ImageLocation locate_with_lens(const ImagePoseSearch& search, const DescribedImage& image) const {
+    constexpr int kRounds = 4;
+    // A focal length that is less certain leaves the distance to what is seen open.
+    constexpr double kMostSigma = 0.03;
+    const auto coarse = search.best_of_focal_lengths(sensor());
+    if (!coarse) return judged(search, image, std::nullopt);
+    Camera camera = detail::radial_camera(camera_, coarse->focal_length);
+    ImagePose best = coarse->pose;
+    for (int round = 1;; ++round) {
+      auto lens = search.lens_of(sensor(), camera, best);
+      if (!lens) return judged(search, image, std::nullopt);
+      const View view(landmarks_, lens->camera, FocalLength::kKnown, options_);
+      DescribedImage undistorted = image;
+      view.describer_.extractor().correct(undistorted.features, {});
+      const ImagePoseSearch again = search.seen_through(view.describer_, undistorted);
+      auto settled = again.settled(view.sensor(), lens->world_from_camera);
+      if (settled) lens = again.lens_of(view.sensor(), lens->camera, *settled);
+      if (!settled || !lens) return judged(search, image, std::nullopt);
+      best = std::move(*settled);
+      best.pose.world_from_camera = lens->world_from_camera;
+      camera = lens->camera;
+      if (round < kRounds) continue;
+      best.pose.covariance = lens->covariance;
+      ImageLocation result = view.judged(again, undistorted, best);
+      result.camera = camera;
+      result.focal_length_sigma = lens->focal_length_sigma;
+      if (result.located && lens->focal_length_sigma > kMostSigma * camera.parameters.front()) {
+        result.located = false;
+        result.world_from_camera.reset();
+        result.reason = fmt::format(
+            "the matches do not determine the focal length: {:.0f} px with a standard deviation of "
+            "{:.0f} px",
+            camera.parameters.front(), lens->focal_length_sigma);
+      }
+      return result;
+    }
+  }
+
+  ImageLocation judged(const ImagePoseSearch& search, const DescribedImage& image,
+                       const std::optional<ImagePose>& best) const {
+    ImageLocation result;
+    result.camera = camera_;
+    result.corners = image.features.size();
+    result.proposals = search.proposals();
+    if (!best) {
+      result.reason =
+          fmt::format("no pose explains enough matches: {} of {} corners match a landmark",
+                      search.proposals(), image.features.size());
+      return result;
+    }
+    // Similar objects may occur in several places, so pairs that a good pose does not explain may give
+    // another pose.
+    std::optional<ImagePose> next;
+    if (probability_of(*best) >= options_.min_probability) next = search.rival(sensor(), *best);
+    report(image, *best, next && !search.same(*best, *next) ? &*next : nullptr, result);
+    return result;
   }
 
   void report(const DescribedImage& image, const ImagePose& best, const ImagePose* next,

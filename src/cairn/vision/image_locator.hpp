@@ -76,8 +76,8 @@ class ImageLocator {
   ImageLocator& operator=(ImageLocator&&) noexcept;
 
   /// The same for images of another camera. The prepared map is shared.
-  /// @param focal_length if unknown, the camera has no other use than its size and its principal point, and images are
-  ///                     taken for undistorted
+  /// @param focal_length if unknown, only the camera's size and its principal point are used. Locations then have a
+  ///                     camera of the model RADIAL
   /// @throws Error (misuse) for a defective camera
   ImageLocator with_camera(const Camera& camera,
                            FocalLength focal_length = FocalLength::kKnown) const;

@@ -283,6 +283,56 @@ TEST(ImageLocator, FindsTheFocalLengthWithThePose) {
   EXPECT_EQ(known.camera, TexturedWall::camera());
 }
 
+// OpenCV's are a quarter of a pixel to the right and below.
+TEST(SiftFeatures, AreWhereTheImageHasABlob) {
+  const cv::Point2d centre(100.3, 80.7);
+  for (const double sigma : {3.0, 4.0, 6.0}) {
+    cv::Mat_<std::uint8_t> image(160, 200);
+    image.forEach([&](std::uint8_t& value, const int* at) {
+      const double x = (at[1] - centre.x) / sigma;
+      const double y = (at[0] - centre.y) / sigma;
+      value = static_cast<std::uint8_t>(60.0 + 150.0 * std::exp(-0.5 * (x * x + y * y)));
+    });
+    const auto found = detail::sift_features(image, 1, true).keypoints;
+    ASSERT_FALSE(found.empty());
+    EXPECT_NEAR(found.front().pt.x, centre.x, 0.07) << sigma;
+    EXPECT_NEAR(found.front().pt.y, centre.y, 0.07) << sigma;
+  }
+}
+
+TEST(ImageLocator, FindsTheDistortionWithTheFocalLength) {
+  const LandmarkMap map =
+      sift_map(true, [](std::size_t i) { return 1.5 + 0.37 * static_cast<double>(i * 7 % 11); });
+  const Camera flat = TexturedWall::camera();
+  const Camera barrel{{1}, "RADIAL", 640, 480, {TexturedWall::kFocal, 319.5, 239.5, -0.12, 0.0}};
+  cv::Mat_<cv::Point2f> from(480, 640);
+  from.forEach([&](cv::Point2f& to, const int* at) {
+    const auto ray = unproject(barrel, {static_cast<double>(at[1]), static_cast<double>(at[0])});
+    const auto pixel = ray ? project(flat, *ray) : std::nullopt;
+    to = pixel ? cv::Point2f(static_cast<float>(pixel->u), static_cast<float>(pixel->v))
+               : cv::Point2f(-1.0F, -1.0F);
+  });
+  cv::Mat distorted;
+  cv::remap(posters(60, 40), distorted, from, cv::noArray(), cv::INTER_CUBIC);
+  const ImageLocation found =
+      ImageLocator(map, flat).with_camera(flat, FocalLength::kUnknown).locate(image_of(distorted));
+  ASSERT_TRUE(found.located) << found.reason;
+  EXPECT_NEAR(found.camera.parameters[0], TexturedWall::kFocal, 0.01 * TexturedWall::kFocal);
+  EXPECT_NEAR(found.camera.parameters[3], -0.12, 0.02);
+  const Vector6d off = found.world_from_camera->difference_to(pose_at(60, 40));
+  EXPECT_LT(off.head<3>().norm(), 0.02);
+}
+
+TEST(ImageLocator, DoesNotLocateByAPlaneThatLeavesTheFocalLengthOpen) {
+  const LandmarkMap map = sift_map(true, [](std::size_t) { return TexturedWall::kDepthM; });
+  const ImageLocation found = ImageLocator(map, TexturedWall::camera())
+                                  .with_camera(TexturedWall::camera(), FocalLength::kUnknown)
+                                  .locate(image_of(posters(60, 40)));
+  EXPECT_FALSE(found.located);
+  EXPECT_FALSE(found.world_from_camera);
+  EXPECT_THAT(found.reason, HasSubstr("do not determine the focal length"));
+}
+
 TEST(ImageLocator, SharesItsMapWithImagesOfOtherCameras) {
   const ImageLocator locator(wall_map(), TexturedWall::camera());
   // Half the size, half the focal length: the same field of view.

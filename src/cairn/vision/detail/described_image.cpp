@@ -57,6 +57,9 @@ SiftFeatures sift_features(const cv::Mat& gray, int most, bool root) {
   cv::SIFT::create(most)->detectAndCompute(gray, cv::noArray(), features.keypoints, rows);
   features.descriptors.reserve(features.keypoints.size() * kSiftBytes);
   for (int i = 0; i < rows.rows; ++i) append_sift(rows, i, root, features.descriptors);
+  // OpenCV searches an image of twice the size, and takes the middle of each two pixels for the first of them.
+  constexpr float kShift = 0.25F;
+  for (cv::KeyPoint& keypoint : features.keypoints) keypoint.pt -= cv::Point2f(kShift, kShift);
   return features;
 }
 

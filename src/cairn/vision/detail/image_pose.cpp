@@ -79,7 +79,7 @@ struct ImagePoseSearch::Found {
 ImagePoseSearch::ImagePoseSearch(const DescribedLandmarks& landmarks,
                                  const ImageDescriber& describer, const DescribedImage& image,
                                  std::uint64_t seed)
-    : landmarks_(landmarks), describer_(describer), image_(image), seed_(seed) {
+    : landmarks_(&landmarks), describer_(&describer), image_(&image), seed_(seed) {
   if (image.features.size() == 0 || landmarks.size() == 0) return;
   size_ = image.features.pyramid().front().size();
   match_all();
@@ -87,15 +87,16 @@ ImagePoseSearch::ImagePoseSearch(const DescribedLandmarks& landmarks,
 
 void ImagePoseSearch::match_all() {
   const auto found = descriptor_kernel::nearest_both_ways(
-      image_.descriptors, landmarks_.descriptors(), describer_.bytes_each(), describer_.norm());
-  for (std::uint32_t i = 0; i < landmarks_.size(); ++i) {
+      image_->descriptors, landmarks_->descriptors(), describer_->bytes_each(), describer_->norm());
+  for (std::uint32_t i = 0; i < landmarks_->size(); ++i) {
     const auto rows = std::span(found.of_b)
-                          .subspan(landmarks_.row_begin(i),
-                                   landmarks_.row_begin(i + 1) - landmarks_.row_begin(i));
+                          .subspan(landmarks_->row_begin(i),
+                                   landmarks_->row_begin(i + 1) - landmarks_->row_begin(i));
     const auto nearest = *std::ranges::min_element(rows, {}, &descriptor_kernel::Nearest::first);
-    if (nearest.first > describer_.most_distance()) continue;
+    if (nearest.first > describer_->most_distance()) continue;
     pairs_.push_back({nearest.index, i, nearest.first});
-    if (landmarks_.owners()[found.of_a[nearest.index].index] == i) mutual_.push_back(pairs_.back());
+    if (landmarks_->owners()[found.of_a[nearest.index].index] == i)
+      mutual_.push_back(pairs_.back());
   }
   sort_by_distance(pairs_);
   sort_by_distance(mutual_);
@@ -106,18 +107,18 @@ std::vector<std::uint32_t> ImagePoseSearch::likely_frames() const {
   std::vector<std::uint32_t> chosen;
   std::vector<FeatureMatch> left = mutual_;
   while (chosen.size() < kMostFrames) {
-    std::vector<double> votes(landmarks_.frames(), 0.0);
+    std::vector<double> votes(landmarks_->frames(), 0.0);
     for (const FeatureMatch& match : left) {
-      for (const std::uint32_t frame : landmarks_.frames_of(match.landmark)) votes[frame] += 1.0;
+      for (const std::uint32_t frame : landmarks_->frames_of(match.landmark)) votes[frame] += 1.0;
     }
     for (std::uint32_t f = 0; f < votes.size(); ++f) {
-      votes[f] /= std::sqrt(static_cast<double>(landmarks_.seen_in(f).size()) + kUsualLandmarks);
+      votes[f] /= std::sqrt(static_cast<double>(landmarks_->seen_in(f).size()) + kUsualLandmarks);
     }
     const auto most = std::ranges::max_element(votes);
     if (most == votes.end() || *most <= 0.0) break;
     chosen.push_back(static_cast<std::uint32_t>(most - votes.begin()));
     std::erase_if(left, [&](const FeatureMatch& match) {
-      return std::ranges::count(landmarks_.frames_of(match.landmark), chosen.back()) > 0;
+      return std::ranges::count(landmarks_->frames_of(match.landmark), chosen.back()) > 0;
     });
   }
   return chosen;
@@ -125,33 +126,33 @@ std::vector<std::uint32_t> ImagePoseSearch::likely_frames() const {
 
 // The mutual pairs among the landmarks that a frame sees, and those that see most in common with it.
 std::vector<FeatureMatch> ImagePoseSearch::pairs_near(std::uint32_t frame) const {
-  std::vector<std::uint32_t> shared(landmarks_.frames(), 0);
-  for (const std::uint32_t landmark : landmarks_.seen_in(frame)) {
-    for (const std::uint32_t other : landmarks_.frames_of(landmark)) ++shared[other];
+  std::vector<std::uint32_t> shared(landmarks_->frames(), 0);
+  for (const std::uint32_t landmark : landmarks_->seen_in(frame)) {
+    for (const std::uint32_t other : landmarks_->frames_of(landmark)) ++shared[other];
   }
   std::vector<std::uint32_t> frames(shared.size());
   std::iota(frames.begin(), frames.end(), 0U);
   std::ranges::stable_sort(frames, std::greater(), [&](std::uint32_t f) { return shared[f]; });
-  std::vector<bool> is_near(landmarks_.size(), false);
+  std::vector<bool> is_near(landmarks_->size(), false);
   for (const std::uint32_t f : frames | std::views::take(kTogether)) {
-    for (const std::uint32_t landmark : landmarks_.seen_in(f)) is_near[landmark] = true;
+    for (const std::uint32_t landmark : landmarks_->seen_in(f)) is_near[landmark] = true;
   }
   std::vector<std::uint8_t> bytes;
   std::vector<std::uint32_t> owners;
-  for (std::uint32_t i = 0; i < landmarks_.size(); ++i) {
+  for (std::uint32_t i = 0; i < landmarks_->size(); ++i) {
     if (!is_near[i]) continue;
-    for (std::size_t k = landmarks_.row_begin(i); k < landmarks_.row_begin(i + 1); ++k) {
-      const auto row = landmarks_.row(k);
+    for (std::size_t k = landmarks_->row_begin(i); k < landmarks_->row_begin(i + 1); ++k) {
+      const auto row = landmarks_->row(k);
       bytes.insert(bytes.end(), row.begin(), row.end());
       owners.push_back(i);
     }
   }
   std::vector<FeatureMatch> pairs;
   const auto found = descriptor_kernel::nearest_both_ways(
-      image_.descriptors, bytes, describer_.bytes_each(), describer_.norm());
+      image_->descriptors, bytes, describer_->bytes_each(), describer_->norm());
   for (std::uint32_t feature = 0; feature < found.of_a.size(); ++feature) {
     const auto& nearest = found.of_a[feature];
-    if (nearest.first > describer_.most_distance()) continue;
+    if (nearest.first > describer_->most_distance()) continue;
     if (found.of_b[nearest.index].index != feature) continue;
     pairs.push_back({feature, owners[nearest.index], nearest.first});
   }
@@ -179,24 +180,7 @@ SensorModel ImagePoseSearch::with_focal_length(const SensorModel& sensor,
   Pinhole pinhole = sensor.pinhole();
   pinhole.fx = focal_length;
   pinhole.fy = focal_length;
-  return {sensor.noise(), pinhole, describer_.extractor().scales()};
-}
-
-// The sum of squared residuals of the best pose for these matches; large ones grow slowly.
-double ImagePoseSearch::misfit(const SensorModel& sensor, const ImagePose& pose) const {
-  const std::vector<PointMatch> matches = point_matches(sensor, pose);
-  const Rigid3 camera_from_world =
-      refine_pose(sensor.pinhole(), matches, pose.pose.world_from_camera)
-          .world_from_camera.inverse();
-  double sum = 0.0;
-  for (const PointMatch& match : matches) {
-    const Eigen::Vector3d x = camera_from_world * match.x_in_world;
-    const double squared =
-        x.z() < kNearestDepth ? kPixel99
-                              : point_residual(sensor.pinhole(), match.measured, x).squared_pixel();
-    sum += kPixel99 * std::log1p(squared / kPixel99);
-  }
-  return sum;
+  return {sensor.noise(), pinhole, describer_->extractor().scales()};
 }
 
 std::optional<FocalLengthPose> ImagePoseSearch::best_of_focal_lengths(
@@ -205,42 +189,35 @@ std::optional<FocalLengthPose> ImagePoseSearch::best_of_focal_lengths(
   constexpr double kMost = 4.0;
   constexpr double kStep = 1.15;
   const double side = std::max(size_.width, size_.height);
-  std::optional<ImagePose> best;
-  double focal_length = 0.0;
+  std::optional<FocalLengthPose> best;
   for (double f = kLeast * side; f <= kMost * side; f *= kStep) {
     const SensorModel model = with_focal_length(sensor, f);
     const std::optional<Rigid3> pose = proposed(model, mutual_, kFrameIterations);
     std::optional<ImagePose> found = pose ? settled(model, *pose) : std::nullopt;
-    if (found && (!best || found->evidence > best->evidence)) {
-      best = std::move(found);
-      focal_length = f;
+    if (found && (!best || found->evidence > best->pose.evidence)) {
+      best = FocalLengthPose{std::move(*found), f};
     }
   }
-  if (!best) return std::nullopt;
-  double sigma = 0.0;
-  // Each round moves the focal length to where the matches fit best, then finds the matches again.
-  for (const double step : {1.07, 1.02, 1.005}) {
-    const auto at = [&](double f) { return misfit(with_focal_length(sensor, f), *best); };
-    double here = at(focal_length);
-    for (int k = 0; k < 12; ++k) {
-      const double up = at(focal_length * step);
-      const double down = at(focal_length / step);
-      const double bend = up + down - 2.0 * here;
-      const double width = focal_length * std::log(step);
-      if (bend > 0.0) sigma = width * std::sqrt(2.0 / bend);
-      if (here <= up && here <= down) {
-        if (bend > 0.0) focal_length *= std::pow(step, 0.5 * (down - up) / bend);
-        break;
-      }
-      focal_length = up < down ? focal_length * step : focal_length / step;
-      here = std::min(up, down);
-    }
-    std::optional<ImagePose> found =
-        settled(with_focal_length(sensor, focal_length), best->pose.world_from_camera);
-    if (found) best = std::move(found);
+  return best;
+}
+
+std::optional<LensEstimate> ImagePoseSearch::lens_of(const SensorModel& sensor,
+                                                     const Camera& camera,
+                                                     const ImagePose& pose) const {
+  std::vector<PointMatch> matches = point_matches(sensor, pose);
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const Pixel& raw = image_->features.keypoints()[pose.matches[i].feature].raw;
+    matches[i].measured.pixel = {raw.u, raw.v};
   }
-  return FocalLengthPose{std::move(*best), with_focal_length(sensor, focal_length).pinhole(),
-                         sigma};
+  return estimate_lens(camera, matches, pose.pose.world_from_camera);
+}
+
+ImagePoseSearch ImagePoseSearch::seen_through(const ImageDescriber& describer,
+                                              const DescribedImage& image) const {
+  ImagePoseSearch search = *this;
+  search.describer_ = &describer;
+  search.image_ = &image;
+  return search;
 }
 
 std::optional<ImagePose> ImagePoseSearch::rival(const SensorModel& sensor,
@@ -248,8 +225,8 @@ std::optional<ImagePose> ImagePoseSearch::rival(const SensorModel& sensor,
   const Rigid3 camera_from_world = pose.pose.world_from_camera.inverse();
   std::vector<FeatureMatch> unexplained;
   for (const FeatureMatch& pair : pairs_) {
-    const Eigen::Vector3d x = camera_from_world * landmarks_.position(pair.landmark);
-    const Eigen::Vector2d pixel = image_.features.keypoints()[pair.feature].pixel.cast<double>();
+    const Eigen::Vector3d x = camera_from_world * landmarks_->position(pair.landmark);
+    const Eigen::Vector2d pixel = image_->features.keypoints()[pair.feature].pixel.cast<double>();
     if (x.z() >= kNearestDepth && (sensor.pinhole().project(x) - pixel).norm() <= kExplained) {
       continue;
     }
@@ -288,9 +265,9 @@ std::optional<Rigid3> ImagePoseSearch::proposed(const SensorModel& sensor,
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> pixels;
   for (const FeatureMatch& pair : pairs) {
-    const Eigen::Vector3d& x = landmarks_.position(pair.landmark);
+    const Eigen::Vector3d& x = landmarks_->position(pair.landmark);
     points.emplace_back(x.x(), x.y(), x.z());
-    const Eigen::Vector2f& pixel = image_.features.keypoints()[pair.feature].pixel;
+    const Eigen::Vector2f& pixel = image_->features.keypoints()[pair.feature].pixel;
     pixels.emplace_back(pixel.x(), pixel.y());
   }
   const Pinhole& pinhole = sensor.pinhole();
@@ -331,18 +308,18 @@ ImagePoseSearch::View ImagePoseSearch::view_from(const SensorModel& sensor,
                                                  double pixels) const {
   View view;
   const Rigid3 camera_from_world = world_from_camera.inverse();
-  for (std::uint32_t i = 0; i < landmarks_.size(); ++i) {
-    const Eigen::Vector3d x = camera_from_world * landmarks_.position(i);
+  for (std::uint32_t i = 0; i < landmarks_->size(); ++i) {
+    const Eigen::Vector3d x = camera_from_world * landmarks_->position(i);
     if (x.z() < kNearestDepth) continue;
     const Eigen::Vector2d pixel = sensor.pinhole().project(x);
     if (pixel.x() < -pixels || pixel.y() < -pixels || pixel.x() > size_.width + pixels ||
         pixel.y() > size_.height + pixels) {
       continue;
     }
-    image_.features.visit_near(pixel, pixels,
-                               [&](std::uint32_t feature) { view.features.push_back(feature); });
+    image_->features.visit_near(pixel, pixels,
+                                [&](std::uint32_t feature) { view.features.push_back(feature); });
     if (view.features.size() == view.begins.back()) continue;
-    const Sight sight = landmarks_.sight(i, world_from_camera.translation());
+    const Sight sight = landmarks_->sight(i, world_from_camera.translation());
     if (sight.cosine < kLeastCosine) {
       view.features.resize(view.begins.back());
       continue;
@@ -362,12 +339,12 @@ ImagePoseSearch::View ImagePoseSearch::view_from(const SensorModel& sensor,
 FeatureMatch ImagePoseSearch::most_alike(std::uint32_t landmark,
                                          std::span<const std::uint32_t> features) const {
   FeatureMatch match{0, landmark, kNoDistance};
-  const std::size_t bytes = describer_.bytes_each();
-  for (std::size_t k = landmarks_.row_begin(landmark); k < landmarks_.row_begin(landmark + 1);
+  const std::size_t bytes = describer_->bytes_each();
+  for (std::size_t k = landmarks_->row_begin(landmark); k < landmarks_->row_begin(landmark + 1);
        ++k) {
     for (const std::uint32_t feature : features) {
-      const std::uint32_t distance = describer_.distance(
-          std::span(image_.descriptors).subspan(feature * bytes, bytes), landmarks_.row(k));
+      const std::uint32_t distance = describer_->distance(
+          std::span(image_->descriptors).subspan(feature * bytes, bytes), landmarks_->row(k));
       if (distance < match.distance) match = {feature, landmark, distance};
     }
   }
@@ -378,14 +355,14 @@ ImagePoseSearch::Found ImagePoseSearch::matches_in(const View& view) const {
   Found found;
   const std::size_t others = std::clamp(kChances / std::max<std::size_t>(view.landmarks.size(), 1),
                                         kFewestOthers, kMostOthers);
-  const std::size_t step = landmarks_.size() / (others + 1) + 1;
-  std::vector<FeatureMatch> best(image_.features.size(), FeatureMatch{0, 0, kNoDistance});
+  const std::size_t step = landmarks_->size() / (others + 1) + 1;
+  std::vector<FeatureMatch> best(image_->features.size(), FeatureMatch{0, 0, kNoDistance});
   for (std::size_t v = 0; v < view.landmarks.size(); ++v) {
     const FeatureMatch match = most_alike(view.landmarks[v], view.near(v));
     FeatureMatch& known = best[match.feature];
     if (match.distance < known.distance) known = match;
     for (std::size_t k = 1; k <= others; ++k) {
-      const std::size_t other = (view.landmarks[v] + k * step) % landmarks_.size();
+      const std::size_t other = (view.landmarks[v] + k * step) % landmarks_->size();
       found.chances.push_back(most_alike(static_cast<std::uint32_t>(other), view.near(v)).distance);
     }
   }
@@ -401,12 +378,12 @@ std::vector<PointMatch> ImagePoseSearch::point_matches(const SensorModel& sensor
   const Eigen::Matrix3d rotation = camera_from_world.rotation();
   std::vector<PointMatch> matches;
   for (const FeatureMatch& found : pose.matches) {
-    PointMatch match{landmarks_.position(found.landmark),
-                     sensor.measurement(image_.features.keypoints()[found.feature])};
+    PointMatch match{landmarks_->position(found.landmark),
+                     sensor.measurement(image_->features.keypoints()[found.feature])};
     // The landmark's own error, in pixels.
     const double depth = std::max((camera_from_world * match.x_in_world).z(), kNearestDepth);
     const Eigen::Matrix3d own =
-        rotation * landmarks_.covariance(found.landmark) * rotation.transpose();
+        rotation * landmarks_->covariance(found.landmark) * rotation.transpose();
     const double across = 0.5 * (own(0, 0) + own(1, 1));
     const double per_metre = sensor.pinhole().fx / depth;
     match.measured.sigma_pixel = std::sqrt(match.measured.sigma_pixel * match.measured.sigma_pixel +
@@ -434,13 +411,13 @@ void ImagePoseSearch::weigh(const View& view, const Found& found, ImagePose& pos
   constexpr double kPower = 0.15;  // density of a right match's chance u: kPower u^(kPower - 1)
   constexpr double kStep = 0.02;
   pose.visible = view.landmarks.size();
-  std::vector<int> near(image_.features.size(), 0);  // landmarks near each feature
+  std::vector<int> near(image_->features.size(), 0);  // landmarks near each feature
   for (const std::uint32_t feature : view.features) ++near[feature];
   pose.expected = 0.0;
   for (const int count : near) pose.expected += 1.0 - std::pow(1.0 - kMostChance, count);
   pose.spread = pose.matches.size() - largest_cluster(pose.matches);
-  std::vector<bool> agrees(image_.features.size(), false);
-  std::vector<bool> matched(landmarks_.size(), false);
+  std::vector<bool> agrees(image_->features.size(), false);
+  std::vector<bool> matched(landmarks_->size(), false);
   for (const FeatureMatch& match : pose.matches) {
     agrees[match.feature] = true;
     matched[match.landmark] = true;
@@ -476,9 +453,9 @@ std::size_t ImagePoseSearch::largest_cluster(std::span<const FeatureMatch> match
   const auto radius = static_cast<float>(kCluster * size_.width);
   std::size_t most = 0;
   for (const FeatureMatch& centre : matches) {
-    const Eigen::Vector2f& at = image_.features.keypoints()[centre.feature].pixel;
+    const Eigen::Vector2f& at = image_->features.keypoints()[centre.feature].pixel;
     const auto inside = std::ranges::count_if(matches, [&](const FeatureMatch& match) {
-      return (image_.features.keypoints()[match.feature].pixel - at).squaredNorm() <=
+      return (image_->features.keypoints()[match.feature].pixel - at).squaredNorm() <=
              radius * radius;
     });
     most = std::max(most, static_cast<std::size_t>(inside));
@@ -491,7 +468,7 @@ bool ImagePoseSearch::same(const ImagePose& a, const ImagePose& b) const {
   const Rigid3 between = camera_from_world * b.pose.world_from_camera;
   std::vector<double> depths;
   for (const FeatureMatch& match : a.matches) {
-    depths.push_back((camera_from_world * landmarks_.position(match.landmark)).z());
+    depths.push_back((camera_from_world * landmarks_->position(match.landmark)).z());
   }
   return between.quaternion().angularDistance(Eigen::Quaterniond::Identity()) <= kSameRotation &&
          between.translation().norm() <= kSameDistance * upper_median(depths);

@@ -9,6 +9,7 @@
 
 #include "cairn/vision/detail/described_image.hpp"
 #include "cairn/vision/detail/described_landmarks.hpp"
+#include "cairn/vision/detail/lens_estimation.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
 
 namespace cairn::detail {
@@ -35,11 +36,10 @@ struct ImagePose {
 /// Number of cells into which an image is divided.
 inline constexpr std::size_t kImageCells = 48;
 
-/// A pose found together with the focal length.
+/// A pose found with one of several focal lengths.
 struct FocalLengthPose {
   ImagePose pose;
-  Pinhole pinhole;
-  double sigma = 0.0;  ///< standard deviation of the focal length, pixels
+  double focal_length = 0.0;  ///< pixels; a few percent off
 };
 
 /// Searches the pose of one image among landmarks. Refers to all it is given.
@@ -52,9 +52,18 @@ class ImagePoseSearch {
   std::size_t proposals() const { return mutual_.size(); }
   /// The pose with most evidence.
   std::optional<ImagePose> best(const SensorModel& sensor) const;
-  /// The same with a focal length from two fifths to four times the image's larger side.
+  /// The same with the best of focal lengths from two fifths to four times the image's larger side, in steps of 15 %.
   /// @param sensor of any focal length; its principal point is kept
   std::optional<FocalLengthPose> best_of_focal_lengths(const SensorModel& sensor) const;
+  /// The pose and its matches, from an approximate pose; std::nullopt if too few features match there.
+  std::optional<ImagePose> settled(const SensorModel& sensor,
+                                   const Rigid3& world_from_camera) const;
+  /// The lens with which the pose's matches fit best, and the pose with it.
+  /// @param camera as from radial_camera(): where the search begins
+  std::optional<LensEstimate> lens_of(const SensorModel& sensor, const Camera& camera,
+                                      const ImagePose& pose) const;
+  /// The same search with the features of the image as another camera would have undistorted them.
+  ImagePoseSearch seen_through(const ImageDescriber& describer, const DescribedImage& image) const;
   /// The best pose of the pairs that `pose` does not explain.
   std::optional<ImagePose> rival(const SensorModel& sensor, const ImagePose& pose) const;
   /// Whether the poses differ by no more than their errors.
@@ -69,21 +78,18 @@ class ImagePoseSearch {
   std::vector<FeatureMatch> pairs_near(std::uint32_t frame) const;
   std::optional<Rigid3> proposed(const SensorModel& sensor, std::span<const FeatureMatch> pairs,
                                  int iterations) const;
-  std::optional<ImagePose> settled(const SensorModel& sensor,
-                                   const Rigid3& world_from_camera) const;
   View view_from(const SensorModel& sensor, const Rigid3& world_from_camera, double pixels) const;
   Found matches_in(const View& view) const;
   FeatureMatch most_alike(std::uint32_t landmark, std::span<const std::uint32_t> features) const;
   std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
   void refine(const SensorModel& sensor, ImagePose& pose) const;
   SensorModel with_focal_length(const SensorModel& sensor, double focal_length) const;
-  double misfit(const SensorModel& sensor, const ImagePose& pose) const;
   void weigh(const View& view, const Found& found, ImagePose& pose) const;
   std::size_t largest_cluster(std::span<const FeatureMatch> matches) const;
 
-  const DescribedLandmarks& landmarks_;
-  const ImageDescriber& describer_;
-  const DescribedImage& image_;
+  const DescribedLandmarks* landmarks_;
+  const ImageDescriber* describer_;
+  const DescribedImage* image_;
   std::uint64_t seed_;
   cv::Size size_;
   std::vector<FeatureMatch> pairs_;   // each landmark with its most similar feature, these first
