@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Locates images of simulated second sessions in the maps of first sessions that placement_sessions.sh made: 39 images of each
-# place in its own map, with depth and without, and in those of three others. CSV to stdout.
+# place in its own map, with depth and without, and in those of all others. CSV to stdout.
 set -euo pipefail
 
 if [ $# -lt 3 ]; then
@@ -21,16 +21,15 @@ for seed in "$@"; do
 done
 locate() { "$bin/cairn_image_location_benchmark" "$@" | tail -n +2; }
 echo "map,sequence,image,corners,proposals,visible,expected,matches,spread,located,probability,rotation_deg,translation_m,ms"
-for i in "${!places[@]}"; do
-  place=${places[$i]}
+for place in "${places[@]}"; do
   kind=${place%-*}
   seed=${place#*-}
   "$bin/cairn" simulate "$folder/$place" --environment "$kind" --seed "$seed" \
     $(second_session "$kind" "$seed") --rate 3 --frames 39 --quiet >&2
   locate "$sessions/$place-0.cairn" "$folder/$place" 1 colour same
   locate "$sessions/$place-0.cairn" "$folder/$place" 3 depth same
-  for step in 1 4 7; do
-    other=${places[$(((i + step) % ${#places[@]}))]}
+  for other in "${places[@]}"; do
+    if [ "$other" = "$place" ]; then continue; fi
     locate "$sessions/$other-0.cairn" "$folder/$place" 1 colour other
   done
   rm -rf "${folder:?}/$place"
