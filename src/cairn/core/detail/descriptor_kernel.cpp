@@ -2,6 +2,7 @@
 #include "cairn/core/detail/descriptor_kernel.hpp"
 
 #include <algorithm>
+#include <bit>
 
 // GCC takes the undefined lanes in its own AVX-512 headers for a mistake (its bug 105593).
 #if defined(__GNUC__) && !defined(__clang__)
@@ -10,6 +11,7 @@
 
 // Vectors of a size known only at run time are not what this is written for.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#define HWY_WANT_AVX3_DL  // which counts bits in one instruction
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "cairn/core/detail/descriptor_kernel.cpp"
 #include <hwy/foreach_target.h>
@@ -75,7 +77,7 @@ Word sum_of_bytes(Word counts) {
   return hn::Add(hn::And(pairs, hn::Set(d, 0xffffU)), hn::ShiftRight<16>(pairs));
 }
 
-Word bits_of(const std::uint32_t* query, const Columns& others, std::size_t j) {
+HWY_INLINE Word bits_of(const std::uint32_t* query, const Columns& others, std::size_t j) {
   const Words d;
   Word sum = hn::Zero(d);
   for (std::size_t k = 0; k < others.words;) {
@@ -191,6 +193,30 @@ void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
   }
 }
 
+// Usual descriptors have 256 bits, which are one vector or few.
+std::uint32_t least_bits(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b,
+                         std::size_t words_each) {
+  const hn::CappedTag<std::uint64_t, 4> d;
+  const std::size_t lanes = hn::Lanes(d);
+  std::uint64_t least = Nearest::kNone;
+  for (std::size_t i = 0; i < a.size(); i += words_each) {
+    for (std::size_t j = 0; j < b.size(); j += words_each) {
+      auto counts = hn::Zero(d);
+      std::size_t k = 0;
+      for (; k + lanes <= words_each; k += lanes) {
+        const auto bits = hn::Xor(hn::LoadU(d, &a[i + k]), hn::LoadU(d, &b[j + k]));
+        counts = hn::Add(counts, hn::PopulationCount(bits));
+      }
+      std::uint64_t sum = hn::GetLane(hn::SumOfLanes(d, counts));
+      for (; k < words_each; ++k) {
+        sum += static_cast<std::uint64_t>(std::popcount(a[i + k] ^ b[j + k]));
+      }
+      least = std::min(least, sum);
+    }
+  }
+  return static_cast<std::uint32_t>(least);
+}
+
 void compare_any(const Columns& a, const Columns& b, Norm norm, NearestBothWays& result) {
   const bool owned = !b.owners.empty();
   if (norm == Norm::kHamming) {
@@ -210,6 +236,7 @@ namespace cairn::detail::descriptor_kernel {
 namespace {
 
 HWY_EXPORT(compare_any);
+HWY_EXPORT(least_bits);
 
 Columns columns_of(std::span<const std::uint8_t> rows, std::size_t bytes_each, Norm norm) {
   const std::size_t bytes_a_word = norm == Norm::kHamming ? 4 : 2;
@@ -247,6 +274,11 @@ NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<con
     HWY_DYNAMIC_DISPATCH(compare_any)(of_a, of_b, norm, result);
   }
   return result;
+}
+
+std::uint32_t least_hamming(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b,
+                            std::size_t words_each) {
+  return HWY_DYNAMIC_DISPATCH(least_bits)(a, b, words_each);
 }
 
 }  // namespace cairn::detail::descriptor_kernel

@@ -38,4 +38,9 @@ NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<con
                                   std::size_t bytes_each, Norm norm,
                                   std::span<const std::uint32_t> owners_of_b = {});
 
+/// The smallest number of differing bits between a row of a and one of b; Nearest::kNone if either is empty.
+/// @param a, b rows of `words_each` words
+std::uint32_t least_hamming(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b,
+                            std::size_t words_each);
+
 }  // namespace cairn::detail::descriptor_kernel

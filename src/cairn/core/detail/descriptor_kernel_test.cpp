@@ -103,6 +103,35 @@ TEST(DescriptorKernel, FindsThoseOfLookingAtAllOnEveryInstructionSet) {
   hwy::SetSupportedTargetsForTest(0);
 }
 
+TEST(DescriptorKernel, FindsTheLeastHammingDistanceOnEveryInstructionSet) {
+  Random random(7);
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    SCOPED_TRACE(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    for (const std::size_t words_each : {1U, 2U, 4U, 7U}) {
+      std::vector<std::uint64_t> a(3 * words_each);
+      std::vector<std::uint64_t> b(5 * words_each);
+      for (std::uint64_t& word : a) word = random.draw_seed() * 2049;
+      for (std::uint64_t& word : b) word = random.draw_seed() * 2049;
+      std::uint32_t least = Nearest::kNone;
+      for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t j = 0; j < 5; ++j) {
+          std::uint32_t sum = 0;
+          for (std::size_t k = 0; k < words_each; ++k) {
+            sum += static_cast<std::uint32_t>(
+                std::popcount(a[i * words_each + k] ^ b[j * words_each + k]));
+          }
+          least = std::min(least, sum);
+        }
+      }
+      EXPECT_EQ(least_hamming(a, b, words_each), least);
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  const std::vector<std::uint64_t> one(4, 1);
+  EXPECT_EQ(least_hamming(one, {}, 4), Nearest::kNone);
+}
+
 TEST(DescriptorKernel, FindsNothingAmongNone) {
   const Rows some(64, 7);
   const NearestBothWays found = nearest_both_ways(some, {}, 32, Norm::kHamming);

@@ -9,8 +9,6 @@
 
 #include <opencv2/features2d.hpp>
 
-#include "cairn/core/detail/hamming.hpp"
-
 namespace cairn::detail {
 namespace {
 
@@ -105,7 +103,7 @@ std::uint32_t ImageDescriber::distance(std::span<const std::uint8_t> a,
     Descriptor words_b;
     std::memcpy(words_a.data(), a.data(), sizeof(words_a));
     std::memcpy(words_b.data(), b.data(), sizeof(words_b));
-    return static_cast<std::uint32_t>(hamming_distance(words_a, words_b));
+    return descriptor_kernel::least_hamming(words_a, words_b, words_a.size());
   }
   std::int32_t sum = 0;
   for (std::size_t k = 0; k < kSiftBytes; ++k) {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
-#include "cairn/core/detail/hamming.hpp"
+#include "cairn/core/detail/descriptor_kernel.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
@@ -37,14 +37,11 @@ std::uint32_t least_difference(const Descriptors& a, std::size_t i, const Descri
   const std::size_t each = a.words_each();
   const auto of_a = a.words(i);
   const auto of_b = b.words(j);
+  if (a.binary()) return descriptor_kernel::least_hamming(of_a, of_b, each);
   auto least = std::numeric_limits<std::uint32_t>::max();
   for (std::size_t p = 0; p < of_a.size(); p += each) {
     for (std::size_t q = 0; q < of_b.size(); q += each) {
-      const auto x = of_a.subspan(p, each);
-      const auto y = of_b.subspan(q, each);
-      least =
-          std::min(least, a.binary() ? static_cast<std::uint32_t>(detail::hamming_distance(x, y))
-                                     : squared_difference(x, y));
+      least = std::min(least, squared_difference(of_a.subspan(p, each), of_b.subspan(q, each)));
     }
   }
   return least;
