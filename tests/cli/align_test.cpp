@@ -43,7 +43,8 @@ TEST_F(AlignTest, PrintsEachStrategyOnStdoutAndNothingElse) {
   for (const char* const name : {"none", "covariance", "observations", "distance"}) {
     EXPECT_THAT(result.output,
                 ContainsRegex(std::string("\n") + name + " +[15] +(converged|stopped)"));
-    EXPECT_THAT(result.output, HasSubstr(std::string("\n") + name + ": not judged: converged"));
+    EXPECT_THAT(result.output,
+                HasSubstr(std::string("\nconfidence ") + name + ":\nnot judged: converged"));
   }
   EXPECT_THAT(result.output, HasSubstr("target_from_source: x "));
   EXPECT_THAT(result.output, HasSubstr("m^2"));
