@@ -15,6 +15,7 @@ foreach(module IN LISTS modules)
   install(DIRECTORY "src/${folder}/" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/${folder}"
           FILES_MATCHING PATTERN "*.hpp" PATTERN "detail" EXCLUDE)
 endforeach()
+install(FILES src/cairn/cairn.hpp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn)
 install(DIRECTORY adapters/pcl/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cairn/adapters/pcl
         FILES_MATCHING PATTERN "*.hpp")
 install(FILES "${PROJECT_BINARY_DIR}/generated/cairn/core/version_number.hpp"

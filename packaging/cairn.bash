@@ -7,13 +7,13 @@ _cairn() {
     case $word in
       -*) ;;
       *)
-        help=$(cairn "${words[@]}" --help 2>/dev/null) || return
+        help=$(cairn "${words[@]}" --help-all 2>/dev/null) || return
         grep -q "^  $word  " <<<"$(sed -n '/^Verbs:/,/^$/p' <<<"$help")" || break
         words+=("$word")
         ;;
     esac
   done
-  help=$(cairn "${words[@]}" --help 2>/dev/null) || return
+  help=$(cairn "${words[@]}" --help-all 2>/dev/null) || return
   if [[ $current == -* ]]; then
     mapfile -t COMPREPLY < <(compgen -W "$(grep -oE '^  (-., )?--[a-z-]+' <<<"$help" | grep -oE -- '--[a-z-]+')" -- "$current")
   else

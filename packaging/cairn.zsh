@@ -6,11 +6,11 @@ _cairn() {
   local -a before entries
   for word in ${words[2,CURRENT-1]}; do
     [[ $word == -* ]] && continue
-    help=$(cairn $before --help 2>/dev/null) || return 1
+    help=$(cairn $before --help-all 2>/dev/null) || return 1
     [[ -n $(sed -n '/^Verbs:/,/^$/p' <<<$help | grep "^  $word  ") ]] || break
     before+=$word
   done
-  help=$(cairn $before --help 2>/dev/null) || return 1
+  help=$(cairn $before --help-all 2>/dev/null) || return 1
   if [[ $words[CURRENT] == -* ]]; then
     entries=(${(f)"$(sed -nE 's/^  (-., )?(--[a-z-]+)[^ ]*( [^ ]+)? +(.*)$/\2:\4/p' <<<$help)"})
     _describe option entries

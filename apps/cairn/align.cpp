@@ -313,6 +313,15 @@ struct AlignArguments {
     common.add_threads_to(command);
     common.add_seed_to(command);
     add_search_to(command);
+    command.list_under("Search",
+                       {"--anywhere", "--effort", "--time-limit", "--no-scale", "--no-deformation",
+                        "--by-parts", "--no-parts", "--one-to-one", "--max-iterations"});
+    command.list_under("Verdict",
+                       {"--min-probability", "--prior-odds", "--no-verdict", "--overlap-radius"});
+    command.list_under("Maps and files",
+                       {"--min-observations", "--camera", "--format", "--pose-format", "--trace",
+                        "--source-sequence", "--target-sequence"});
+    for (const Option& option : of_icp_alone) option.under("ICP of the paper");
     list.excludes(command.option("source")).excludes(command.option("target"));
     for (const char* const of_one : {"--confidence", "--initial", "--initial-matrix", "--truth",
                                      "--output", "--format", "--pose", "--pose-format", "--camera",
@@ -589,6 +598,7 @@ struct AlignArguments {
     }
     console.print("\n" + alignment_table(results, unit));
     for (const StrategyResult& each : results) {
+      console.print(results.size() > 1 ? fmt::format("\nconfidence {}:", each.confidence) : "");
       console.print(alignment_text(each, unit, with_scale, by_parts));
       if (!has_answer(each.alignment)) {
         console.print(hints(each.alignment, source_map.map, target_map.map, options, with_scale));

@@ -174,6 +174,8 @@ void ConvertArguments::add_to(const Command& command) {
 #ifdef CAIRN_HAS_ADJUSTMENT
   common.add_threads_to(command);
 #endif
+  command.list_under("Details of formats",
+                     {"--format-version", "--ascii", "--double", "--convention", "--pixel-noise"});
   command.footer(
       "Example: cut a long map into two mini-maps, and write one for a PLY viewer\n"
       "  cairn convert desk.map first.map --frames 0:120\n"

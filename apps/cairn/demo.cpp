@@ -359,8 +359,8 @@ struct DemoArguments {
     console.print(
         "Pose of the second session in the first, found without an initial pose:\n"
         "\n"
-        "{}: {}\n",
-        status_of(searched.alignment), searched.alignment.reason);
+        "{}",
+        verdict_text(status_of(searched.alignment), searched.alignment.reason));
     if (searched.error) {
       console.print("Its error is {:.2f} mm and {:.3f} degrees.\n",
                     1e3 * searched.error->translation, degrees(searched.error->rotation_rad));

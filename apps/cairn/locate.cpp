@@ -206,6 +206,7 @@ struct LocateArguments {
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
+    command.list_under("Details", {"--depth-units", "--features", "--min-probability"});
     command.footer(
         "Example: find the pose of an image in a map\n"
         "  cairn locate desk.map image.png --camera fr1\n"

@@ -238,6 +238,11 @@ struct MapArguments {
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
+    command.list_under("Camera and images", {"--depth-units", "--readout", "--max-time-difference",
+                                             "--refine-intrinsics", "--skip-unreadable"});
+    command.list_under("Frame of the map", {"--start-pose", "--start-from"});
+    command.list_under("Landmarks", {"--covariance", "--min-observations", "--no-descriptors",
+                                     "--descriptors-each", "--features"});
     command.footer(
         "Example: map a TUM sequence in the frame of its ground truth, and evaluate the "
         "trajectory\n"

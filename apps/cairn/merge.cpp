@@ -228,6 +228,9 @@ struct MergeMapsArguments {
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
+    command.list_under("Pairs", {"--min-probability", "--prior-odds", "--effort",
+                                 "--min-observations", "--candidates"});
+    command.list_under("Merged map", {"--straighten", "--thin-splats", "--refine-intrinsics"});
     command.footer(
         "Aligns every pair of maps without an initial pose and uses the pairs that are judged "
         "aligned. The\n"

@@ -15,7 +15,7 @@ INDENT = 28  # of descriptions in the help
 
 
 def help_of(tool, words):
-    return subprocess.run([tool, *words, "--help"], check=True, capture_output=True, encoding="utf-8").stdout
+    return subprocess.run([tool, *words, "--help-all"], check=True, capture_output=True, encoding="utf-8").stdout
 
 
 def entries(lines):
@@ -95,7 +95,7 @@ def main():
         sys.exit(f"{tool}: its help lists no verbs")
     version = subprocess.run([tool, "--version"], check=True, capture_output=True, encoding="utf-8").stdout.strip()
     index = "# Every verb and option {#options}\n\n"
-    index += f"What `cairn help` and `cairn help VERB` print, of {version}.\n\n" + "\n".join(rows) + "\n\n" + body(top, "")
+    index += f"What `cairn --help` and `cairn VERB --help-all` print, of {version}.\n\n" + "\n".join(rows) + "\n\n" + body(top, "")
     for name, page in {"options": index, **pages}.items():
         file = staged / f"{name}.md"
         file.write_text(page, encoding="utf-8")

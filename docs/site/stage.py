@@ -16,7 +16,7 @@ from markdown_text import CODE, FENCE, LINK, headings
 
 # Pages of docs/ that no line names follow by name, before the last two.
 ORDER = """
-README.md docs/guide.md docs/which_call.md docs/concepts.md docs/from_*.md docs/method.md docs/evidence.md
+README.md docs/tutorial.md docs/guide.md docs/which_call.md docs/concepts.md docs/from_*.md docs/method.md docs/evidence.md
 docs/paper.md docs/study.md docs/experiments.md docs/performance.md docs/formats.md docs/report_format.md
 docs/python.md docs/ros2.md docs/cluster.md docs/architecture.md docs/*.md CONTRIBUTING.md CHANGELOG.md
 """.split()

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The command line itself: help, and every way to get it wrong.
+#include <algorithm>
 #include <filesystem>
+#include <set>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/report/report.hpp"
@@ -70,6 +74,46 @@ TEST_P(VerbTest, HelpFitsATerminal) {
     const std::size_t end = help.find('\n', begin);
     EXPECT_LE(end - begin, 100U) << help.substr(begin, end - begin);
     begin = end + 1;
+  }
+}
+
+// The options in a help text, as they are listed.
+std::set<std::string> listed_options(const std::string& help) {
+  std::set<std::string> names;
+  std::istringstream lines(help);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("  -")) names.insert(line.substr(2, line.find("  ", 2) - 2));
+  }
+  return names;
+}
+
+TEST_P(VerbTest, AllHelpListsWhatHelpListsAndTheHeadingsThatItNames) {
+  const std::string help = answer({GetParam(), "--help"});
+  const std::string all = answer({GetParam(), "--help-all"});
+  const auto usual = listed_options(help);
+  const auto every = listed_options(all);
+  EXPECT_TRUE(std::includes(every.begin(), every.end(), usual.begin(), usual.end()));
+  constexpr std::string_view kMore = "More options, which --help-all lists: ";
+  const std::size_t more = help.find(kMore);
+  ASSERT_EQ(more == std::string::npos, every == usual);
+  if (more == std::string::npos) return;
+  const std::size_t begin = more + kMore.size();
+  std::istringstream headings(help.substr(begin, help.find('\n', begin) - begin));
+  for (std::string heading; std::getline(headings >> std::ws, heading, ',');) {
+    EXPECT_THAT(all, HasSubstr("\n" + heading + ":\n"));
+    EXPECT_THAT(help, Not(HasSubstr("\n" + heading + ":\n")));
+  }
+}
+
+TEST_F(UsageTest, HelpOfAlignLeavesOutWhatFewNeed) {
+  const std::string help = answer({"align", "--help"});
+  for (const char* const option : {"--initial ", "--scale", "--output", "--method", "--seed"}) {
+    EXPECT_THAT(help, HasSubstr(option));
+  }
+  const std::string all = answer({"align", "--help-all"});
+  for (const char* const option : {"--effort", "--trim", "--prior-odds", "--pose-format"}) {
+    EXPECT_THAT(help, Not(HasSubstr(option)));
+    EXPECT_THAT(all, HasSubstr(option));
   }
 }
 

@@ -7,7 +7,7 @@ foreach(cost_and_tests IN ITEMS
     "40 PclPeer.ReachesTheSamePoseOnTheRealMap MergeTest.PutsTwoRealSessionsIntoOneFrame faults"
     "30 SimulatedDemoTest.MapsTwoSessionsAndAlignsThemNearTheTruth"
     "25 OdometryPipeline"
-    "20 commands_of_README python_alignment RealMapTest.LoopsOfAShortSessionAreClosedAndEveryFrameIsCorrected"
+    "20 commands_of_README commands_of_tutorial python_alignment RealMapTest.LoopsOfAShortSessionAreClosedAndEveryFrameIsCorrected"
     "20 SimulatedDemoTest.SameBytesWithAnyNumberOfThreads RealMapTest.DeskIsTrackedWholeAndNearTheTruth"
     "20 RealLocateTest.FindsImagesOfAnotherRealSession"
     "15 ByParts.AcceptNoTwoPlacesForOneThingThatStandsInBoth LocateCliTest python_atlas"

@@ -19,10 +19,6 @@ std::string number(std::optional<double> value, int digits) {
   return value ? fmt::format("{:.{}g}", *value, digits) : "-";
 }
 
-std::string percent(double share) {
-  return fmt::format("{:.0f} %", 100.0 * share);
-}
-
 // "x 0.100 y ..., roll ... deg", with so many digits.
 std::string pose_text(const Rigid3& pose, LengthUnit unit, int digits, int angle_digits) {
   const Eigen::Vector3d& t = pose.translation();
@@ -46,7 +42,7 @@ std::string numbers_text(const Vector& vector, int digits) {
 // The trusted pose, or one that was not judged, in full.
 std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_scale) {
   const Similarity3& pose = *alignment.estimate;
-  std::string text = fmt::format("  target_from_source: {}\n", pose_text(pose.rigid(), unit, 6, 4));
+  std::string text = fmt::format("  target_from_source: {}\n", pose_text(pose.rigid(), unit, 5, 3));
   const Matrix4d matrix = pose.matrix();
   for (int row = 0; row < 4; ++row) {
     text += fmt::format("    {:>13.9f} {:>13.9f} {:>13.9f} {:>14.9f}\n", matrix(row, 0),
@@ -58,7 +54,8 @@ std::string answer_text(const Alignment& alignment, LengthUnit unit, bool with_s
   if (with_scale) text += fmt::format("  scale of the source: {:.6g}\n", pose.scale());
   if (const auto deviations = deviations_of(alignment)) {
     text += fmt::format(
-        "  standard deviation at the source's centre: x y z {} {}, rotation about x y z {} deg",
+        "  standard deviation at the source's centre: x y z {} {},\n    rotation about x y z {} "
+        "deg",
         numbers_text(deviations->translation, 5), unit_symbol(unit),
         numbers_text(Eigen::Vector3d(deviations->rotation_rad * degrees(1.0)), 4));
     if (deviations->log_scale) {
@@ -141,6 +138,20 @@ std::string swapped_truth_text(std::string_view what) {
       what);
 }
 
+std::string verdict_text(std::string_view verdict, std::string_view reason) {
+  constexpr std::size_t kLine = 100;
+  std::string text = fmt::format("{}: {}\n", verdict, reason);
+  if (text.size() <= kLine) return text;
+  std::string_view ends = ":;";  // what precedes a colon says the reason in short
+  for (std::size_t at = 0; (at = text.find(' ', at)) != std::string::npos; ++at) {
+    if (at < verdict.size() + 2 || ends.find(text[at - 1]) == std::string_view::npos) continue;
+    if (text[at - 1] == ':') ends = ",;:";
+    text.replace(at - 1, 2, "\n    ");
+    at += 3;
+  }
+  return text;
+}
+
 bool has_answer(const Alignment& alignment) {
   return alignment.verdict ? alignment.verdict == Verdict::kAligned
                            : alignment.registration.has_pose();
@@ -203,14 +214,9 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
       any([](const StrategyResult& one) { return one.alignment.registration.overlap.has_value(); });
   const auto radius = std::find_if(results.begin(), results.end(),
                                    [](const auto& one) { return one.overlap_radius.has_value(); });
-  const bool with_probability =
-      any([](const StrategyResult& one) { return one.alignment.probability.has_value(); });
   const std::string symbol = unit_symbol(unit);
-  std::vector<std::string> header = {"confidence", "k", "status"};
-  if (with_probability) header.emplace_back("probability");
-  for (const char* const name : {"iterations", "score before", "score after"}) {
-    header.emplace_back(name);
-  }
+  std::vector<std::string> header = {"confidence", "k", "status", "iterations",
+                                     "score before / after"};
   if (with_overlap) header.emplace_back("overlap");
   if (with_error) header.emplace_back("pose error");
   header.emplace_back("time");
@@ -219,16 +225,13 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
     const RegistrationResult& registration = one.alignment.registration;
     std::vector<std::string> row = {one.confidence, std::to_string(one.k),
                                     std::string(status_of(one.alignment))};
-    if (with_probability) {
-      const auto& probability = one.alignment.probability;
-      row.push_back(probability ? probability_text(*probability) : "-");
-    }
     row.push_back(std::to_string(registration.iterations));
-    row.push_back(number(registration.initial_score, 4));
-    row.push_back(number(registration.score, 4));
+    row.push_back(number(registration.initial_score, 4) + " / " + number(registration.score, 4));
     if (with_overlap) {
       const auto& overlap = registration.overlap;
-      row.push_back(overlap ? percent(overlap->source) + " / " + percent(overlap->target) : "-");
+      row.push_back(overlap ? fmt::format("{:.0f} / {:.0f} %", 100.0 * overlap->source,
+                                          100.0 * overlap->target)
+                            : "-");
     }
     if (with_error) {
       const auto& error = one.error;
@@ -265,7 +268,7 @@ std::string alignment_text(const StrategyResult& result, LengthUnit unit, bool w
   const std::string_view verdict = one.verdict                   ? to_string(*one.verdict)
                                    : one.registration.has_pose() ? "not judged"
                                                                  : "failed";
-  std::string text = fmt::format("\n{}: {}: {}\n", result.confidence, verdict, one.reason);
+  std::string text = "\n" + verdict_text(verdict, one.reason);
   const bool trusted = has_answer(one);
   if (trusted) text += answer_text(one, unit, with_scale);
   if (one.verdict != Verdict::kRejected) text += open_directions_text(one, with_scale);

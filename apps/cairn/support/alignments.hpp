@@ -23,6 +23,9 @@ struct StrategyResult : AlignmentRecord {
 /// What a truth is likely to be whose inverse fits `what`, such as "the pose".
 std::string swapped_truth_text(std::string_view what);
 
+/// "aligned: REASON"; if that is more than a line, a line for each clause of the reason. Ends with a newline.
+std::string verdict_text(std::string_view verdict, std::string_view reason);
+
 /// Whether there is a pose to go on with: judged aligned, or, where none is judged, what the method came to.
 bool has_answer(const Alignment& alignment);
 

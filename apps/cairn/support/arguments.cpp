@@ -34,7 +34,6 @@ std::vector<std::string_view> words_of(std::string_view text, std::string_view s
   return words;
 }
 
-constexpr const char* kCommonOptions = "Common options";
 constexpr std::string_view kBlanks = " \t\r\n";
 constexpr std::string_view kSeparators = " \t\r\n,";
 

@@ -121,7 +121,9 @@ class HelpFormatter : public CLI::Formatter {
 
   std::string make_help(const CLI::App* app, std::string name,
                         CLI::AppFormatMode mode) const override {
-    const std::string text = Formatter::make_help(app, std::move(name), mode);
+    const std::string text = make_description(app) + make_usage(app, std::move(name)) +
+                             make_positionals(app) + options_text(app, mode) +
+                             make_subcommands(app, CLI::AppFormatMode::Normal) + make_footer(app);
     return CLI::detail::find_and_replace(text, "\n\n\n", "\n\n");
   }
 
@@ -142,6 +144,27 @@ class HelpFormatter : public CLI::Formatter {
     if (!option->get_default_str().empty())
       description += " (default " + option->get_default_str() + ")";
     return entry(name, description);
+  }
+
+ private:
+  // The headings of what few callers need come last, and only if all help is asked for.
+  std::string options_text(const CLI::App* app, CLI::AppFormatMode mode) const {
+    std::string text;
+    std::string rare;
+    std::vector<std::string> left_out;
+    for (const std::string& heading : app->get_groups()) {
+      const auto options = app->get_options([&](const CLI::Option* option) {
+        return option->nonpositional() && option->get_group() == heading;
+      });
+      if (options.empty()) continue;
+      const bool is_usual = heading == "Options" || heading == kCommonOptions;
+      (is_usual ? text : rare) += make_group(heading, false, options) + "\n";
+      if (!is_usual) left_out.push_back(heading);
+    }
+    if (mode == CLI::AppFormatMode::All) return text + rare;
+    if (left_out.empty()) return text;
+    return text +
+           fmt::format("More options, which --help-all lists: {}\n\n", fmt::join(left_out, ", "));
   }
 };
 
@@ -417,6 +440,10 @@ bool Command::has_option(const std::string& name) const {
   return app_->get_option_no_throw(name) != nullptr;
 }
 
+void Command::list_under(const std::string& heading, const std::vector<std::string>& names) const {
+  for (const std::string& name : names) option(name).under(heading);
+}
+
 Program::Program(const std::string& name, const std::string& what, const std::string& version,
                  const std::string& footer)
     : state_(std::make_unique<State>()) {
@@ -425,6 +452,7 @@ Program::Program(const std::string& name, const std::string& what, const std::st
   app.formatter(std::make_shared<HelpFormatter>());
   app.set_version_flag("-V,--version", version, "Print the version and exit");
   app.set_help_flag("-h,--help", "Print this text and exit");
+  app.set_help_all_flag("--help-all", "Print it with every option and exit");
   app.option_defaults()->take_last();
   app.require_subcommand(1);
 }

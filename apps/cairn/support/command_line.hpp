@@ -13,6 +13,10 @@ class Option;
 
 namespace cairn::cli {
 
+/// The heading of what every verb takes. `--help` lists the options under it and those under no heading of their own;
+/// the others wait for `--help-all`.
+inline constexpr const char* kCommonOptions = "Common options";
+
 /// Keeps the words that the program was called with. To be called once, first of all.
 void keep_command_line(int argc, char** argv);
 
@@ -76,6 +80,8 @@ class Command {
   /// The option or argument of this name, which must exist.
   Option option(const std::string& name) const;
   bool has_option(const std::string& name) const;
+  /// Lists options of this verb under a heading of their own: for what few callers need.
+  void list_under(const std::string& heading, const std::vector<std::string>& names) const;
 
  private:
   Program* program_;
