@@ -426,7 +426,7 @@ struct MapArguments {
   Json describe(std::size_t frames, const CameraFile& camera_file) const {
     Json json = document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
                          {{"camera", to_json(camera_file.camera)},
-                          {"depth_units_per_metre", files.depth_units_per_metre},
+                          {"depth_units_per_metre", to_json(files.depth_units_per_metre)},
                           {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
                           {"max_time_difference_s", files.max_time_difference_s},
                           {"topics", text_or_null(files.topics)},

@@ -468,11 +468,11 @@ DepthImage metric_depth(const StoredDepthImage& stored, double units_per_metre) 
 }
 
 std::uint8_t gray_of(std::uint8_t blue, std::uint8_t green, std::uint8_t red) {
-  // 0.299, 0.587 and the rest, of 2^15, rounded: what png_set_rgb_to_gray() computes.
-  constexpr unsigned kRed = 9798;
-  constexpr unsigned kGreen = 19235;
+  // 0.299, 0.587 and the rest, of 2^15, and not rounded: as png_set_rgb_to_gray() has it.
+  constexpr unsigned kRed = 9797;
+  constexpr unsigned kGreen = 19234;
   constexpr unsigned kBlue = 32768 - kRed - kGreen;
-  return static_cast<std::uint8_t>((kRed * red + kGreen * green + kBlue * blue + 16384) >> 15U);
+  return static_cast<std::uint8_t>((kRed * red + kGreen * green + kBlue * blue) >> 15U);
 }
 
 template <class ImageOf>
