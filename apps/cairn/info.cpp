@@ -542,8 +542,9 @@ struct InfoArguments {
     }
     try {
       choose_topics(recording);
-      json["command"] = fmt::format("cairn map {} -o lab.map", input);
-      console.print("to map it: {}\n", json["command"].get<std::string>());
+      const std::string command = fmt::format("cairn map {} -o lab.map", input);
+      json["command"] = command;
+      console.print("to map it: {}\n", command);
     } catch (const Error& error) {
       json["command"] = nullptr;
       console.print("cairn map needs a choice: {}\n", error.what());
