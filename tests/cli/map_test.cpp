@@ -156,14 +156,17 @@ TEST_F(MapCliTest, ARecordingGivesTheMapOfTheFolder) {
   const auto compressed = recorded(sequence, camera, "cdr", Recorded::kCompressed);
   write("compressed.mcap", mcap_bytes(compressed, {"lz4"}));
   expect_same("compressed.mcap", {"--depth-units", "5000"});
-  // Grey by libjpeg is not grey of its colours, so raw images are those of PNG. Its name does not matter.
+  // Grey by libjpeg is not grey of its colours, so raw images are those of PNG.
   for (const SequenceFrame& frame : sequence.frames()) {
-    write_png(frame.color, read_color_image(frame.color));
+    const fs::path png = fs::path(frame.color).replace_extension(".png");
+    write_png(png, read_color_image(frame.color));
+    replace("s/rgb.txt", frame.color.filename().string(), png.filename().string());
   }
+  const ImageSequence of_pngs(path("s"));
   answer({"map", "s", "-o", "png.map"});
   const std::string of_png = content("png.map");
   for (const auto& file : write_all_containers(path("."), [&](const std::string& encoding) {
-         return recorded(sequence, camera, encoding);
+         return recorded(of_pngs, camera, encoding);
        })) {
     answer({"map", file.string(), "-o", "bag.map"});
     EXPECT_EQ(content("bag.map"), of_png) << file;

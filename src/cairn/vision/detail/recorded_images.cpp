@@ -147,9 +147,15 @@ RecordedTrack track_of(const Recording& recording, std::uint32_t topic, const Lo
   }
   std::stable_sort(stamped.begin(), stamped.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
+  // A map names its images as those of a folder in TUM's layout.
+  const std::string first = recording.read(stamped.front().second);
+  const bool is_jpeg =
+      its.type == "sensor_msgs/CompressedImage" &&
+      parse_image({first, its.encoding, name}, its.type).encoding.find("jp") != std::string::npos;
+  const char* const ending = is_jpeg ? ".jpg" : ".png";
   for (const auto& [stamp_s, message] : stamped) {
     if (!track.entries.empty() && track.entries.back().timestamp_s == stamp_s) continue;
-    track.entries.push_back({stamp_s, fmt::format("{}@{:.6f}", file_name, stamp_s)});
+    track.entries.push_back({stamp_s, fmt::format("{}/{:.6f}{}", file_name, stamp_s, ending)});
     track.messages.push_back(message);
   }
   const std::size_t repeated = stamped.size() - track.entries.size();

@@ -180,7 +180,7 @@ TEST_F(RecordedImagesTest, ReadsEveryEncodingOfPixels) {
   EXPECT_EQ(metres_of("32FC1", std::string("\0\0\xc0\x7f", 4), false), 0.0F) << "NaN";
   EXPECT_THAT(
       refused(messages_with("bayer_rggb8", "a", "16UC1", "ab", false)),
-      HasSubstr("a.mcap/image@0.000000: an image encoded as 'bayer_rggb8'; expected mono8"));
+      HasSubstr("a.mcap/image/0.000000.png: an image encoded as 'bayer_rggb8'; expected mono8"));
 }
 
 TEST_F(RecordedImagesTest, ReadsInverseDepth) {
