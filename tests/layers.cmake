@@ -16,6 +16,7 @@ set(LAYER_pose_graph 2)
 set(LAYER_adjustment 3)
 set(LAYER_confidence 3)
 set(LAYER_formats 3)
+set(LAYER_recording 3)
 set(LAYER_registration 4)
 set(LAYER_evaluation 3)
 set(LAYER_simulation 3)
@@ -48,9 +49,12 @@ set(HEAVY
   "jpeglib.h" "vision"
   "png.h" "vision"
   "pqxx/" "storage"
+  "bzlib.h" "recording"
+  "lz4" "recording"
   "sqlite3" "storage"
   "yaml-cpp/" "experiments"
   "zlib.h" "formats report"
+  "zstd.h" "recording"
   "pcl/" ""
   "Python.h" ""
   "pybind11/" "")

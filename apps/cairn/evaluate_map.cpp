@@ -367,7 +367,7 @@ struct EvaluateMapArguments {
       const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
 #ifdef CAIRN_HAS_ODOMETRY
     if (!truth) {
-      return true_positions_from_depth(map, truth_depth, SequenceOptions().depth_units_per_metre);
+      return true_positions_from_depth(map, truth_depth, kTumDepthUnits);
     }
 #endif
     KeyframePoses poses;

@@ -15,6 +15,7 @@
 #include "cairn/confidence/metric.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -23,6 +24,11 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/map/splats.hpp"
 #include "cairn/registration/splat_selection.hpp"
+
+#ifdef CAIRN_HAS_BAGS
+#include "cairn/recording/camera_info.hpp"
+#include "cairn/recording/sensor_topics.hpp"
+#endif
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
@@ -361,6 +367,49 @@ void add_findings(Json& json, const LandmarkMap& map, const Findings& findings) 
   json["warnings"] = findings.warnings;
 }
 
+#ifdef CAIRN_HAS_BAGS
+// When the messages of a topic were recorded.
+struct TopicTimes {
+  std::size_t messages = 0;
+  double first_s = 0.0;
+  double last_s = 0.0;
+  double longest_gap_s = 0.0;
+
+  std::optional<double> rate_hz() const {
+    if (!(last_s > first_s)) return std::nullopt;
+    return static_cast<double>(messages - 1) / (last_s - first_s);
+  }
+};
+
+std::vector<TopicTimes> topic_times(const Recording& recording) {
+  std::vector<TopicTimes> times(recording.topics().size());
+  for (const RecordedMessage& message : recording.messages()) {
+    TopicTimes& its = times[message.topic];
+    const double now_s = 1e-9 * static_cast<double>(message.time_ns);
+    if (its.messages++ == 0) its.first_s = its.last_s = now_s;
+    its.longest_gap_s = std::max(its.longest_gap_s, now_s - its.last_s);
+    its.last_s = now_s;
+  }
+  return times;
+}
+
+// The camera of images, or why there is none.
+std::pair<std::optional<Camera>, std::string> recorded_camera(const ImageTopic& image,
+                                                              const std::string& topic) {
+  if (!image.info) return {std::nullopt, "no CameraInfo"};
+  try {
+    return {camera_of(*image.info, is_rectified_topic(topic), topic), ""};
+  } catch (const Error& error) {
+    return {std::nullopt, error.what()};
+  }
+}
+
+std::string camera_text(const Camera& camera) {
+  return fmt::format("{} {} x {}, {:.6g}", camera.model, camera.width, camera.height,
+                     fmt::join(camera.parameters, " "));
+}
+#endif
+
 struct InfoArguments {
   CommonArguments common;
   std::string input;
@@ -369,9 +418,10 @@ struct InfoArguments {
 
   void add_to(const Command& command) {
     command
-        .add_text(
-            "map", input,
-            "Map to read: " + all_formats().titles_text() + "; or a pose graph in g2o or JSON")
+        .add_text("map", input,
+                  "Map to read: " + all_formats().titles_text() +
+                      "; or a pose graph in g2o or JSON; or a "
+                      "recording of ROS (.bag, .mcap, .db3)")
         .required();
     command.add_text("--camera", camera,
                      fmt::format("Camera of all frames, for reprojection errors: {}", kCameraHelp),
@@ -386,7 +436,7 @@ struct InfoArguments {
   int run() const {
     loading.validate();
     require_folder_of(common.json_path);
-    if (describe_graph()) return kDone;
+    if (describe_graph() || describe_recording()) return kDone;
     const auto given_camera =
         camera.empty() ? std::nullopt : std::optional(load_camera(camera).camera);
     LoadedMap loaded = load_map(input, common, MapLoading{.convention = "format"});
@@ -452,6 +502,59 @@ struct InfoArguments {
     line("length unit", "not stated: that of its maps, metres unless their scale is free");
     return true;
   }
+
+#ifdef CAIRN_HAS_BAGS
+  // The same of a recording: its topics, its cameras, and how to map it.
+  bool describe_recording() const {
+    if (!Recording::is_at(input)) return false;
+    const Console console = common.console();
+    const Recording recording(input, console.log());
+    Json json =
+        document("info_recording", common, {{"recording", {{"path", input}}}}, Json::object());
+    json["topics"] = Json::array();
+    json["cameras"] = Json::array();
+    console.print("{}\n", input);
+    const std::vector<TopicTimes> times = topic_times(recording);
+    for (std::size_t i = 0; i < times.size(); ++i) {
+      const RecordedTopic& topic = recording.topics()[i];
+      const TopicTimes& its = times[i];
+      json["topics"].push_back({{"name", topic.name},
+                                {"type", topic.type},
+                                {"encoding", topic.encoding},
+                                {"messages", its.messages},
+                                {"rate_hz", cli::to_json(its.rate_hz())},
+                                {"longest_gap_s", its.longest_gap_s}});
+      console.print("  {:<40} {:<28} {:>7} messages{}\n", plain_text(topic.name),
+                    plain_text(topic.type), its.messages,
+                    its.rate_hz() ? fmt::format(", {:.1f} Hz, longest gap {:.3f} s", *its.rate_hz(),
+                                                its.longest_gap_s)
+                                  : "");
+    }
+    for (const ImageTopic& image : image_topics(recording)) {
+      const std::string& name = recording.topics()[image.topic].name;
+      const auto [camera_of_images, defect] = recorded_camera(image, name);
+      json["cameras"].push_back(
+          {{"topic", name},
+           {"is_depth", image.is_depth},
+           {"camera", camera_of_images ? cli::to_json(*camera_of_images) : Json(nullptr)}});
+      console.print("  camera of {}{}: {}\n", plain_text(name), image.is_depth ? " (depth)" : "",
+                    camera_of_images ? camera_text(*camera_of_images) : defect);
+    }
+    try {
+      choose_topics(recording);
+      const std::string command = fmt::format("cairn map {} -o lab.map", input);
+      json["command"] = command;
+      console.print("to map it: {}\n", command);
+    } catch (const Error& error) {
+      json["command"] = nullptr;
+      console.print("cairn map needs a choice: {}\n", error.what());
+    }
+    write_document(json, common);
+    return true;
+  }
+#else
+  bool describe_recording() const { return false; }
+#endif
 };
 
 }  // namespace

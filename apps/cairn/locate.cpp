@@ -231,8 +231,7 @@ struct LocateArguments {
     std::optional<CameraFile> file;
     if (!camera.empty() && camera != kUnknown) file = load_camera(camera);
     const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
-    const double units =
-        depth_units.value_or(stated_units.value_or(SequenceOptions().depth_units_per_metre));
+    const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
     const std::vector<ImageLocation> found =

@@ -169,9 +169,10 @@ struct MapArguments {
     command
         .add_text(
             "sequence", sequence,
-            "Folder of an RGB-D sequence in the layout of TUM (rgb.txt, depth.txt), or of a stereo "
-            "sequence in that of KITTI odometry (image_0, image_1, calib.txt, times.txt) or EuRoC "
-            "(mav0)")
+            "Recording of ROS (.bag, .mcap, .db3, or the folder of ROS 2), folder of an RGB-D "
+            "sequence in the layout of TUM (rgb.txt, depth.txt), or of a stereo sequence in that "
+            "of "
+            "KITTI odometry (image_0, image_1, calib.txt, times.txt) or EuRoC (mav0)")
         .required();
     command.add_text(
         "-o,--output", output,
@@ -183,10 +184,17 @@ struct MapArguments {
                      "qz qw per line",
                      "FILE");
     command.add_text("--camera", camera,
-                     fmt::format("{} (default: camera.yaml in the sequence's folder)", kCameraHelp),
+                     fmt::format("{} (default: camera.yaml in the sequence's folder, or the "
+                                 "recording's CameraInfo)",
+                                 kCameraHelp),
                      "CAMERA");
-    add_number(command, "--depth-units", depth_units,
-               "Depth image units per metre (default: from the camera file, else 5000)");
+    command.add_text("--topics", files.topics,
+                     "Topics of a recording to use, if it has several cameras: see cairn info",
+                     "IMAGE,DEPTH|LEFT,RIGHT");
+    add_number(
+        command, "--depth-units", depth_units,
+        "Depth image units per metre (default: from the camera file, else 5000; of a recording "
+        "1000)");
     const Option rolling =
         add_number(command, "--readout", readout,
                    "Readout time of a rolling shutter, from the first image row to the last, "
@@ -252,7 +260,9 @@ struct MapArguments {
         "  cairn evaluate trajectory desk.tum rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
         "Example: map with known camera poses, from motion capture or another SLAM system\n"
         "  cairn map rgbd_dataset_freiburg1_desk --camera fr1 -o desk.map \\\n"
-        "    --poses rgbd_dataset_freiburg1_desk/groundtruth.txt");
+        "    --poses rgbd_dataset_freiburg1_desk/groundtruth.txt\n"
+        "Example: map a recording of ROS, with its own camera\n"
+        "  cairn map recording.mcap -o lab.map");
   }
 
   int run() {
@@ -283,7 +293,11 @@ struct MapArguments {
     with_option_names(
         {SequenceOptions::table, {"SequenceOptions.depth_units_per_metre", "--depth-units"}},
         [&] { files.validate(); });
-    const ImageSequence images(sequence, files, common.console().log());
+    std::optional<ImageSequence> opened;
+    with_option_names({{"topics", "--topics"}},
+                      [&] { opened.emplace(sequence, files, common.console().log()); });
+    const ImageSequence& images = *opened;
+    files.depth_units_per_metre = images.depth_units_per_metre();
     const CameraFile camera_file = camera_of(images, given);
     if (poses.empty()) {
       run_odometry(images, camera_file);
@@ -305,14 +319,13 @@ struct MapArguments {
   }
 
   CameraFile camera_of(const ImageSequence& images, const std::optional<CameraFile>& given) const {
-    if (!images.is_stereo()) {
-      refuse_if(!given, "--camera", "not given, and there is no " + camera_beside().string(),
-                kCameraHelp);
-      return *given;
-    }
+    refuse_if(!given && !images.has_camera(), "--camera",
+              "not given, and there is no " + camera_beside().string(), kCameraHelp);
+    // A folder of a stereo sequence has its calibration; camera.yaml beside it gives the readout.
     CameraFile file{{}, std::nullopt, given ? given->readout_s : std::nullopt};
+    const bool is_used = given && (!images.is_stereo() || !camera.empty());
     with_option_names({{"camera", "--camera"}}, [&] {
-      file.camera = images.camera(camera.empty() ? std::nullopt : std::optional(given->camera));
+      file.camera = images.camera(is_used ? std::optional(given->camera) : std::nullopt);
     });
     return file;
   }
@@ -418,9 +431,10 @@ struct MapArguments {
   Json describe(std::size_t frames, const CameraFile& camera_file) const {
     Json json = document("map", common, {{"sequence", {{"path", sequence}, {"frames", frames}}}},
                          {{"camera", to_json(camera_file.camera)},
-                          {"depth_units_per_metre", files.depth_units_per_metre},
+                          {"depth_units_per_metre", to_json(files.depth_units_per_metre)},
                           {"readout_s", poses.empty() ? readout_s(camera_file) : 0.0},
                           {"max_time_difference_s", files.max_time_difference_s},
+                          {"topics", text_or_null(files.topics)},
                           {"start_pose", text_or_null(start_pose)},
                           {"start_from", text_or_null(start_from)},
                           {"poses", text_or_null(poses)},

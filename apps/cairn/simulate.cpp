@@ -61,7 +61,7 @@ struct SimulateArguments {
   SimulatorOptions options;
   std::string camera;
   std::string color_format = "jpeg";
-  double depth_units_per_metre = 5000.0;
+  double depth_units_per_metre = kTumDepthUnits;
   std::string sensor = "rgbd";
   std::optional<double> baseline_m;
 

@@ -995,7 +995,7 @@ def map_sequence(
     folder: _Path,
     camera: Optional[Camera] = ...,
     *,
-    depth_units_per_metre: float = ...,
+    depth_units_per_metre: Optional[float] = ...,
     max_time_difference_s: float = ...,
     mini_map_metres: Optional[float] = ...,
     mini_map_frames: Optional[int] = ...,

@@ -22,6 +22,9 @@
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
+#ifdef CAIRN_HAS_BAGS
+#include "support/recorded_sequence.hpp"
+#endif
 
 namespace cairn::testing {
 namespace {
@@ -135,6 +138,42 @@ TEST_F(MapCliTest, SameBytesForAnyNumberOfThreads) {
   EXPECT_EQ(content("a.map"), content("b.map"));
   EXPECT_EQ(content("a.tum"), content("b.tum"));
 }
+
+#ifdef CAIRN_HAS_BAGS
+// One map whatever the images are in: the images, times and camera are all that counts.
+TEST_F(MapCliTest, ARecordingGivesTheMapOfTheFolder) {
+  answer({"map", "s", "-o", "folder.map"});
+  const ImageSequence sequence(path("s"));
+  const Camera camera{CameraId{0}, "PINHOLE", 320, 240, {262, 262, 159.5, 119.5}};
+  const std::string expected = content("folder.map");
+  const auto expect_same = [&](const std::string& file, const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"map", file, "-o", "bag.map"};
+    words.insert(words.end(), more.begin(), more.end());
+    answer(words);
+    EXPECT_EQ(content("bag.map"), expected) << file;
+    fs::remove(path("bag.map"));
+  };
+  const auto compressed = recorded(sequence, camera, "cdr", Recorded::kCompressed);
+  write("compressed.mcap", mcap_bytes(compressed, {"lz4"}));
+  expect_same("compressed.mcap", {"--depth-units", "5000"});
+  // Grey by libjpeg is not grey of its colours, so raw images are those of PNG.
+  for (const SequenceFrame& frame : sequence.frames()) {
+    const fs::path png = fs::path(frame.color).replace_extension(".png");
+    write_png(png, read_color_image(frame.color));
+    replace("s/rgb.txt", frame.color.filename().string(), png.filename().string());
+  }
+  const ImageSequence of_pngs(path("s"));
+  answer({"map", "s", "-o", "png.map"});
+  const std::string of_png = content("png.map");
+  for (const auto& file : write_all_containers(path("."), [&](const std::string& encoding) {
+         return recorded(of_pngs, camera, encoding);
+       })) {
+    answer({"map", file.string(), "-o", "bag.map"});
+    EXPECT_EQ(content("bag.map"), of_png) << file;
+    fs::remove(path("bag.map"));
+  }
+}
+#endif
 
 TEST_F(MapCliTest, OptionsChooseWhatTheMapHolds) {
   answer({"map", "s", "-o", "all.map"});
@@ -442,7 +481,7 @@ TEST_F(MapCliTest, AStartThatTheTrajectoryDoesNotCoverIsRefused) {
 
 TEST_F(MapCliTest, ASequenceThatIsNoneIsRefused) {
   expect_refusal({"map", "missing", "-o", "out.map", "--camera", "fr1"}, kBadInput,
-                 {"missing", "not a folder"});
+                 {"missing", "neither a folder nor a recording"});
   fs::create_directory(path("empty"));
   expect_refusal({"map", "empty", "-o", "out.map", "--camera", "fr1"}, kBadInput, {"rgb.txt"});
   fs::remove(path("s/depth.txt"));

@@ -238,6 +238,25 @@ void FileReader::rewind() {
   if (::lseek(descriptor_, 0, SEEK_SET) != 0) fail_reading(name_, errno);
 }
 
+std::string FileReader::read_at(std::uint64_t offset, std::size_t count) const {
+  // A length that a file states may exceed it by far.
+  const std::uint64_t there = size_.value_or(0);
+  std::string bytes(
+      static_cast<std::size_t>(std::min<std::uint64_t>(count, there - std::min(there, offset))),
+      '\0');
+  std::size_t filled = 0;
+  while (filled < bytes.size()) {
+    const ssize_t got = ::pread(descriptor_, bytes.data() + filled, bytes.size() - filled,
+                                static_cast<off_t>(offset + filled));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) fail_reading(name_, errno);
+    if (got == 0) break;  // another program truncated the file
+    filled += static_cast<std::size_t>(got);
+  }
+  bytes.resize(filled);
+  return bytes;
+}
+
 MemoryReader::MemoryReader(std::string_view bytes, std::string name)
     : name_(std::move(name)), bytes_(bytes) {}
 

@@ -55,6 +55,10 @@ class FileReader final : public ByteSource {
   std::optional<std::uint64_t> size() const override { return size_; }
   std::size_t read(char* buffer, std::size_t capacity) override;
   void rewind() override;
+  /// The bytes from `offset` on, fewer than `count` at the end. Only of a regular file; thread-safe beside other calls
+  /// of it, and does not move where read() goes on.
+  /// @throws Error (input) if the operating system fails
+  std::string read_at(std::uint64_t offset, std::size_t count) const;
 
  private:
   std::string name_;

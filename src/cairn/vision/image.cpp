@@ -402,18 +402,6 @@ void decode(const std::filesystem::path& path, Decoder&& decoder, ImageOf& image
   check(decoder.read_pixels(rows_of(image)));
 }
 
-template <class ImageOf>
-ImageOf read_image(const std::filesystem::path& path) {
-  const std::string bytes = read_file(path);
-  ImageOf image;
-  if (is_complete_png(path, bytes)) {
-    decode(path, PngDecoder(bytes), image);
-  } else {
-    decode(path, JpegDecoder(bytes), image);
-  }
-  return image;
-}
-
 // The bytes that `encode` appends; `where` names the image in errors.
 template <class ImageOf, class Encode>
 std::string encoded(const std::filesystem::path& where, const ImageOf& image,
@@ -445,16 +433,46 @@ void write_bytes(const std::filesystem::path& path, const std::string& bytes,
 
 }  // namespace
 
+template <class ImageOf>
+ImageOf decode_image(std::string_view bytes, const std::filesystem::path& name) {
+  ImageOf image;
+  if (is_complete_png(name, bytes)) {
+    decode(name, PngDecoder(bytes), image);
+  } else {
+    decode(name, JpegDecoder(bytes), image);
+  }
+  return image;
+}
+template GrayImage decode_image(std::string_view, const std::filesystem::path&);
+template ColorImage decode_image(std::string_view, const std::filesystem::path&);
+template StoredDepthImage decode_image(std::string_view, const std::filesystem::path&);
+
 GrayImage read_gray_image(const std::filesystem::path& path) {
-  return read_image<GrayImage>(path);
+  return decode_image<GrayImage>(read_file(path), path);
 }
 
 ColorImage read_color_image(const std::filesystem::path& path) {
-  return read_image<ColorImage>(path);
+  return decode_image<ColorImage>(read_file(path), path);
 }
 
 StoredDepthImage read_depth_image(const std::filesystem::path& path) {
-  return read_image<StoredDepthImage>(path);
+  return decode_image<StoredDepthImage>(read_file(path), path);
+}
+
+DepthImage metric_depth(const StoredDepthImage& stored, double units_per_metre) {
+  const auto metres_per_unit = static_cast<float>(1.0 / units_per_metre);
+  DepthImage depth(stored.width, stored.height);
+  std::transform(stored.values.begin(), stored.values.end(), depth.values.begin(),
+                 [&](std::uint16_t units) { return static_cast<float>(units) * metres_per_unit; });
+  return depth;
+}
+
+std::uint8_t gray_of(std::uint8_t blue, std::uint8_t green, std::uint8_t red) {
+  // 0.299, 0.587 and the rest, of 2^15, and not rounded: as png_set_rgb_to_gray() has it.
+  constexpr unsigned kRed = 9797;
+  constexpr unsigned kGreen = 19234;
+  constexpr unsigned kBlue = 32768 - kRed - kGreen;
+  return static_cast<std::uint8_t>((kRed * red + kGreen * green + kBlue * blue) >> 15U);
 }
 
 template <class ImageOf>

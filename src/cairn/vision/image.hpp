@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -65,6 +66,17 @@ ColorImage read_color_image(const std::filesystem::path& path);
 /// Reads a depth image as stored, a PNG with one 16-bit channel.
 /// @throws Error as read_gray_image, and for any other image
 StoredDepthImage read_depth_image(const std::filesystem::path& path);
+
+/// The same of the bytes of such a file: a GrayImage, ColorImage or StoredDepthImage.
+/// @param name in errors
+template <class ImageOf>
+ImageOf decode_image(std::string_view bytes, const std::filesystem::path& name);
+
+/// Depth from whole numbers; 0, no reading, stays 0.
+DepthImage metric_depth(const StoredDepthImage& stored, double units_per_metre);
+
+/// The grey that PNG's readers make of a colour.
+std::uint8_t gray_of(std::uint8_t blue, std::uint8_t green, std::uint8_t red);
 
 /// Writes a GrayImage, ColorImage or StoredDepthImage as PNG, atomically.
 /// @throws Error (storage) naming the file; (misuse) if the image is empty or its number of values does not

@@ -9,6 +9,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
+#include "cairn/vision/detail/recorded_images.hpp"
 #include "cairn/vision/detail/rectification.hpp"
 #include "cairn/vision/detail/sequence_layouts.hpp"
 #include "cairn/vision/image.hpp"
@@ -32,17 +33,28 @@ void SequenceOptions::validate() const {
   check_options(*this);
 }
 
-ImageSequence::ImageSequence(const std::filesystem::path& folder, const SequenceOptions& options,
+ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOptions& options,
                              const LogSink& log)
-    : depth_units_per_metre_(options.depth_units_per_metre) {
+    : depth_units_per_metre_(options.depth_units_per_metre.value_or(kTumDepthUnits)) {
   options.validate();
-  std::error_code ignored;
-  const std::filesystem::file_type type = std::filesystem::status(folder, ignored).type();
-  // If the type is unknown, the reader of the list says why.
-  reject_if(
-      type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none,
-      folder.string(), "not a folder", "the folder of a sequence");
-  const detail::SequenceLists lists = detail::read_sequence_lists(folder, log);
+  detail::SequenceLists lists;
+  if (detail::RecordedImages::is_at(path)) {
+    depth_units_per_metre_ =
+        options.depth_units_per_metre.value_or(detail::RecordedImages::kDepthUnits);
+    recorded_ = std::make_shared<detail::RecordedImages>(path, options.topics, log);
+    lists = recorded_->lists();
+  } else {
+    refuse_if(!options.topics.empty(), "topics", "given, but " + path.string() + " has none",
+              "a recording");
+    std::error_code ignored;
+    const std::filesystem::file_type type = std::filesystem::status(path, ignored).type();
+    // If the type is unknown, the reader of the list says why.
+    reject_if(
+        type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none,
+        path.string(), "neither a folder nor a recording",
+        "the folder of a sequence, or a bag, .mcap or .db3 of ROS");
+    lists = detail::read_sequence_lists(path, log);
+  }
   if (lists.rig) {
     rectification_ =
         std::make_shared<detail::Rectification>(*lists.rig, lists.calibration.string());
@@ -51,19 +63,19 @@ ImageSequence::ImageSequence(const std::filesystem::path& folder, const Sequence
   constexpr double kAtOnce = 0.001;
   const double tolerance_s = is_stereo() ? std::min(kAtOnce, options.max_time_difference_s)
                                          : options.max_time_difference_s;
-  const auto partner_of = detail::associate_images(lists.images, lists.partners, tolerance_s);
+  partners_ = detail::associate_images(lists.images, lists.partners, tolerance_s);
   for (std::size_t i = 0; i < lists.images.size(); ++i) {
     SequenceFrame& frame =
-        frames_.emplace_back(lists.images[i].timestamp_s, folder / lists.images[i].file);
-    if (!partner_of[i]) {
+        frames_.emplace_back(lists.images[i].timestamp_s, path / lists.images[i].file);
+    if (!partners_[i]) {
       ++frames_without_depth_;
     } else {
-      (is_stereo() ? frame.right : frame.depth) = folder / lists.partners[*partner_of[i]].file;
+      (is_stereo() ? frame.right : frame.depth) = path / lists.partners[*partners_[i]].file;
     }
   }
   unused_depth_images_ = lists.partners.size() - (frames_.size() - frames_without_depth_);
   reject_if(
-      is_stereo() && frames_without_depth_ == frames_.size(), folder.string(),
+      is_stereo() && frames_without_depth_ == frames_.size(), path.string(),
       lists.partners.empty()
           ? "no image of the right camera"
           : fmt::format("no pair of images within {} s: the first are from {:.6f} and {:.6f} s",
@@ -71,8 +83,8 @@ ImageSequence::ImageSequence(const std::filesystem::path& folder, const Sequence
       "pairs of images that were taken at once");
 }
 
-bool ImageSequence::is_in(const std::filesystem::path& folder) {
-  return detail::has_sequence_files(folder);
+bool ImageSequence::is_in(const std::filesystem::path& path) {
+  return detail::RecordedImages::is_at(path) || detail::has_sequence_files(path);
 }
 
 double ImageSequence::baseline_m() const {
@@ -81,6 +93,7 @@ double ImageSequence::baseline_m() const {
 
 Camera ImageSequence::camera(const std::optional<Camera>& given) const {
   if (!rectification_) {
+    if (!given && recorded_) return recorded_->camera();
     refuse_if(!given, "camera", "not given", "the camera of an RGB-D sequence");
     return *given;
   }
@@ -95,10 +108,23 @@ const SequenceFrame& ImageSequence::files_of(std::size_t frame) const {
   return frames_[frame];
 }
 
+template <class ImageOf>
+ImageOf ImageSequence::image_of(std::size_t frame) const {
+  const std::filesystem::path& file = files_of(frame).color;
+  if (recorded_) return recorded_->image<ImageOf>(frame, file);
+  return decode_image<ImageOf>(read_file(file), file);
+}
+
+DepthImage ImageSequence::depth_of(std::size_t frame) const {
+  const std::filesystem::path& file = *frames_[frame].depth;
+  if (recorded_) return recorded_->depth(*partners_[frame], file, depth_units_per_metre_);
+  return metric_depth(read_depth_image(file), depth_units_per_metre_);
+}
+
 ImageSequence::Images ImageSequence::read(std::size_t frame) const {
   const SequenceFrame& files = files_of(frame);
   Images images;
-  images.gray = read_gray_image(files.color);
+  images.gray = image_of<GrayImage>(frame);
   const auto reject_unless_same = [&](const auto& image, const std::filesystem::path& file,
                                       std::string_view other) {
     reject_if(
@@ -107,16 +133,12 @@ ImageSequence::Images ImageSequence::read(std::size_t frame) const {
         fmt::format("{} x {}, as its {} image", images.gray.width, images.gray.height, other));
   };
   if (files.depth) {
-    const StoredDepthImage stored = read_depth_image(*files.depth);
-    reject_unless_same(stored, *files.depth, "colour");
-    const auto metres_per_unit = static_cast<float>(1.0 / depth_units_per_metre_);
-    images.depth = DepthImage(stored.width, stored.height);
-    std::transform(
-        stored.values.begin(), stored.values.end(), images.depth.values.begin(),
-        [&](std::uint16_t units) { return static_cast<float>(units) * metres_per_unit; });
+    images.depth = depth_of(frame);
+    reject_unless_same(images.depth, *files.depth, "colour");
   }
   if (files.right) {
-    images.right = read_gray_image(*files.right);
+    images.right = recorded_ ? recorded_->right(*partners_[frame], *files.right)
+                             : read_gray_image(*files.right);
     reject_unless_same(images.right, *files.right, "left");
   }
   if (rectification_) {
@@ -128,10 +150,9 @@ ImageSequence::Images ImageSequence::read(std::size_t frame) const {
 }
 
 ColorImage ImageSequence::read_color(std::size_t frame) const {
-  const std::filesystem::path& file = files_of(frame).color;
-  ColorImage image = read_color_image(file);
+  ColorImage image = image_of<ColorImage>(frame);
   if (!rectification_) return image;
-  require_rig_size(image, file);
+  require_rig_size(image, files_of(frame).color);
   return rectification_->left(std::move(image));
 }
 

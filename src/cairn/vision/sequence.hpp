@@ -24,10 +24,11 @@ namespace cairn {
 
 namespace detail {
 class FileLock;
+class RecordedImages;
 class Rectification;
 }  // namespace detail
 
-/// The files of one frame of a sequence.
+/// The files of one frame of a sequence; of a recording names of its messages, for people.
 struct SequenceFrame {
   double timestamp_s = 0.0;                    ///< of the colour image or the left one
   std::filesystem::path color;                 ///< in a stereo sequence of the left camera
@@ -36,25 +37,31 @@ struct SequenceFrame {
 };
 
 struct SequenceOptions {
-  double depth_units_per_metre = 5000.0;  ///< of the stored depth; positive
-  double max_time_difference_s = 0.02;    ///< between a colour image and its depth image; positive
+  /// Of depth that is stored as whole numbers; positive. std::nullopt: 5000 of TUM's layout, 1000 of a recording.
+  std::optional<double> depth_units_per_metre = {};
+  double max_time_difference_s = 0.02;  ///< between a colour image and its depth image; positive
+  /// Of a recording: "IMAGE,DEPTH" or "LEFT,RIGHT"; empty: chosen, see choose_topics().
+  std::string topics = {};
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field
   void validate() const;
 };
 
-/// An RGB-D or stereo sequence on disk, in the layout of the TUM RGB-D benchmark, KITTI odometry or EuRoC, which it
-/// detects. Holds the lists; reads images one by one, and rectifies those of a stereo pair.
+/// Units of TUM's depth images per metre.
+inline constexpr double kTumDepthUnits = 5000.0;
+
+/// An RGB-D or stereo sequence on disk, in the layout of the TUM RGB-D benchmark, KITTI odometry or EuRoC, or a
+/// Recording of ROS, which it detects. Holds the lists; reads images one by one, and rectifies those of a stereo pair.
 class ImageSequence {
  public:
   /// @throws Error (input) naming file, line and field if lists or calibration cannot be read, and for a stereo
   ///        sequence without images taken at the same time (1 ms)
-  explicit ImageSequence(const std::filesystem::path& folder, const SequenceOptions& options = {},
+  explicit ImageSequence(const std::filesystem::path& path, const SequenceOptions& options = {},
                          const LogSink& log = {});
 
-  /// Whether the folder has a file of one of the layouts. Others are no sequence.
-  static bool is_in(const std::filesystem::path& folder);
+  /// Whether it is a recording, or a folder with a file of one of the layouts. Others are no sequence.
+  static bool is_in(const std::filesystem::path& path);
 
   /// In the order of time.
   std::span<const SequenceFrame> frames() const { return frames_; }
@@ -63,11 +70,17 @@ class ImageSequence {
   /// The same of right images.
   std::size_t unused_depth_images() const { return unused_depth_images_; }
 
+  /// Whether camera() needs none: of a stereo sequence and of a recording.
+  bool has_camera() const { return is_stereo() || recorded_ != nullptr; }
   bool is_stereo() const { return rectification_ != nullptr; }
   /// Of a stereo sequence, from the left camera to the right one; else 0.
   double baseline_m() const;
-  /// The camera of the images that read() returns: of a stereo sequence its own, else the given one.
-  /// @throws Error (misuse) if both or none is there
+  /// Units per metre of depth that is stored as whole numbers.
+  double depth_units_per_metre() const { return depth_units_per_metre_; }
+  /// The camera of the images that read() returns: of a stereo sequence its own, else the given one or, of a recording,
+  /// the recorded one.
+  /// @throws Error (misuse) if none is there, or a stereo sequence is given another; (input) for a recorded camera that
+  ///         is not calibrated
   Camera camera(const std::optional<Camera>& given) const;
 
   /// Images of one frame.
@@ -87,11 +100,16 @@ class ImageSequence {
  private:
   const SequenceFrame& files_of(std::size_t frame) const;
   template <class ImageOf>
+  ImageOf image_of(std::size_t frame) const;
+  DepthImage depth_of(std::size_t frame) const;
+  template <class ImageOf>
   void require_rig_size(const ImageOf& image, const std::filesystem::path& file) const;
 
   double depth_units_per_metre_;
   std::shared_ptr<const detail::Rectification> rectification_;  // of a stereo sequence
+  std::shared_ptr<const detail::RecordedImages> recorded_;      // of a recording
   std::vector<SequenceFrame> frames_;
+  std::vector<std::optional<std::size_t>> partners_;  // of each frame, in their list
   std::size_t frames_without_depth_ = 0;
   std::size_t unused_depth_images_ = 0;
 };
@@ -121,7 +139,7 @@ class SequenceWriter {
   ///        sequence
   explicit SequenceWriter(const std::filesystem::path& folder,
                           ColorFormat color_format = ColorFormat::kPng,
-                          double depth_units_per_metre = SequenceOptions().depth_units_per_metre);
+                          double depth_units_per_metre = kTumDepthUnits);
   /// For a stereo sequence.
   /// @throws Error as the other; (misuse) for cameras whose model EuRoC's layout does not have
   SequenceWriter(const std::filesystem::path& folder, const StereoRig& rig,

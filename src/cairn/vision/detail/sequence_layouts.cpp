@@ -225,7 +225,10 @@ std::vector<ImageEntry> read_euroc_list(const fs::path& folder, const std::strin
               printable(text.substr(0, comma)) + " is no whole number", "nanoseconds");
     const std::string name(comma == std::string_view::npos ? std::string_view()
                                                            : trimmed(text.substr(comma + 1)));
-    const double seconds = 1e-9 * static_cast<double>(*time);
+    constexpr std::uint64_t kSecond = 1'000'000'000;
+    // Nanoseconds since 1970 have more digits than a double.
+    const double seconds =
+        static_cast<double>(*time / kSecond) + 1e-9 * static_cast<double>(*time % kSecond);
     reject_if(!entries.empty() && seconds <= entries.back().timestamp_s,
               place + ": field 1 (timestamp)",
               fmt::format("{} ns is not later than the time before", *time), "ascending times");

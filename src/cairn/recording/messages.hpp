@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cairn/geometry/rigid3.hpp"
+
+namespace cairn {
+
+/// How a message became bytes.
+struct MessageBytes {
+  std::string_view bytes;
+  std::string_view encoding;  ///< "cdr" or "ros1"
+  std::string name;           ///< of the message in errors
+};
+
+/// When and in which frame something was measured.
+struct MessageHeader {
+  double stamp_s = 0.0;
+  std::string frame;
+};
+
+/// sensor_msgs/Image or CompressedImage.
+struct ImageMessage {
+  MessageHeader header;
+  bool is_compressed = false;
+  std::uint32_t width = 0;  ///< pixels; 0 of a compressed image
+  std::uint32_t height = 0;
+  std::string encoding;  ///< as sensor_msgs/image_encodings; the format of a compressed image
+  bool is_big_endian = false;
+  std::uint32_t row_bytes = 0;
+  std::string_view data;  ///< of the message's bytes
+};
+
+/// sensor_msgs/CameraInfo.
+struct CameraInfo {
+  MessageHeader header;
+  std::uint32_t width = 0;  ///< pixels
+  std::uint32_t height = 0;
+  std::string distortion_model;
+  std::vector<double> distortion;                                     ///< D
+  std::array<double, 9> intrinsics = {};                              ///< K, by rows
+  std::array<double, 9> rectification = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< R, rectified from camera
+  std::array<double, 12> projection = {};                             ///< P of the rectified image
+};
+
+/// One of a tf2_msgs/TFMessage.
+struct FrameTransform {
+  std::string parent;
+  std::string child;
+  Rigid3 parent_from_child;
+};
+
+/// Of every message that begins with a header; reads no more than its stamp.
+/// @throws Error (input) naming message and byte
+double stamp_of(const MessageBytes& message);
+/// @param type "sensor_msgs/Image" or "sensor_msgs/CompressedImage"
+/// @throws Error (input) naming message, byte and field
+ImageMessage parse_image(const MessageBytes& message, std::string_view type);
+CameraInfo parse_camera_info(const MessageBytes& message);
+std::vector<FrameTransform> parse_transforms(const MessageBytes& message);
+
+}  // namespace cairn

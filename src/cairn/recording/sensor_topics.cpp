@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/recording/sensor_topics.hpp"
+
+#include <algorithm>
+#include <map>
+#include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cairn/core/error.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr std::string_view kImageType = "sensor_msgs/Image";
+constexpr std::string_view kCompressedType = "sensor_msgs/CompressedImage";
+constexpr std::string_view kInfoType = "sensor_msgs/CameraInfo";
+constexpr std::string_view kTransformType = "tf2_msgs/TFMessage";
+
+bool is_readable(const RecordedTopic& topic) {
+  return topic.encoding == "cdr" || topic.encoding == "ros1";
+}
+
+std::string up_from(const std::string& name) {
+  return name.substr(0, std::min(name.rfind('/'), name.size()));
+}
+
+// The topic of the raw images that a transport compresses: NAME of NAME/compressed.
+std::string raw_name(const RecordedTopic& topic) {
+  return topic.type == kCompressedType && topic.name.find("/compressed") != std::string::npos
+             ? up_from(topic.name)
+             : topic.name;
+}
+
+// The first message of each topic.
+std::map<std::uint32_t, RecordedMessage> first_messages(const Recording& recording) {
+  std::map<std::uint32_t, RecordedMessage> first;
+  for (const RecordedMessage& message : recording.messages()) first.emplace(message.topic, message);
+  return first;
+}
+
+// Depth says so by its pixels, or by its name where other images have such pixels too.
+bool is_depth_image(const std::string& encoding, const std::string& topic) {
+  return encoding == "16UC1" || encoding == "32FC1" ||
+         encoding.find("compressedDepth") != std::string::npos ||
+         (topic.find("depth") != std::string::npos &&
+          (encoding == "mono16" || encoding.starts_with("16UC1")));
+}
+
+template <class Parse>
+auto parse_first(const Recording& recording, const RecordedMessage& message, const Parse& parse) {
+  const RecordedTopic& topic = recording.topics()[message.topic];
+  const std::string bytes = recording.read(message);
+  return parse(MessageBytes{bytes, topic.encoding, recording.name() + ": " + topic.name});
+}
+
+std::vector<std::pair<std::string, CameraInfo>> camera_infos(
+    const Recording& recording, const std::map<std::uint32_t, RecordedMessage>& first) {
+  std::vector<std::pair<std::string, CameraInfo>> infos;
+  for (const auto& [index, message] : first) {
+    const RecordedTopic& topic = recording.topics()[index];
+    if (topic.type != kInfoType || !is_readable(topic)) continue;
+    infos.emplace_back(topic.name, parse_first(recording, message, parse_camera_info));
+  }
+  return infos;
+}
+
+std::string choices(const Recording& recording, const std::vector<ImageTopic>& topics) {
+  std::vector<std::string> names;
+  for (const ImageTopic& topic : topics) {
+    names.push_back(recording.topics()[topic.topic].name + (topic.is_depth ? " (depth)" : ""));
+  }
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "));
+}
+
+// The right one's P has -fx * baseline.
+bool is_right_of(const ImageTopic& a, const ImageTopic& b) {
+  return a.info && b.info && a.info->projection[3] < b.info->projection[3];
+}
+
+SensorTopics given_topics(const Recording& recording, const std::vector<ImageTopic>& topics,
+                          const std::string& given) {
+  const std::size_t comma = given.find(',');
+  const auto named = [&](const std::string& name) -> const ImageTopic& {
+    const auto found = std::find_if(topics.begin(), topics.end(), [&](const ImageTopic& topic) {
+      return recording.topics()[topic.topic].name == name;
+    });
+    reject_if(found == topics.end(), recording.name(), "has no images " + printable(name),
+              "one of the topics: " + choices(recording, topics));
+    return *found;
+  };
+  refuse_if(comma == std::string::npos, "topics", printable(given),
+            "two topics with a comma between them: image and depth, or left and right");
+  SensorTopics chosen{named(given.substr(0, comma)), named(given.substr(comma + 1))};
+  reject_if(chosen.image.is_depth, recording.name(), given.substr(0, comma) + " are depth images",
+            "the topic of the images first");
+  return chosen;
+}
+
+// The rigid transform between two frames of a tree of transforms.
+std::optional<Rigid3> transform_between(const std::map<std::string, FrameTransform>& parents,
+                                        const std::string& target, const std::string& source) {
+  const auto up = [&](std::string frame) {
+    std::vector<std::pair<std::string, Rigid3>> path = {{frame, Rigid3()}};
+    while (path.size() <= parents.size()) {
+      const auto found = parents.find(frame);
+      if (found == parents.end()) break;
+      frame = found->second.parent;
+      path.emplace_back(frame, found->second.parent_from_child * path.back().second);
+    }
+    return path;
+  };
+  for (const auto& [frame, from_source] : up(source)) {
+    for (const auto& [other, from_target] : up(target)) {
+      if (frame == other) return from_target.inverse() * from_source;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+bool is_rectified_topic(const std::string& name) {
+  return name.find("image_rect") != std::string::npos;
+}
+
+std::vector<ImageTopic> image_topics(const Recording& recording) {
+  const auto first = first_messages(recording);
+  const auto infos = camera_infos(recording, first);
+  const auto is_recorded_raw = [&](const std::string& name) {
+    return std::any_of(first.begin(), first.end(), [&](const auto& entry) {
+      const RecordedTopic& topic = recording.topics()[entry.first];
+      return topic.type == kImageType && topic.name == name;
+    });
+  };
+  std::vector<ImageTopic> found;
+  for (const auto& [index, message] : first) {
+    const RecordedTopic& topic = recording.topics()[index];
+    const std::string raw = raw_name(topic);
+    if ((topic.type != kImageType && topic.type != kCompressedType) || !is_readable(topic))
+      continue;
+    if (raw != topic.name && is_recorded_raw(raw)) continue;
+    ImageTopic& image = found.emplace_back();
+    image.topic = index;
+    parse_first(recording, message, [&](const MessageBytes& bytes) {
+      const ImageMessage parsed = parse_image(bytes, topic.type);
+      image.is_depth = is_depth_image(parsed.encoding, topic.name);
+      image.frame = parsed.header.frame;
+    });
+    const std::string beside = up_from(raw) + "/camera_info";
+    for (const auto& [name, info] : infos) {
+      const bool is_of_frame = !image.info && info.header.frame == image.frame;
+      if (name == beside || is_of_frame) image.info = info;
+    }
+  }
+  std::sort(found.begin(), found.end(), [&](const ImageTopic& a, const ImageTopic& b) {
+    return recording.topics()[a.topic].name < recording.topics()[b.topic].name;
+  });
+  return found;
+}
+
+SensorTopics choose_topics(const Recording& recording, const std::string& given) {
+  const std::vector<ImageTopic> topics = image_topics(recording);
+  if (!given.empty()) return given_topics(recording, topics, given);
+  std::vector<ImageTopic> depths;
+  std::vector<ImageTopic> images;
+  for (const ImageTopic& topic : topics) (topic.is_depth ? depths : images).push_back(topic);
+  if (images.size() == 1 && depths.size() == 1) return {images[0], depths[0]};
+  const bool is_pair = images.size() == 2 && depths.empty();
+  reject_if(!is_pair, recording.name(),
+            fmt::format("{} topics of images, {} of depth: {}", images.size(), depths.size(),
+                        choices(recording, topics)),
+            "one of each, or two of images; or --topics with the two to use");
+  if (is_right_of(images[0], images[1])) std::swap(images[0], images[1]);
+  return {images[0], images[1]};
+}
+
+Rigid3 left_from_right(const Recording& recording, const SensorTopics& topics) {
+  const CameraInfo& left = *topics.image.info;
+  const CameraInfo& right = *topics.depth_or_right.info;
+  const auto rotation_of = [&](const CameraInfo& info) {
+    Matrix4d pose = Matrix4d::Identity();
+    pose.topLeftCorner<3, 3>() =
+        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(info.rectification.data());
+    try {
+      return Rigid3::from_matrix(pose);
+    } catch (const Error& error) {
+      throw Error(ErrorKind::kInput, recording.name() + ": R of a CameraInfo", error.what(), "");
+    }
+  };
+  const auto centre_x = [](const CameraInfo& info) {
+    return info.projection[0] > 0.0 ? -info.projection[3] / info.projection[0] : 0.0;
+  };
+  const double baseline = centre_x(right) - centre_x(left);
+  if (baseline != 0.0) {
+    const Rigid3 step(Eigen::Quaterniond::Identity(), Eigen::Vector3d(baseline, 0.0, 0.0));
+    const bool are_rectified = is_rectified_topic(recording.topics()[topics.image.topic].name);
+    return are_rectified ? step : rotation_of(left).inverse() * step * rotation_of(right);
+  }
+  std::map<std::string, FrameTransform> parents;
+  for (const RecordedMessage& message : recording.messages()) {
+    const RecordedTopic& topic = recording.topics()[message.topic];
+    if (topic.type != kTransformType || !topic.name.ends_with("tf_static")) continue;
+    for (const FrameTransform& step : parse_first(recording, message, parse_transforms)) {
+      parents.insert_or_assign(step.child, step);
+    }
+  }
+  const auto found = transform_between(parents, topics.image.frame, topics.depth_or_right.frame);
+  reject_if(!found, recording.name(),
+            "neither CameraInfo nor tf_static say where the right camera is",
+            "a baseline in P of the right CameraInfo");
+  return *found;
+}
+
+}  // namespace cairn

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/recording/messages.hpp"
+#include "cairn/recording/recording.hpp"
+
+namespace cairn {
+
+/// A topic of images.
+struct ImageTopic {
+  std::uint32_t topic = 0;  ///< position in Recording::topics()
+  bool is_depth = false;
+  std::string frame;               ///< of the first image
+  std::optional<CameraInfo> info;  ///< of the topic beside it, or else of its frame
+};
+
+/// The topics of images that can be read (ROS 1, or CDR), by name. Without transported copies of raw images that are
+/// there too.
+std::vector<ImageTopic> image_topics(const Recording& recording);
+
+/// The topics of one RGB-D or stereo camera.
+struct SensorTopics {
+  ImageTopic image;  ///< in colour, or of the left camera
+  ImageTopic depth_or_right;
+
+  bool is_stereo() const { return !depth_or_right.is_depth; }
+};
+
+/// Chooses the only image and the only depth image, or else the only two images, which are a stereo pair.
+/// @param given "IMAGE,DEPTH" or "LEFT,RIGHT", names of topics; empty: chosen
+/// @throws Error (input) naming the topics if there is more than one choice or none
+SensorTopics choose_topics(const Recording& recording, const std::string& given = {});
+
+/// Where the second camera is, of two that are mounted on one body: by P of the CameraInfo, or else by /tf_static.
+/// @throws Error (input) if neither says it
+Rigid3 left_from_right(const Recording& recording, const SensorTopics& topics);
+
+/// Whether the name says that the images are rectified, as image_proc names them.
+bool is_rectified_topic(const std::string& name);
+
+}  // namespace cairn

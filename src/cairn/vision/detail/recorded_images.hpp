@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "cairn/core/log.hpp"
+#include "cairn/map/camera.hpp"
+#include "cairn/vision/detail/sequence_layouts.hpp"
+#include "cairn/vision/image.hpp"
+
+namespace cairn::detail {
+
+/// The images of an RGB-D or stereo camera in a recording of ROS. Knows where they are; reads them one by one.
+class RecordedImages {
+ public:
+  /// Of 16-bit depth in ROS (REP 118): millimetres.
+  static constexpr double kDepthUnits = 1000.0;
+
+  static bool is_at(const std::filesystem::path& path);
+
+  /// @param topics see choose_topics()
+  /// @throws Error (input) as Recording and choose_topics(), for a stereo camera that is not calibrated, and for depth
+  ///         by another camera than the images', which would have to be registered; (misuse) if this build reads no
+  ///         recordings
+  RecordedImages(const std::filesystem::path& path, const std::string& topics, const LogSink& log);
+  ~RecordedImages();
+
+  /// Times are those of the messages' headers. Of several images at one time keeps the first.
+  SequenceLists lists() const;
+  /// Of the images of an RGB-D camera.
+  /// @throws Error (input) if it is not recorded or not calibrated
+  Camera camera() const;
+
+  // Images by position in the lists. Thread-safe; names are for errors.
+  template <class ImageOf>  // GrayImage or ColorImage
+  ImageOf image(std::size_t i, const std::filesystem::path& name) const;
+  GrayImage right(std::size_t i, const std::filesystem::path& name) const;
+  DepthImage depth(std::size_t i, const std::filesystem::path& name, double units_per_metre) const;
+
+ private:
+  struct Content;
+  std::unique_ptr<const Content> content_;
+};
+
+}  // namespace cairn::detail
