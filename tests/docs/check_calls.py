@@ -18,7 +18,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 
 @functools.cache
 def help_of(tool, words):
-    run = subprocess.run([tool, *words, "--help"], capture_output=True, text=True)
+    run = subprocess.run([tool, *words, "--help-all"], capture_output=True, text=True)
     return run.stdout if run.returncode == 0 else ""
 
 
