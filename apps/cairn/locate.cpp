@@ -230,6 +230,7 @@ struct LocateArguments {
     const LoadedMap loaded = load_world();
     std::optional<CameraFile> file;
     if (!camera.empty() && camera != kUnknown) file = load_camera(camera);
+    if (file) warn_of_other_lens(loaded.map, file->camera);
     const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
     const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
@@ -284,6 +285,20 @@ struct LocateArguments {
       }
     });
     return found;
+  }
+
+  // A wrong focal length moves a pose without lowering its probability.
+  void warn_of_other_lens(const LandmarkMap& in_map, const Camera& given) const {
+    bool is_of_size = false;
+    for (const Camera& known : in_map.cameras()) {
+      if (known.width != given.width || known.height != given.height) continue;
+      if (is_same_lens(known, given)) return;
+      is_of_size = true;
+    }
+    if (!is_of_size) return;
+    common.console().remark(
+        "--camera is not the map's camera of that size: if the images are by the map's, leave the "
+        "option out; poses would be off by more than their standard deviations");
   }
 
   DepthImage read_depth(double units) const {

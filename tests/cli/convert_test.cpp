@@ -354,7 +354,7 @@ TEST_F(ConvertTest, RecordingsAreForOtherViewers) {
   expect_refusal({"convert", "source.map", "strict.mcap", "--strict"}, kBadInput,
                  {"--strict", "MCAP has no place for: "});
   expect_refusal({"convert", "source.mcap", "back.map"}, kBadInput,
-                 {"source.mcap: is an MCAP recording, which Cairn writes and does not read"});
+                 {"source.mcap: is an MCAP recording; expected a map"});
   expect_refusal({"convert", "source.map", "source.mcab"}, kWrongUsage, {"source.mcab", ".mcap"});
   expect_refusal({"convert", "source.map", "nowhere/source.mcap"}, kSystemError, {"nowhere"});
   expect_refusal({"convert", "source.map", "a.mcap", "--ascii"}, kWrongUsage,

@@ -157,7 +157,7 @@ class Hints {
                           ? "Compare the poses of the parts above"
                           : "Add --by-parts to see the pose of each part"));
     }
-    if (is_open()) {
+    if (is_open() && probability() >= kLeastRequired) {
       said = true;
       add("Use maps that overlap in more than a plane or a line; then the matches determine every "
           "direction.");

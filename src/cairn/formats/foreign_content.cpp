@@ -28,8 +28,8 @@ constexpr std::size_t kProbedBytes = 4096;
 
 constexpr std::string_view kLfs = "the file itself: run 'git lfs pull' where it was cloned";
 constexpr std::string_view kRecording =
-    "a map that a SLAM system made of it, such as ORB-SLAM3, stella_vslam or RTAB-Map "
-    "(docs/from_orbslam3.md and others); RGB-D images in TUM layout are for 'cairn map'";
+    "a map: 'cairn map' makes one of RGB-D or stereo images in a recording, whose topics 'cairn "
+    "info' lists (docs/from_bags.md)";
 constexpr std::string_view kPictures =
     "a map that COLMAP, OpenSfM or a SLAM system made of such images (docs/from_colmap.md and "
     "others)";
@@ -68,8 +68,7 @@ constexpr std::string_view kLfsPointer = "version https://git-lfs.github.com/spe
 constexpr Sign kSigns[] = {
     {kLfsPointer, 0, "is a Git LFS pointer, not the file itself", kLfs},
     {"#ROSBAG V", 0, "is a ROS bag", kRecording},
-    {"\x89MCAP0\r\n", 0, "is an MCAP recording, which Cairn writes and does not read",
-     "the map that it was made from, or a map that a SLAM system made of it"},
+    {"\x89MCAP0\r\n", 0, "is an MCAP recording", kRecording},
     {"CRNA", 68, "is an atlas of maps, not a map",
      "one of its maps: cairn atlas export --map NAME -o NAME.map --atlas, then its name"},
     {"SQLite format 3", 0, "is an SQLite database, but no map in a known format", ""},

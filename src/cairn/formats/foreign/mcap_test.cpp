@@ -285,7 +285,7 @@ TEST_F(McapTest, IsWrittenByItsEndingAndNeverRead) {
   EXPECT_THAT(all_formats().endings_text(), HasSubstr(".mcap"));
   const auto path = write(testing::plain_map(), "plain.mcap");
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { read(path); }),
-              HasSubstr("is an MCAP recording, which Cairn writes and does not read"));
+              HasSubstr("is an MCAP recording; expected a map"));
 }
 
 TEST_F(McapTest, MapsLieInFramesOfTheirOwn) {

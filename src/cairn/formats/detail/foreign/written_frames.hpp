@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "cairn/core/log.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 // Shared by formats with images and cameras, most of it by writers.
