@@ -82,6 +82,15 @@ TEST_F(LocateCliTest, TakesTheMapsOwnCamera) {
               HasSubstr("standard deviations"));
 }
 
+TEST_F(LocateCliTest, RemarksThatTheCameraIsNotTheMaps) {
+  const std::string remark = "--camera is not the map's camera of that size";
+  EXPECT_THAT(cairn({"locate", "desk.map", kImage, "--camera", "s/camera.yaml"}).errors,
+              Not(HasSubstr(remark)));
+  const CommandResult other =
+      cairn({"locate", "desk.map", kImage, "--camera", "PINHOLE 640 480 500 500 319.5 239.5"});
+  EXPECT_THAT(other.errors, HasSubstr(remark));
+}
+
 TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {
   const CommandResult result =
       cairn({"locate", "desk.map", kImage, "other/rgb/0.000000.jpg", "--trajectory", "found.tum"});
