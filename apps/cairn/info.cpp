@@ -530,7 +530,8 @@ struct InfoArguments {
                                                 its.longest_gap_s)
                                   : "");
     }
-    for (const ImageTopic& image : image_topics(recording)) {
+    const std::vector<ImageTopic> images = image_topics(recording);
+    for (const ImageTopic& image : images) {
       const std::string& name = recording.topics()[image.topic].name;
       const auto [camera_of_images, defect] = recorded_camera(image, name);
       json["cameras"].push_back(
@@ -541,7 +542,7 @@ struct InfoArguments {
                     camera_of_images ? camera_text(*camera_of_images) : defect);
     }
     try {
-      choose_topics(recording);
+      choose_topics(recording, images);
       const std::string command = fmt::format("cairn map {} -o lab.map", input);
       json["command"] = command;
       console.print("to map it: {}\n", command);

@@ -201,7 +201,7 @@ struct SensorTopicsTest : RecordingTest {
   }
   std::string chosen(const std::string& given = {}) {
     const Recording recording = open("a.mcap", testing::mcap_bytes(messages));
-    const SensorTopics topics = choose_topics(recording, given);
+    const SensorTopics topics = choose_topics(recording, image_topics(recording), given);
     return recording.topics()[topics.image.topic].name + " " +
            recording.topics()[topics.depth_or_right.topic].name +
            (topics.is_stereo() ? " stereo" : "");
@@ -232,7 +232,7 @@ TEST_F(SensorTopicsTest, TheRightCameraIsTheOneWithATranslation) {
   info("/b/camera_info", 0);
   EXPECT_EQ(chosen(), "/b/image /a/image stereo");
   const Recording recording = open("a.mcap", testing::mcap_bytes(messages));
-  const Rigid3 pose = left_from_right(recording, choose_topics(recording));
+  const Rigid3 pose = left_from_right(recording, choose_topics(recording, image_topics(recording)));
   EXPECT_LT((pose.translation() - Eigen::Vector3d(0.2, 0, 0)).norm(), 1e-15);
 }
 
@@ -243,7 +243,7 @@ TEST_F(SensorTopicsTest, WithoutATranslationTheStaticTransformsSayIt) {
   info("/b/camera_info", 0, "right_optical");
   const auto pose_of_right = [&] {
     const Recording recording = open("a.mcap", testing::mcap_bytes(messages));
-    return left_from_right(recording, choose_topics(recording));
+    return left_from_right(recording, choose_topics(recording, image_topics(recording)));
   };
   EXPECT_THAT(testing::message_of(ErrorKind::kInput, pose_of_right),
               HasSubstr("neither CameraInfo nor tf_static"));

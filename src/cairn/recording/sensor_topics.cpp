@@ -161,8 +161,8 @@ std::vector<ImageTopic> image_topics(const Recording& recording) {
   return found;
 }
 
-SensorTopics choose_topics(const Recording& recording, const std::string& given) {
-  const std::vector<ImageTopic> topics = image_topics(recording);
+SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTopic>& topics,
+                           const std::string& given) {
   if (!given.empty()) return given_topics(recording, topics, given);
   std::vector<ImageTopic> depths;
   std::vector<ImageTopic> images;

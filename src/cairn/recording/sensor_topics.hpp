@@ -32,9 +32,11 @@ struct SensorTopics {
 };
 
 /// Chooses the only image and the only depth image, or else the only two images, which are a stereo pair.
+/// @param topics as from image_topics()
 /// @param given "IMAGE,DEPTH" or "LEFT,RIGHT", names of topics; empty: chosen
 /// @throws Error (input) naming the topics if there is more than one choice or none
-SensorTopics choose_topics(const Recording& recording, const std::string& given = {});
+SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTopic>& topics,
+                           const std::string& given = {});
 
 /// Where the second camera is, of two that are mounted on one body: by P of the CameraInfo, or else by /tf_static.
 /// @throws Error (input) if neither says it

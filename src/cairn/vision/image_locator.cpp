@@ -109,40 +109,41 @@ class ImageLocator::View {
   // Finds the lens by the matches, and the matches with the lens, in turn.
   ImageLocation locate_with_lens(const ImagePoseSearch& search, const DescribedImage& image) const {
     constexpr int kRounds = 4;
-    // A focal length that is less certain leaves the distance to what is seen open.
-    constexpr double kMostSigma = 0.03;
     const auto coarse = search.best_of_focal_lengths(sensor());
     if (!coarse) return judged(search, image, std::nullopt);
-    Camera camera = detail::radial_camera(camera_, coarse->focal_length);
-    ImagePose best = coarse->pose;
-    for (int round = 1;; ++round) {
-      auto lens = search.lens_of(sensor(), camera, best);
-      if (!lens) return judged(search, image, std::nullopt);
+    auto lens = search.lens_of(sensor(), detail::radial_camera(camera_, coarse->focal_length),
+                               coarse->pose);
+    for (int round = 1; lens; ++round) {
       const View view(landmarks_, lens->camera, FocalLength::kKnown, options_);
       DescribedImage undistorted = image;
       view.describer_.extractor().correct(undistorted.features, {});
       const ImagePoseSearch again = search.seen_through(view.describer_, undistorted);
       auto settled = again.settled(view.sensor(), lens->world_from_camera);
-      if (settled) lens = again.lens_of(view.sensor(), lens->camera, *settled);
-      if (!settled || !lens) return judged(search, image, std::nullopt);
-      best = std::move(*settled);
-      best.pose.world_from_camera = lens->world_from_camera;
-      camera = lens->camera;
-      if (round < kRounds) continue;
-      best.pose.covariance = lens->covariance;
-      ImageLocation result = view.judged(again, undistorted, best);
-      result.camera = camera;
-      result.focal_length_sigma = lens->focal_length_sigma;
-      if (result.located && lens->focal_length_sigma > kMostSigma * camera.parameters.front()) {
-        result.located = false;
-        result.world_from_camera.reset();
-        result.reason = fmt::format(
-            "the matches do not determine the focal length: {:.0f} px with a standard deviation of "
-            "{:.0f} px",
-            camera.parameters.front(), lens->focal_length_sigma);
-      }
-      return result;
+      if (!settled) break;
+      lens = again.lens_of(view.sensor(), lens->camera, *settled);
+      if (!lens || round < kRounds) continue;
+      settled->pose.world_from_camera = lens->world_from_camera;
+      settled->pose.covariance = lens->covariance;
+      return with_lens(view.judged(again, undistorted, settled), *lens);
     }
+    return judged(search, image, std::nullopt);
+  }
+
+  static ImageLocation with_lens(ImageLocation result, const detail::LensEstimate& lens) {
+    // A focal length that is less certain leaves the distance to what is seen open.
+    constexpr double kMostSigma = 0.03;
+    const double focal_length = lens.camera.parameters.front();
+    result.camera = lens.camera;
+    result.focal_length_sigma = lens.focal_length_sigma;
+    if (result.located && lens.focal_length_sigma > kMostSigma * focal_length) {
+      result.located = false;
+      result.world_from_camera.reset();
+      result.reason = fmt::format(
+          "the matches do not determine the focal length: {:.0f} px with a standard deviation of "
+          "{:.0f} px",
+          focal_length, lens.focal_length_sigma);
+    }
+    return result;
   }
 
   ImageLocation judged(const ImagePoseSearch& search, const DescribedImage& image,

@@ -224,7 +224,7 @@ bool RecordedImages::is_at(const std::filesystem::path& path) {
 RecordedImages::RecordedImages(const std::filesystem::path& path, const std::string& topics,
                                const LogSink& log) {
   Recording recording(path, log);
-  SensorTopics chosen = choose_topics(recording, topics);
+  SensorTopics chosen = choose_topics(recording, image_topics(recording), topics);
   Content content{std::move(recording), std::move(chosen)};
   content.images = track_of(content.recording, content.topics.image.topic, log);
   content.partners = track_of(content.recording, content.topics.depth_or_right.topic, log);
