@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Makes the sessions that cairn_placement_sessions_benchmark reads: two of each place, rendered and mapped.
 # Each seed has a layout of its own unless one is given: seeds of one layout are twins.
+# KINDS="kitchen office" makes places of these kinds only.
 # What is there already is kept, so that it can be stopped and gone on with.
 set -euo pipefail
 
@@ -21,7 +22,7 @@ trap 'rm -rf "$sequence"' EXIT
 for place in "$@"; do
   seed=${place%:*}
   layout=${place#*:}
-  for kind in desk office corridor warehouse room kitchen; do
+  for kind in ${KINDS:-desk office corridor warehouse room kitchen}; do
     for session in 0 1; do
       name=$folder/$kind-$seed-$session
       [ -f "$name.gt" ] && continue

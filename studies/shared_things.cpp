@@ -181,12 +181,17 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   }
   const bool right = pair.same_place() && thing == 0.0 && result.registration.has_pose() &&
                      degrees(error.rotation_rad) <= 5.0 && error.translation <= 0.05;
-  fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{}\n", pair.number,
+  std::size_t spread = 0;
+  if (!result.candidates.empty() && result.candidates.front().support.agreement) {
+    spread = result.candidates.front().support.agreement->spread;
+  }
+  fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{:.2f},{:.3f},{},{}\n", pair.number,
              pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
              pair.target.size(), to_string(*result.verdict), *result.probability,
              degrees(error.rotation_rad), error.translation, right ? 1 : 0,
              result.around.landmarks.in_front, result.around.landmarks.agree,
-             result.around.landmarks.behind, found ? columns_of(*found, pair) : ",,,");
+             result.around.landmarks.behind, result.around.extent, result.around.share, spread,
+             found ? columns_of(*found, pair) : ",,,");
   std::fflush(stdout);
 }
 
@@ -198,7 +203,7 @@ void run(const std::vector<std::string>& words) {
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
-      "rotation_deg,translation_m,right,in_front,agree,behind,deformed,"
+      "rotation_deg,translation_m,right,in_front,agree,behind,extent,around,agreeing,deformed,"
       "deformed_scale,deformed_deg,deformed_m\n");
   benchmarks::for_each_session_pair(
       folder, benchmarks::pair_numbers(words[1]), part, [&](const SessionPair& pair) {
