@@ -39,12 +39,18 @@ std::vector<fs::path> files_of_recording(const fs::path& path) {
   std::error_code ignored;
   if (!fs::is_directory(path, ignored)) {
     if (opener_of(path) != nullptr) files.push_back(path);
-  } else if (fs::exists(path / kMetadataFile, ignored)) {
-    for (const auto& entry : fs::directory_iterator(path, ignored)) {
-      if (opener_of(entry.path()) != nullptr) files.push_back(entry.path());
-    }
-    std::sort(files.begin(), files.end());
+    return files;
   }
+  // ROS 2 writes its metadata last: a recorder that was killed leaves nothing but recordings.
+  const bool has_metadata = fs::exists(path / kMetadataFile, ignored);
+  for (const auto& entry : fs::directory_iterator(path, ignored)) {
+    if (opener_of(entry.path()) != nullptr) {
+      files.push_back(entry.path());
+    } else if (!has_metadata) {
+      return {};
+    }
+  }
+  std::sort(files.begin(), files.end());
   return files;
 }
 

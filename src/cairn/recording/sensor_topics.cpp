@@ -177,7 +177,7 @@ SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTo
   return {images[0], images[1]};
 }
 
-Rigid3 left_from_right(const Recording& recording, const SensorTopics& topics) {
+std::optional<Rigid3> image_from_partner(const Recording& recording, const SensorTopics& topics) {
   const CameraInfo& left = *topics.image.info;
   const CameraInfo& right = *topics.depth_or_right.info;
   const auto rotation_of = [&](const CameraInfo& info) {
@@ -194,7 +194,7 @@ Rigid3 left_from_right(const Recording& recording, const SensorTopics& topics) {
     return info.projection[0] > 0.0 ? -info.projection[3] / info.projection[0] : 0.0;
   };
   const double baseline = centre_x(right) - centre_x(left);
-  if (baseline != 0.0) {
+  if (topics.is_stereo() && baseline != 0.0) {
     const Rigid3 step(Eigen::Quaterniond::Identity(), Eigen::Vector3d(baseline, 0.0, 0.0));
     const bool are_rectified = is_rectified_topic(recording.topics()[topics.image.topic].name);
     return are_rectified ? step : rotation_of(left).inverse() * step * rotation_of(right);
@@ -207,11 +207,7 @@ Rigid3 left_from_right(const Recording& recording, const SensorTopics& topics) {
       parents.insert_or_assign(step.child, step);
     }
   }
-  const auto found = transform_between(parents, topics.image.frame, topics.depth_or_right.frame);
-  reject_if(!found, recording.name(),
-            "neither CameraInfo nor tf_static say where the right camera is",
-            "a baseline in P of the right CameraInfo");
-  return *found;
+  return transform_between(parents, topics.image.frame, topics.depth_or_right.frame);
 }
 
 }  // namespace cairn

@@ -38,9 +38,10 @@ struct SensorTopics {
 SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTopic>& topics,
                            const std::string& given = {});
 
-/// Where the second camera is, of two that are mounted on one body: by P of the CameraInfo, or else by /tf_static.
-/// @throws Error (input) if neither says it
-Rigid3 left_from_right(const Recording& recording, const SensorTopics& topics);
+/// Where the second camera is, of two that are mounted on one body: of a stereo pair by P of the CameraInfo; otherwise
+/// and else by /tf_static. std::nullopt if neither says it.
+/// @throws Error (input) for an R that is no rotation
+std::optional<Rigid3> image_from_partner(const Recording& recording, const SensorTopics& topics);
 
 /// Whether the name says that the images are rectified, as image_proc names them.
 bool is_rectified_topic(const std::string& name);

@@ -17,6 +17,7 @@
 #include "cairn/recording/messages.hpp"
 #include "cairn/recording/recording.hpp"
 #include "cairn/recording/sensor_topics.hpp"
+#include "cairn/vision/detail/depth_registration.hpp"
 
 namespace cairn::detail {
 
@@ -173,6 +174,7 @@ struct RecordedImages::Content {
   SensorTopics topics;
   RecordedTrack images = {};
   RecordedTrack partners = {};
+  std::optional<DepthRegistration> to_images = {};  // of the depth
 
   std::string info_place(const ImageTopic& topic) const {
     return fmt::format("{}: CameraInfo of {}", recording.name(),
@@ -203,17 +205,22 @@ struct RecordedImages::Content {
                                    : from_pixels<ImageOf>(message, name.string());
     });
   }
-  // Depth is of the pixels of the images if one camera took both.
-  void require_registered() const {
+  // std::nullopt if the depth is of the pixels of the images, as where one camera took both.
+  std::optional<DepthRegistration> registration() const {
     const auto& color = topics.image.info;
     const auto& depth = topics.depth_or_right.info;
-    if (!color || !depth) return;
+    if (!color || !depth) return std::nullopt;
     constexpr double kSame = 1.0;  // pixels
-    for (const std::size_t at : {0, 2, 4, 5}) {
-      reject_if(!(std::abs(color->intrinsics[at] - depth->intrinsics[at]) < kSame),
-                info_place(topics.depth_or_right), "another camera than that of the images",
-                "depth that is registered to them, as the topic aligned_depth_to_color");
-    }
+    const bool is_same = std::ranges::all_of(std::array{0, 2, 4, 5}, [&](std::size_t at) {
+      return std::abs(color->intrinsics[at] - depth->intrinsics[at]) < kSame;
+    });
+    if (is_same) return std::nullopt;
+    const auto pose = image_from_partner(recording, topics);
+    reject_if(!pose, info_place(topics.depth_or_right), "another camera than that of the images",
+              "depth that is registered to them, as the topic aligned_depth_to_color, or tf_static "
+              "that says where it is");
+    return DepthRegistration(camera_of_topic(topics.depth_or_right), camera_of_topic(topics.image),
+                             *pose);
   }
 };
 
@@ -228,7 +235,7 @@ RecordedImages::RecordedImages(const std::filesystem::path& path, const std::str
   Content content{std::move(recording), std::move(chosen)};
   content.images = track_of(content.recording, content.topics.image.topic, log);
   content.partners = track_of(content.recording, content.topics.depth_or_right.topic, log);
-  if (!content.topics.is_stereo()) content.require_registered();
+  if (!content.topics.is_stereo()) content.to_images = content.registration();
   content_ = std::make_unique<const Content>(std::move(content));
 }
 
@@ -240,7 +247,11 @@ SequenceLists RecordedImages::lists() const {
   if (!topics.is_stereo()) return lists;
   const Camera left = content_->camera_of_topic(topics.image);
   const Camera right = content_->camera_of_topic(topics.depth_or_right);
-  lists.rig = StereoRig{left, right, left_from_right(content_->recording, topics)};
+  const auto pose = image_from_partner(content_->recording, topics);
+  reject_if(!pose, content_->recording.name(),
+            "neither CameraInfo nor tf_static say where the right camera is",
+            "a baseline in P of the right CameraInfo");
+  lists.rig = StereoRig{left, right, *pose};
   lists.calibration = content_->info_place(topics.depth_or_right);
   return lists;
 }
@@ -262,13 +273,20 @@ GrayImage RecordedImages::right(std::size_t i, const std::filesystem::path& name
 
 DepthImage RecordedImages::depth(std::size_t i, const std::filesystem::path& name,
                                  double units_per_metre) const {
-  return content_->with_message(content_->partners, i, name, [&](const ImageMessage& message) {
+  const auto stored = [&](const ImageMessage& message) {
     if (message.is_compressed) return compressed_depth(message, name.string(), units_per_metre);
     if (message.encoding == "32FC1") return valid_depth(numbers_of<float>(message, name.string()));
     reject_if(message.encoding != "16UC1" && message.encoding != "mono16", name.string(),
               "depth encoded as " + printable(message.encoding), "16UC1 or 32FC1");
     return metric_depth(numbers_of<std::uint16_t>(message, name.string()), units_per_metre);
-  });
+  };
+  DepthImage depth = content_->with_message(content_->partners, i, name, stored);
+  if (!content_->to_images) return depth;
+  const CameraInfo& camera = *content_->topics.depth_or_right.info;
+  reject_if(depth.width != camera.width || depth.height != camera.height, name.string(),
+            fmt::format("{} x {} pixels", depth.width, depth.height),
+            fmt::format("{} x {}, as its CameraInfo says", camera.width, camera.height));
+  return (*content_->to_images)(depth);
 }
 
 }  // namespace cairn::detail

@@ -23,7 +23,7 @@ class RecordedImages {
 
   /// @param topics see choose_topics()
   /// @throws Error (input) as Recording and choose_topics(), for a stereo camera that is not calibrated, and for depth
-  ///         by another camera than the images', which would have to be registered; (misuse) if this build reads no
+  ///         by another camera than the images' if nothing says where that is; (misuse) if this build reads no
   ///         recordings
   RecordedImages(const std::filesystem::path& path, const std::string& topics, const LogSink& log);
   ~RecordedImages();
@@ -38,6 +38,7 @@ class RecordedImages {
   template <class ImageOf>  // GrayImage or ColorImage
   ImageOf image(std::size_t i, const std::filesystem::path& name) const;
   GrayImage right(std::size_t i, const std::filesystem::path& name) const;
+  /// For the pixels of the image, also if another camera took it.
   DepthImage depth(std::size_t i, const std::filesystem::path& name, double units_per_metre) const;
 
  private:

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/vision/detail/depth_registration.hpp"
 #include "cairn/vision/sequence.hpp"
 
 #include "support/recorded_sequence.hpp"
@@ -220,6 +221,28 @@ TEST_F(RecordedImagesTest, NamesWhatIsMissingOrWrong) {
   EXPECT_THAT(testing::message_of(ErrorKind::kMisuse,
                                   [&] { ImageSequence(folder / "sequence", {.topics = "/a,/b"}); }),
               HasSubstr("topics: given, but"));
+}
+
+TEST_F(RecordedImagesTest, DepthOfAnotherCameraIsRegistered) {
+  WrittenMessages messages = testing::recorded(sequence(), kCamera, "cdr");
+  Camera wide = kCamera;
+  wide.parameters[0] = wide.parameters[1] = 40;
+  messages[1].bytes = testing::camera_info_bytes("cdr", testing::camera_info(wide, "d"));
+  testing::MessageFields fields("cdr");
+  fields.number(std::uint32_t{1}).header(0, "/cam/left/image").text("/cam/depth/image");
+  fields.doubles(std::array{0.05, 0.0, 0.0}).doubles(std::array{0.0, 0.0, 0.0, 1.0});
+  messages.push_back({"/tf_static", "tf2_msgs/TFMessage", 99, fields.bytes()});
+  const ImageSequence recording = open(messages);
+  const ImageSequence original(folder / "sequence");
+  const detail::DepthRegistration expected(
+      wide, kCamera, Rigid3(Eigen::Quaterniond::Identity(), {0.05, 0.0, 0.0}));
+  for (std::size_t i = 0; i < original.frames().size(); ++i) {
+    EXPECT_EQ(recording.read(i).depth, expected(original.read(i).depth));
+  }
+  wide.width = 31;
+  messages[1].bytes = testing::camera_info_bytes("cdr", testing::camera_info(wide, "d"));
+  EXPECT_THAT(refused(messages),
+              HasSubstr("32 x 24 pixels; expected 31 x 24, as its CameraInfo says"));
 }
 
 TEST_F(RecordedImagesTest, ASwappedPairIsRefused) {
