@@ -26,7 +26,7 @@ constexpr float kVoxel = 0.125F;
 constexpr float kReach = 0.15F;    // from a target point, within which a voxel counts as occupied
 constexpr float kSamePose = 0.5F;  // largest distance of equal poses
 
-constexpr std::size_t kMostPoints = 4096;  // of a map
+constexpr std::size_t kMostPoints = 4096;  // of a map; fits into 16 bits
 constexpr std::size_t kMostBits = std::size_t{1} << 26;
 constexpr std::size_t kMostPartners = 128;  // at one distance from a target point
 // Numbers of points in the first and second test of a pose.
@@ -125,7 +125,7 @@ class Partners {
     const float longest = kLongest * fine;
     bins_ = static_cast<std::size_t>((longest - shortest_) * per_bin_) + 1;
     begins_.reserve(points.size() * (bins_ + 1));
-    std::vector<std::uint32_t> near;
+    std::vector<std::uint16_t> near;
     std::vector<std::uint32_t> bin_of;
     std::vector<std::uint32_t> count(bins_ + 1);
     const Eigen::ArrayX3f by_axis =
@@ -143,7 +143,7 @@ class Partners {
         const float square = squares[static_cast<Eigen::Index>(i)];
         if (square < shortest_ * shortest_ || square >= longest * longest) continue;
         const std::size_t bin = bin_at(std::sqrt(square));
-        near.push_back(static_cast<std::uint32_t>(i));
+        near.push_back(static_cast<std::uint16_t>(i));
         bin_of.push_back(static_cast<std::uint32_t>(bin));
         ++count[bin];
       }
@@ -158,7 +158,7 @@ class Partners {
   }
 
   // Points at about this distance from point i.
-  std::span<const std::uint32_t> at(std::size_t i, float distance, float tolerance) const {
+  std::span<const std::uint16_t> at(std::size_t i, float distance, float tolerance) const {
     const std::size_t low = bin_at(std::max(distance - tolerance, shortest_));
     const std::size_t high = std::min(bin_at(distance + tolerance), bins_ - 1);
     const std::uint32_t* const begins = &begins_[i * (bins_ + 1)];
@@ -174,7 +174,7 @@ class Partners {
   float shortest_;
   float per_bin_;
   std::size_t bins_ = 0;
-  std::vector<std::uint32_t> entries_;
+  std::vector<std::uint16_t> entries_;  // small, because all of them are read for each constellation
   std::vector<std::uint32_t> begins_;
 };
 
@@ -209,14 +209,24 @@ struct NearPoints {
       at[axis][count] = point[static_cast<Eigen::Index>(axis)];
     }
   }
-  // Squared distances of all from a point.
-  void squares(const Vector3f& from, std::array<float, kMostPartners>& result) const {
+  // Sets which of them are at such squared distances from a point.
+  // @return how many
+  std::size_t select(const Vector3f& from, float low, float high,
+                     std::array<std::uint32_t, kMostPartners>& selected) const {
+    std::array<float, kMostPartners> squares;
     for (std::size_t i = 0; i < count; ++i) {
       const float x = at[0][i] - from.x();
       const float y = at[1][i] - from.y();
       const float z = at[2][i] - from.z();
-      result[i] = x * x + (y * y + z * z);
+      squares[i] = x * x + (y * y + z * z);
     }
+    std::size_t result = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      // Without a branch, which would be guessed wrong.
+      selected[result] = i;
+      result += static_cast<std::size_t>(squares[i] >= low) & static_cast<std::size_t>(squares[i] <= high);
+    }
+    return result;
   }
 };
 
@@ -333,11 +343,10 @@ class Finder {
     const float low = (distance - tolerance) * (distance - tolerance);
     const float high = (distance + tolerance) * (distance + tolerance);
     NearPoints result;
-    for (const std::uint32_t j : partners_.at(i, distance, tolerance)) {
+    for (const std::uint16_t j : partners_.at(i, distance, tolerance)) {
       const float square = (target_[j] - target_[i]).squaredNorm();
       result.set(target_[j]);
-      // Without a branch, because either is likely.
-      result.count += square >= low && square <= high ? 1 : 0;
+      result.count += static_cast<std::size_t>(square >= low) & static_cast<std::size_t>(square <= high);
       if (result.count == kMostPartners) break;
     }
     return result;
@@ -359,17 +368,16 @@ class Finder {
     const float high = (constellation.bc + tolerance) * (constellation.bc + tolerance);
     std::vector<Pose> best;  // a heap with the fewest hits on top
     const auto more = [](const Pose& a, const Pose& b) { return a.hits > b.hits; };
-    std::array<float, kMostPartners> squares;
+    std::array<std::uint32_t, kMostPartners> thirds;
     for (std::size_t i = 0; i < target_.size(); ++i) {
       const NearPoints bs = gather(i, constellation.ab);
       if (bs.count == 0) continue;
       const NearPoints cs = gather(i, constellation.ac);
       for (std::size_t j = 0; j < bs.count; ++j) {
         const Vector3f b = bs[j];
-        cs.squares(b, squares);
-        for (std::size_t k = 0; k < cs.count; ++k) {
-          if (squares[k] < low || squares[k] > high) continue;
-          const Vector3f c = cs[k];
+        const std::size_t count = cs.select(b, low, high, thirds);
+        for (std::size_t k = 0; k < count; ++k) {
+          const Vector3f c = cs[thirds[k]];
           Pose pose;
           pose.target_from_axes = axes(target_[i], b, c);
           pose.centre = (target_[i] + b + c) / 3.0F;

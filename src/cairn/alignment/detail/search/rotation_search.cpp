@@ -172,6 +172,7 @@ class Search {
     const PointsF from = anchors(source_, kAnchors);
     const PointsF to = anchors(target_, kAnchors);
     const std::size_t count = std::min(kScoutPoints, source_.size());
+    const std::vector<float> most = most_from_each(count);
     constexpr double kNotTried = -1.0;
     std::vector<SearchCandidate> poses(rotations.size(), {Rigid3(), kNotTried});
     execution_.executor.for_blocks(rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
@@ -187,7 +188,7 @@ class Search {
           const Eigen::Vector3f moved = rotation * a;
           for (const Eigen::Vector3f& b : to) {
             const Eigen::Vector3f translation = b - moved;
-            const float value = score(rotated, translation, field);
+            const float value = score(rotated, most, translation, field, best);
             if (value > best) {
               best = value;
               best_translation = translation;
@@ -201,17 +202,36 @@ class Search {
     return poses;
   }
 
-  float score(const PointsF& rotated, const Eigen::Vector3f& translation,
-              const NearestField& field) const {
+  // What the points from each on can add to a score at most.
+  std::vector<float> most_from_each(std::size_t count) const {
+    const double most = target_weights_.empty()
+                            ? 1.0
+                            : *std::max_element(target_weights_.begin(), target_weights_.end());
+    std::vector<float> result(count + 1, 0.0F);
+    for (std::size_t i = count; i > 0; --i) {
+      const double own = source_weights_.empty() ? 1.0 : source_weights_[i - 1];
+      result[i - 1] = result[i] + static_cast<float>(own * most);
+    }
+    return result;
+  }
+
+  // The score of a translation, or less if it is not better than the best.
+  float score(const PointsF& rotated, std::span<const float> most,
+              const Eigen::Vector3f& translation, const NearestField& field, float best) const {
+    constexpr std::size_t kBlock = 8;
+    constexpr float kRounding = 1e-4F;
     const auto per_square = static_cast<float>(1.0 / (kernel_.coarse * kernel_.coarse));
+    const auto count = static_cast<float>(rotated.size());
+    const float enough = (1.0F - kRounding) * best * count;
     float sum = 0.0F;
     for (std::size_t i = 0; i < rotated.size(); ++i) {
+      if (i % kBlock == 0 && sum + most[i] < enough) break;
       const Eigen::Vector3f moved = rotated[i] + translation;
       const std::uint32_t nearest = field.nearest(moved);
       if (nearest == NearestField::kNone) continue;
       sum += weight(i, nearest) / (1.0F + per_square * (target_[nearest] - moved).squaredNorm());
     }
-    return sum / static_cast<float>(rotated.size());
+    return sum / count;
   }
 
   float weight(std::size_t source, std::size_t target) const {
