@@ -174,7 +174,8 @@ class Partners {
   float shortest_;
   float per_bin_;
   std::size_t bins_ = 0;
-  std::vector<std::uint16_t> entries_;  // small, because all of them are read for each constellation
+  std::vector<std::uint16_t>
+      entries_;  // small, because all of them are read for each constellation
   std::vector<std::uint32_t> begins_;
 };
 
@@ -224,7 +225,8 @@ struct NearPoints {
     for (std::uint32_t i = 0; i < count; ++i) {
       // Without a branch, which would be guessed wrong.
       selected[result] = i;
-      result += static_cast<std::size_t>(squares[i] >= low) & static_cast<std::size_t>(squares[i] <= high);
+      result += static_cast<std::size_t>(squares[i] >= low) &
+                static_cast<std::size_t>(squares[i] <= high);
     }
     return result;
   }
@@ -346,7 +348,8 @@ class Finder {
     for (const std::uint16_t j : partners_.at(i, distance, tolerance)) {
       const float square = (target_[j] - target_[i]).squaredNorm();
       result.set(target_[j]);
-      result.count += static_cast<std::size_t>(square >= low) & static_cast<std::size_t>(square <= high);
+      result.count +=
+          static_cast<std::size_t>(square >= low) & static_cast<std::size_t>(square <= high);
       if (result.count == kMostPartners) break;
     }
     return result;
