@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -176,6 +177,14 @@ PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Exec
 
 std::span<const Eigen::Vector3d> PreparedCloud::sample() const {
   return first_of(landmarks().positions);
+}
+
+std::vector<std::uint32_t> PreparedCloud::close_by(std::size_t first) const {
+  std::vector<std::uint32_t> result;
+  result.reserve(std::min(first, size()));
+  std::copy_if(tree().order().begin(), tree().order().end(), std::back_inserter(result),
+               [first](std::uint32_t i) { return i < first; });
+  return result;
 }
 
 PreparedCloud PreparedCloud::scaled_plainly(double scale) const {

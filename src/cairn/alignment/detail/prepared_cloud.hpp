@@ -56,6 +56,8 @@ class PreparedCloud {
   }
   /// Of the landmarks' positions.
   const BatchTree& tree() const { return *tree_; }
+  /// Indices of the first landmarks, in an order in which consecutive ones are close: for BatchTree::batch().
+  std::vector<std::uint32_t> close_by(std::size_t first) const;
   const CloudScales& scales() const { return more_->scales; }
   /// Of the first kSample, whose spacing is larger.
   const CloudScales& sample_scales() const { return more_->sample_scales; }

@@ -16,9 +16,10 @@ PoseDistance PoseDistance::of(std::span<const Eigen::Vector3d> points) {
 }
 
 double PoseDistance::operator()(const Similarity3& a, const Similarity3& b) const {
-  // For a ball: a rotation by φ moves points by 2·sin(φ/2) times their distance to the axis.
-  const double angle = a.rigid().quaternion().angularDistance(b.rigid().quaternion());
-  const double turned = 2.0 * std::sin(0.5 * angle) * radius;
+  // For a ball: a rotation by φ moves points by 2·sin(φ/2) times their distance to the axis. The vector part of its
+  // quaternion is sin(φ/2) long.
+  const Eigen::Quaterniond turn = a.rigid().quaternion() * b.rigid().quaternion().conjugate();
+  const double turned = 2.0 * turn.vec().norm() * radius;
   const double grown = (a.scale() - b.scale()) * radius;
   return std::sqrt((a * centroid - b * centroid).squaredNorm() + grown * grown +
                    2.0 / 3.0 * a.scale() * b.scale() * turned * turned);

@@ -279,15 +279,20 @@ std::size_t BatchTree::nearest(const Eigen::Vector3d& query, std::span<Neighbor>
   return nodes_->nearest(query, out);
 }
 
-BatchTree::Batch BatchTree::batch(std::size_t k) const {
-  return {*nodes_, k};
+std::span<const std::uint32_t> BatchTree::order() const {
+  return nodes_->index;
 }
 
-BatchTree::Batch::Batch(const Nodes& nodes, std::size_t k)
+BatchTree::Batch BatchTree::batch(std::size_t k, std::vector<std::uint32_t> order) const {
+  return {*nodes_, k, std::move(order)};
+}
+
+BatchTree::Batch::Batch(const Nodes& nodes, std::size_t k, std::vector<std::uint32_t> order)
     : nodes_(&nodes),
       points_(nodes.points.data()),
       index_(nodes.index.data()),
-      count_(std::min(k, nodes.size())) {
+      count_(std::min(k, nodes.size())),
+      order_(std::move(order)) {
   if (!nodes.searchable || count_ == 0) return;
   for (const std::size_t capacity : batch_kernel::kCapacities) {
     // One more than k, to bound the distance of the others.
@@ -298,9 +303,10 @@ BatchTree::Batch::Batch(const Nodes& nodes, std::size_t k)
 }
 
 void BatchTree::Batch::prepare(std::span<const Eigen::Vector3d> queries) {
-  if (order_.size() == queries.size()) return;
-  order_ = spatial_order(queries);
   const std::size_t slots = (queries.size() + kBlock - 1) / kBlock * kBlock;
+  const bool is_ordered = order_.size() == queries.size();
+  if (is_ordered && outside_.size() == slots) return;
+  if (!is_ordered) order_ = spatial_order(queries);
   for (auto& coordinates : place_) coordinates.assign(slots, 0.0F);
   outside_.assign(slots, -1.0F);
   candidates_.assign(slots * capacity_, 0);

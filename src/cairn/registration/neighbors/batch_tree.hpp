@@ -32,8 +32,12 @@ class BatchTree {
   std::size_t size() const;
   std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const;
 
+  /// Indices of the points, in an order in which consecutive points are close.
+  std::span<const std::uint32_t> order() const;
+
   /// A batch for repeated queries of the k nearest points; the tree must outlive it.
-  Batch batch(std::size_t k) const;
+  /// @param order of the queries, in which consecutive ones are close; empty: that of the first queries' places
+  Batch batch(std::size_t k, std::vector<std::uint32_t> order = {}) const;
 
  private:
   struct Nodes;
@@ -71,7 +75,7 @@ class BatchTree::Batch {
     std::vector<Neighbor> settled;             // of each query for which they are not
   };
 
-  Batch(const Nodes& nodes, std::size_t k);
+  Batch(const Nodes& nodes, std::size_t k, std::vector<std::uint32_t> order);
 
   // Puts new queries into spatial order and drops the state of the old ones.
   void prepare(std::span<const Eigen::Vector3d> queries);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <string>
 #include <vector>
@@ -301,6 +303,22 @@ TEST(BatchTree, TakesOtherQueriesNextTime) {
   const BatchTree tree(points);
   BatchTree::Batch batch = tree.batch(2);
   for (const std::size_t count : {100UL, 100UL, 37UL, 300UL, 0UL, 5UL}) {
+    Points queries(count);
+    for (auto& query : queries) query = in_cube(random, 1.0);
+    ASSERT_EQ(answers_to(batch, queries), brute_force(points, queries, 2));
+  }
+}
+
+TEST(BatchTree, FindsTheSameInAnOrderThatIsGiven) {
+  Random random(18);
+  Points points(700);
+  for (auto& point : points) point = in_cube(random, 1.0);
+  const BatchTree tree(points);
+  std::vector<std::uint32_t> order(tree.order().begin(), tree.order().end());
+  BatchTree::Batch batch = tree.batch(2, order);
+  std::sort(order.begin(), order.end());
+  for (std::uint32_t i = 0; i < order.size(); ++i) ASSERT_EQ(order[i], i);
+  for (const std::size_t count : {700UL, 700UL, 37UL, 700UL}) {
     Points queries(count);
     for (auto& query : queries) query = in_cube(random, 1.0);
     ASSERT_EQ(answers_to(batch, queries), brute_force(points, queries, 2));

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "cairn/geometry/similarity3.hpp"
@@ -49,11 +50,12 @@ void add_likeness(std::span<const Likeness> by_group, Support& support) {
 }
 
 std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> moved,
-                                      const BatchTree& tree) {
+                                      std::vector<std::uint32_t> order, const BatchTree& tree) {
   std::vector<Neighbor> found(moved.size());
-  tree.batch(1).for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
-    found[i] = {nearest.index(0), nearest.squared_distance(0)};
-  });
+  tree.batch(1, std::move(order))
+      .for_each(moved, Executor(), [&](std::size_t i, const NearestList auto& nearest) {
+        found[i] = {nearest.index(0), nearest.squared_distance(0)};
+      });
   return found;
 }
 
@@ -61,15 +63,17 @@ std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> moved,
 
 std::vector<MutualMatch> mutual_matches(const PreparedCloud& source, const PreparedCloud& target,
                                         const Similarity3& pose, std::size_t sample) {
-  const std::vector<Neighbor> there = nearest_of_each(
-      moved_points(std::span(source.landmarks().positions).first(sample), pose), target.tree());
+  const std::vector<std::uint32_t> order = source.close_by(sample);
+  const std::vector<Neighbor> there =
+      nearest_of_each(moved_points(std::span(source.landmarks().positions).first(sample), pose),
+                      order, target.tree());
   std::vector<Eigen::Vector3d> met;
   met.reserve(sample);
   for (const Neighbor& neighbor : there) {
     met.push_back(target.landmarks().positions[neighbor.index]);
   }
   const std::vector<Neighbor> back =
-      nearest_of_each(moved_points(met, pose.inverse()), source.tree());
+      nearest_of_each(moved_points(met, pose.inverse()), order, source.tree());
   std::vector<MutualMatch> matches;
   for (std::uint32_t i = 0; i < sample; ++i) {
     if (back[i].index == i) matches.push_back({i, there[i].index, there[i].squared_distance});

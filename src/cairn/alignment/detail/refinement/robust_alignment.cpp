@@ -101,16 +101,14 @@ Similarity3 moved_about(const Similarity3& pose, const Vector<kFreedoms>& delta,
   return Similarity3(scale, about_pivot) * pose;
 }
 
-// Derivative of a point at the end of the arm by the degrees of freedom.
+// Derivative of a point at the end of the arm by the degrees of freedom after the translation, by which it is the
+// identity.
 template <int kFreedoms>
-Eigen::Matrix<double, 3, kFreedoms> jacobian_at(const Eigen::Vector3d& arm, double length) {
-  Eigen::Matrix<double, 3, kFreedoms> jacobian;
-  if constexpr (kFreedoms == 7) {
-    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length, arm / length;
-  } else {
-    jacobian << Eigen::Matrix3d::Identity(), -skew(arm) / length;
-  }
-  return jacobian;
+Eigen::Matrix<double, 3, kFreedoms - 3> lever_at(const Eigen::Vector3d& arm, double length) {
+  Eigen::Matrix<double, 3, kFreedoms - 3> lever;
+  lever.template leftCols<3>() = -skew(arm) / length;
+  if constexpr (kFreedoms == 7) lever.col(3) = arm / length;
+  return lever;
 }
 
 }  // namespace
@@ -188,6 +186,7 @@ RobustAlignment::Equations<kFreedoms> RobustAlignment::equations(
     std::span<const Eigen::Vector3d> moved, std::span<const Match> matches, const Similarity3& pose,
     double scale, const Arm& arm) const {
   constexpr std::size_t kBlock = 1024;
+  constexpr int kTurned = kFreedoms - 3;
   const Eigen::Matrix3d linear = pose.linear();
   std::vector<Equations<kFreedoms>> parts((matches.size() + kBlock - 1) / kBlock);
   executor_.for_blocks(matches.size(), kBlock, [&](std::size_t begin, std::size_t end) {
@@ -196,9 +195,16 @@ RobustAlignment::Equations<kFreedoms> RobustAlignment::equations(
       const Eigen::Vector3d& point = moved[matches[i].source];
       const std::optional<Term> one = term(point, matches[i], linear, scale);
       if (!one) continue;
-      const auto jacobian = jacobian_at<kFreedoms>(point - arm.pivot, arm.length);
-      part.information += one->weight * jacobian.transpose() * one->information * jacobian;
-      part.gradient += one->weight * jacobian.transpose() * one->force;
+      const auto lever = lever_at<kFreedoms>(point - arm.pivot, arm.length);
+      const Eigen::Matrix3d information = one->weight * one->information;
+      const Eigen::Vector3d force = one->weight * one->force;
+      const Eigen::Matrix<double, 3, kTurned> turned = information * lever;
+      part.information.template topLeftCorner<3, 3>() += information;
+      part.information.template topRightCorner<3, kTurned>() += turned;
+      part.information.template bottomRightCorner<kTurned, kTurned>().noalias() +=
+          lever.transpose() * turned;
+      part.gradient.template head<3>() += force;
+      part.gradient.template tail<kTurned>().noalias() += lever.transpose() * force;
       part.weight += one->weight;
       ++part.count;
     }
@@ -206,6 +212,8 @@ RobustAlignment::Equations<kFreedoms> RobustAlignment::equations(
   // In the order of the blocks, so that rounding does not depend on the threads.
   Equations<kFreedoms> sum;
   for (const Equations<kFreedoms>& part : parts) sum += part;
+  sum.information.template bottomLeftCorner<kTurned, 3>() =
+      sum.information.template topRightCorner<3, kTurned>().transpose();
   return sum;
 }
 
@@ -224,7 +232,7 @@ RobustAlignment::Run RobustAlignment::run_with(
   const std::span<const Eigen::Vector3d> source =
       std::span(source_.landmarks().positions).first(count);
   const double length = initial.scale() * radius(count);
-  BatchTree::Batch queries = target_.tree().batch(1);
+  BatchTree::Batch queries = target_.tree().batch(1, source_.close_by(count));
   Run run;
   run.target_from_source = initial;
   double scale = schedule.coarse;

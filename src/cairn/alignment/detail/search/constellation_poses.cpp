@@ -26,7 +26,7 @@ constexpr float kVoxel = 0.125F;
 constexpr float kReach = 0.15F;    // from a target point, within which a voxel counts as occupied
 constexpr float kSamePose = 0.5F;  // largest distance of equal poses
 
-constexpr std::size_t kMostPoints = 4096;  // of a map
+constexpr std::size_t kMostPoints = 4096;  // of a map; fits into 16 bits
 constexpr std::size_t kMostBits = std::size_t{1} << 26;
 constexpr std::size_t kMostPartners = 128;  // at one distance from a target point
 // Numbers of points in the first and second test of a pose.
@@ -125,18 +125,25 @@ class Partners {
     const float longest = kLongest * fine;
     bins_ = static_cast<std::size_t>((longest - shortest_) * per_bin_) + 1;
     begins_.reserve(points.size() * (bins_ + 1));
-    std::vector<std::uint32_t> near;
+    std::vector<std::uint16_t> near;
     std::vector<std::uint32_t> bin_of;
     std::vector<std::uint32_t> count(bins_ + 1);
+    const Eigen::ArrayX3f by_axis =
+        Eigen::Map<const Eigen::Matrix3Xf>(points.front().data(), 3,
+                                           static_cast<Eigen::Index>(points.size()))
+            .transpose();
+    Eigen::ArrayXf squares(by_axis.rows());
     for (const Vector3f& centre : points) {
       near.clear();
       bin_of.clear();
       std::fill(count.begin(), count.end(), 0U);
+      squares = (by_axis.col(0) - centre.x()).square() +
+                ((by_axis.col(1) - centre.y()).square() + (by_axis.col(2) - centre.z()).square());
       for (std::size_t i = 0; i < points.size(); ++i) {
-        const float square = (points[i] - centre).squaredNorm();
+        const float square = squares[static_cast<Eigen::Index>(i)];
         if (square < shortest_ * shortest_ || square >= longest * longest) continue;
         const std::size_t bin = bin_at(std::sqrt(square));
-        near.push_back(static_cast<std::uint32_t>(i));
+        near.push_back(static_cast<std::uint16_t>(i));
         bin_of.push_back(static_cast<std::uint32_t>(bin));
         ++count[bin];
       }
@@ -151,7 +158,7 @@ class Partners {
   }
 
   // Points at about this distance from point i.
-  std::span<const std::uint32_t> at(std::size_t i, float distance, float tolerance) const {
+  std::span<const std::uint16_t> at(std::size_t i, float distance, float tolerance) const {
     const std::size_t low = bin_at(std::max(distance - tolerance, shortest_));
     const std::size_t high = std::min(bin_at(distance + tolerance), bins_ - 1);
     const std::uint32_t* const begins = &begins_[i * (bins_ + 1)];
@@ -167,7 +174,8 @@ class Partners {
   float shortest_;
   float per_bin_;
   std::size_t bins_ = 0;
-  std::vector<std::uint32_t> entries_;
+  std::vector<std::uint16_t>
+      entries_;  // small, because all of them are read for each constellation
   std::vector<std::uint32_t> begins_;
 };
 
@@ -188,6 +196,40 @@ struct Constellation {
   Vector3f centre;
   Eigen::Matrix3f source_from_axes;
   PointsF patch;
+};
+
+// Points by coordinate.
+struct NearPoints {
+  std::size_t count = 0;
+  std::array<std::array<float, kMostPartners>, 3> at;
+
+  Vector3f operator[](std::size_t i) const { return {at[0][i], at[1][i], at[2][i]}; }
+  // Sets the point after the last.
+  void set(const Vector3f& point) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      at[axis][count] = point[static_cast<Eigen::Index>(axis)];
+    }
+  }
+  // Sets which of them are at such squared distances from a point.
+  // @return how many
+  std::size_t select(const Vector3f& from, float low, float high,
+                     std::array<std::uint32_t, kMostPartners>& selected) const {
+    std::array<float, kMostPartners> squares;
+    for (std::size_t i = 0; i < count; ++i) {
+      const float x = at[0][i] - from.x();
+      const float y = at[1][i] - from.y();
+      const float z = at[2][i] - from.z();
+      squares[i] = x * x + (y * y + z * z);
+    }
+    std::size_t result = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      // Without a branch, which would be guessed wrong.
+      selected[result] = i;
+      result += static_cast<std::size_t>(squares[i] >= low) &
+                static_cast<std::size_t>(squares[i] <= high);
+    }
+    return result;
+  }
 };
 
 struct Pose {
@@ -297,20 +339,20 @@ class Finder {
     return {};
   }
 
-  // Target points at a distance from target point i.
-  std::size_t gather(std::size_t i, float distance,
-                     std::array<std::uint32_t, kMostPartners>& out) const {
+  // The target points at a distance from target point i.
+  NearPoints gather(std::size_t i, float distance) const {
     const float tolerance = kTolerance * fine_;
     const float low = (distance - tolerance) * (distance - tolerance);
     const float high = (distance + tolerance) * (distance + tolerance);
-    std::size_t count = 0;
-    for (const std::uint32_t j : partners_.at(i, distance, tolerance)) {
+    NearPoints result;
+    for (const std::uint16_t j : partners_.at(i, distance, tolerance)) {
       const float square = (target_[j] - target_[i]).squaredNorm();
-      if (square < low || square > high) continue;
-      out[count++] = j;
-      if (count == kMostPartners) break;
+      result.set(target_[j]);
+      result.count +=
+          static_cast<std::size_t>(square >= low) & static_cast<std::size_t>(square <= high);
+      if (result.count == kMostPartners) break;
     }
-    return count;
+    return result;
   }
 
   std::size_t hits(const Constellation& constellation, const Pose& pose, std::size_t begin,
@@ -329,22 +371,19 @@ class Finder {
     const float high = (constellation.bc + tolerance) * (constellation.bc + tolerance);
     std::vector<Pose> best;  // a heap with the fewest hits on top
     const auto more = [](const Pose& a, const Pose& b) { return a.hits > b.hits; };
-    std::array<std::uint32_t, kMostPartners> bs;
-    std::array<std::uint32_t, kMostPartners> cs;
-    std::array<Vector3f, kMostPartners> c_points;
+    std::array<std::uint32_t, kMostPartners> thirds;
     for (std::size_t i = 0; i < target_.size(); ++i) {
-      const std::size_t b_count = gather(i, constellation.ab, bs);
-      if (b_count == 0) continue;
-      const std::size_t c_count = gather(i, constellation.ac, cs);
-      for (std::size_t k = 0; k < c_count; ++k) c_points[k] = target_[cs[k]];
-      for (std::size_t j = 0; j < b_count; ++j) {
-        const Vector3f& b = target_[bs[j]];
-        for (std::size_t k = 0; k < c_count; ++k) {
-          const float square = (c_points[k] - b).squaredNorm();
-          if (square < low || square > high) continue;
+      const NearPoints bs = gather(i, constellation.ab);
+      if (bs.count == 0) continue;
+      const NearPoints cs = gather(i, constellation.ac);
+      for (std::size_t j = 0; j < bs.count; ++j) {
+        const Vector3f b = bs[j];
+        const std::size_t count = cs.select(b, low, high, thirds);
+        for (std::size_t k = 0; k < count; ++k) {
+          const Vector3f c = cs[thirds[k]];
           Pose pose;
-          pose.target_from_axes = axes(target_[i], b, c_points[k]);
-          pose.centre = (target_[i] + b + c_points[k]) / 3.0F;
+          pose.target_from_axes = axes(target_[i], b, c);
+          pose.centre = (target_[i] + b + c) / 3.0F;
           pose.hits = hits(constellation, pose, 0, kBlink);
           if (pose.hits < kBlinkHits) continue;
           pose.hits += hits(constellation, pose, kBlink, kGlance);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <iterator>
@@ -15,7 +16,8 @@ namespace cairn::detail {
 namespace {
 
 constexpr std::size_t kFewestAgreeing = 4;  // because three matches fit their own pose
-constexpr int kReestimations = 3;
+constexpr std::size_t kWellKnown = 8;       // matches of a pose that is not proposed again
+constexpr int kReestimations = 8;     // at most; the first that does not gain matches is the last
 constexpr double kLeastLength = 4.0;  // in tolerances, of the sides of a triple
 constexpr std::size_t kMostProposals = 256;
 constexpr std::size_t kMatches = 800;  // that are used, the most similar ones
@@ -23,6 +25,37 @@ constexpr int kDraws = 4000;  // triples that are tried; three times as many wit
 
 using Places = std::vector<Eigen::Vector3d>;
 using Indices = std::vector<std::uint32_t>;
+
+// A set of small numbers.
+class Bits {
+ public:
+  explicit Bits(std::size_t most) : words_((most + 63) / 64) {}
+
+  void add(std::size_t i) { words_[i / 64] |= std::uint64_t{1} << (i % 64); }
+  bool contains(std::size_t i) const { return (words_[i / 64] >> (i % 64) & 1U) != 0; }
+  std::size_t size() const {
+    std::size_t result = 0;
+    for (const std::uint64_t word : words_) result += static_cast<std::size_t>(std::popcount(word));
+    return result;
+  }
+  // The number with n lower ones in the set, which has more than n.
+  std::size_t nth(std::size_t n) const {
+    std::size_t at = 0;
+    for (; n >= static_cast<std::size_t>(std::popcount(words_[at])); ++at) {
+      n -= static_cast<std::size_t>(std::popcount(words_[at]));
+    }
+    std::uint64_t word = words_[at];
+    for (; n > 0; --n) word &= word - 1;
+    return 64 * at + static_cast<std::size_t>(std::countr_zero(word));
+  }
+  friend Bits operator&(Bits a, const Bits& b) {
+    for (std::size_t i = 0; i < a.words_.size(); ++i) a.words_[i] &= b.words_[i];
+    return a;
+  }
+
+ private:
+  std::vector<std::uint64_t> words_;
+};
 
 struct Proposal {
   Similarity3 pose;
@@ -39,27 +72,35 @@ class Consensus {
         scale_(scale),
         count_(std::min(kMatches, source_.size())),
         here_(distances(source_)),
-        there_(distances(target_)) {}
+        there_(distances(target_)) {
+    if (scale_) return;
+    for (std::size_t i = 0; i < count_; ++i) like_.push_back(like(i, 1.0));
+  }
 
   std::vector<Proposal> proposals(Random& random) const {
     std::vector<Proposal> found;
     if (count_ < kFewestAgreeing) return found;
+    std::vector<Bits> explained;
     const int draws = scale_ ? 3 * kDraws : kDraws;
-    Indices thirds;
     for (int draw = 0; draw < draws; ++draw) {
       const std::size_t first = random.index(count_);
       const auto second = scale_ ? any_second(first, random) : rigid_second(first, random);
       if (!second) continue;
-      const double scale = scale_ ? ratio(first, *second) : 1.0;
-      thirds.clear();
-      for (std::uint32_t k = 0; k < count_; ++k) {
-        if (agree(first, k, scale) && agree(*second, k, scale)) thirds.push_back(k);
-      }
+      // Matches that agree with one pose would most probably give it again.
+      const bool known = std::any_of(explained.begin(), explained.end(), [&](const Bits& matches) {
+        return matches.contains(first) && matches.contains(*second);
+      });
+      if (known) continue;
+      const Bits thirds = like_both(first, *second);
+      const std::size_t count = thirds.size();
       // With a free scale, a fourth match is needed, which is usually also one of these.
-      if (thirds.empty() || (scale_ && thirds.size() < 2)) continue;
-      const std::uint32_t third = thirds[random.index(thirds.size())];
-      add(propose({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(*second), third}),
-          found);
+      if (count == 0 || (scale_ && count < 2)) continue;
+      const std::size_t third = thirds.nth(random.index(count));
+      Proposal proposal =
+          propose({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(*second),
+                   static_cast<std::uint32_t>(third)});
+      if (proposal.agreeing.size() >= kWellKnown) explained.push_back(bits(proposal.agreeing));
+      add(std::move(proposal), found);
     }
     sort(found);
     return found;
@@ -70,31 +111,50 @@ class Consensus {
   std::vector<float> distances(std::span<const Eigen::Vector3d> places) const {
     std::vector<float> result(count_ * count_);
     for (std::size_t i = 0; i < count_; ++i) {
-      for (std::size_t j = 0; j < count_; ++j) {
-        result[i * count_ + j] = static_cast<float>((places[i] - places[j]).norm());
+      for (std::size_t j = 0; j < i; ++j) {
+        result[i * count_ + j] = result[j * count_ + i] =
+            static_cast<float>((places[i] - places[j]).norm());
       }
     }
     return result;
   }
 
-  double ratio(std::size_t i, std::size_t j) const {
-    return static_cast<double>(there_[i * count_ + j]) / static_cast<double>(here_[i * count_ + j]);
+  // The first matches that have the same distance from this one in both clouds, long enough to determine a pose.
+  Bits like(std::size_t i, double scale) const {
+    const auto factor = static_cast<float>(scale);
+    const auto tolerance = static_cast<float>(tolerance_);
+    const auto least = static_cast<float>(kLeastLength * tolerance_);
+    const float* const here = &here_[i * count_];
+    const float* const there = &there_[i * count_];
+    Bits result(count_);
+    for (std::size_t j = 0; j < count_; ++j) {
+      const float length = factor * here[j];
+      if (std::min(length, there[j]) > least && std::abs(length - there[j]) < tolerance) {
+        result.add(j);
+      }
+    }
+    return result;
   }
 
-  // Whether two matches have equal distances in both clouds, long enough to determine a pose.
-  bool agree(std::size_t i, std::size_t j, double scale) const {
-    const double here = scale * static_cast<double>(here_[i * count_ + j]);
-    const auto there = static_cast<double>(there_[i * count_ + j]);
-    return std::min(here, there) > kLeastLength * tolerance_ && std::abs(here - there) < tolerance_;
+  Bits like_both(std::size_t first, std::size_t second) const {
+    if (!scale_) return like_[first] & like_[second];
+    const double scale = static_cast<double>(there_[first * count_ + second]) /
+                         static_cast<double>(here_[first * count_ + second]);
+    return like(first, scale) & like(second, scale);
+  }
+
+  Bits bits(const Indices& matches) const {
+    Bits result(count_);
+    for (const std::uint32_t match : matches) {
+      if (match < count_) result.add(match);
+    }
+    return result;
   }
 
   std::optional<std::size_t> rigid_second(std::size_t first, Random& random) const {
-    Indices agreeing;
-    for (std::uint32_t j = 0; j < count_; ++j) {
-      if (agree(first, j, 1.0)) agreeing.push_back(j);
-    }
-    if (agreeing.size() < kFewestAgreeing - 1) return std::nullopt;
-    return agreeing[random.index(agreeing.size())];
+    const std::size_t count = like_[first].size();
+    if (count < kFewestAgreeing - 1) return std::nullopt;
+    return like_[first].nth(random.index(count));
   }
 
   std::optional<std::size_t> any_second(std::size_t first, Random& random) const {
@@ -162,6 +222,7 @@ class Consensus {
   std::size_t count_;
   std::vector<float> here_;   // distances between the source's landmarks
   std::vector<float> there_;  // and the target's
+  std::vector<Bits> like_;    // of each match, if the scale is known
 };
 
 }  // namespace

@@ -81,8 +81,9 @@ NearestField::NearestField(std::span<const Eigen::Vector3f> points, const Box& b
   std::vector<float> height(longest);
   std::vector<std::uint32_t> owner(longest);
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::size_t a = (axis + 1) % 3;
-    const std::size_t b = (axis + 2) % 3;
+    // Neighbouring lines one after the other, because they share memory.
+    const std::size_t b = axis == 0 ? 1 : 0;
+    const std::size_t a = 3 - axis - b;
     for (std::size_t i = 0; i < size_[a]; ++i) {
       for (std::size_t j = 0; j < size_[b]; ++j) {
         const std::size_t begin = i * stride[a] + j * stride[b];

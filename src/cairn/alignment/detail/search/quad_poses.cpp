@@ -89,16 +89,38 @@ class Surroundings {
   std::vector<double> radius_;
 };
 
-// The quad of four points and its shape; false if it does not determine a similarity well.
-bool describe(const std::vector<Vector3d>& points, std::array<std::uint32_t, 4> corners, Quad& quad,
+// A point and its neighbours, with their distances.
+class Neighbourhood {
+ public:
+  Neighbourhood(const std::vector<Vector3d>& points, std::span<const std::uint32_t> near)
+      : near_(near) {
+    for (std::size_t i = 0; i < near.size(); ++i) {
+      places_[i] = points[near[i]];
+      for (std::size_t j = 0; j < i; ++j) {
+        distances_[i][j] = distances_[j][i] = (places_[i] - places_[j]).norm();
+      }
+    }
+  }
+
+  std::uint32_t index(std::size_t i) const { return near_[i]; }
+  const Vector3d& place(std::size_t i) const { return places_[i]; }
+  double distance(std::size_t i, std::size_t j) const { return distances_[i][j]; }
+
+ private:
+  static constexpr std::size_t kMost = kQuadAround + 1;
+
+  std::span<const std::uint32_t> near_;
+  std::array<Vector3d, kMost> places_;
+  std::array<std::array<double, kMost>, kMost> distances_;
+};
+
+// The quad of four of the points and its shape; false if it does not determine a similarity well.
+bool describe(const Neighbourhood& around, std::array<std::size_t, 4> corners, Quad& quad,
               Shape& shape) {
-  std::array<const Vector3d*, 4> at{};
-  for (std::size_t i = 0; i < 4; ++i) at[i] = &points[corners[i]];
-  const auto distance = [&](std::size_t i, std::size_t j) { return (*at[i] - *at[j]).norm(); };
-  const auto exchange = [&](std::size_t i, std::size_t j) {
-    std::swap(corners[i], corners[j]);
-    std::swap(at[i], at[j]);
+  const auto distance = [&](std::size_t i, std::size_t j) {
+    return around.distance(corners[i], corners[j]);
   };
+  const auto exchange = [&](std::size_t i, std::size_t j) { std::swap(corners[i], corners[j]); };
   double longest = 0.0;
   std::pair<std::size_t, std::size_t> ends;
   for (std::size_t i = 0; i < 4; ++i) {
@@ -128,11 +150,14 @@ bool describe(const std::vector<Vector3d>& points, std::array<std::uint32_t, 4> 
   }
   const double cd = distance(2, 3);
   if (std::min(ac, cd) < kLeastSide * longest) return false;
-  const Vector3d normal = (*at[1] - *at[0]).cross(*at[2] - *at[0]);
+  const Vector3d& origin = around.place(corners[0]);
+  const Vector3d normal =
+      (around.place(corners[1]) - origin).cross(around.place(corners[2]) - origin);
   if (normal.norm() < kLeastQuadHeight * longest * longest) return false;
-  const double volume = normal.dot(*at[3] - *at[0]) / (longest * longest * longest);
+  const double volume =
+      normal.dot(around.place(corners[3]) - origin) / (longest * longest * longest);
   constexpr double kVolume = 2.0;  // makes its error about that of a side
-  quad.corners = corners;
+  for (std::size_t i = 0; i < 4; ++i) quad.corners[i] = around.index(corners[i]);
   quad.length = static_cast<float>(longest);
   const auto share = [&](double side) { return static_cast<float>(side / longest); };
   shape = {share(ac), share(bd), share(ad),
@@ -144,21 +169,20 @@ bool describe(const std::vector<Vector3d>& points, std::array<std::uint32_t, 4> 
 template <class Visit>
 void for_quads(const Surroundings& cloud, std::size_t centre, const Visit& visit) {
   const auto near = cloud.near(centre).first(std::min(cloud.size, kQuadAround + 1));
+  const Neighbourhood around(cloud.points, near);
   Quad quad;
   quad.centre = static_cast<std::uint32_t>(centre);
   Shape shape;
   for (std::size_t i = 1; i < near.size(); ++i) {
     for (std::size_t j = i + 1; j < near.size(); ++j) {
       for (std::size_t k = j + 1; k < near.size(); ++k) {
-        if (describe(cloud.points, {near[0], near[i], near[j], near[k]}, quad, shape)) {
-          visit(quad, shape);
-        }
+        if (describe(around, {0, i, j, k}, quad, shape)) visit(quad, shape);
       }
     }
   }
 }
 
-// The quads of the target, by two of their proportions.
+// The quads of the target, by three of their proportions.
 class QuadIndex {
  public:
   QuadIndex(const Surroundings& target, const Executor& executor) {
@@ -178,7 +202,7 @@ class QuadIndex {
       part.resize(std::min(part.size(), kMostQuads - total));
       total += part.size();
     }
-    begins_.assign(kCells * kCells + 1, 0);
+    begins_.assign(kCells * kCells * kCells + 1, 0);
     for (const auto& part : parts) {
       for (const auto& [quad, shape] : part) ++begins_[cell_of(shape) + 1];
     }
@@ -199,19 +223,29 @@ class QuadIndex {
   const Quad* nearest(const Shape& shape, float& difference) const {
     const Quad* best = nullptr;
     difference = kMostUnlike * kMostUnlike;
-    const auto [row, column] = place_of(shape);
-    for (std::size_t r = row == 0 ? 0 : row - 1; r <= std::min(row + 1, kCells - 1); ++r) {
-      const std::size_t first = r * kCells + (column == 0 ? 0 : column - 1);
-      const std::size_t last = r * kCells + std::min(column + 1, kCells - 1);
-      for (std::size_t i = begins_[first]; i < begins_[last + 1]; ++i) {
-        float sum = 0.0F;
-        for (std::size_t k = 0; k < shape.size(); ++k) {
-          const float apart = shapes_[i][k] - shape[k];
-          sum += apart * apart;
+    const std::array<std::size_t, 3> cell = cells_of(shape);
+    // The cells that neighbours in two proportions and within kMostUnlike of the third are in.
+    constexpr std::size_t kThirdReach = 2;
+    const auto below = [&](std::size_t axis, std::size_t reach) {
+      return cell[axis] - std::min(cell[axis], reach);
+    };
+    const auto above = [&](std::size_t axis, std::size_t reach) {
+      return std::min(cell[axis] + reach, kCells - 1);
+    };
+    for (std::size_t x = below(0, 1); x <= above(0, 1); ++x) {
+      for (std::size_t y = below(1, 1); y <= above(1, 1); ++y) {
+        const std::size_t begin = begins_[index_of({x, y, below(2, kThirdReach)})];
+        const std::size_t end = begins_[index_of({x, y, above(2, kThirdReach)}) + 1];
+        for (std::size_t i = begin; i < end; ++i) {
+          float sum = 0.0F;
+          for (std::size_t k = 0; k < shape.size(); ++k) {
+            const float apart = shapes_[i][k] - shape[k];
+            sum += apart * apart;
+          }
+          if (sum >= difference) continue;
+          difference = sum;
+          best = &quads_[i];
         }
-        if (sum >= difference) continue;
-        difference = sum;
-        best = &quads_[i];
       }
     }
     return best;
@@ -220,16 +254,16 @@ class QuadIndex {
  private:
   static constexpr std::size_t kCells = static_cast<std::size_t>(kSides) + 1;
 
-  static std::pair<std::size_t, std::size_t> place_of(const Shape& shape) {
+  static std::array<std::size_t, 3> cells_of(const Shape& shape) {
     const auto cell = [](float share) {
       return std::min(static_cast<std::size_t>(static_cast<double>(share) * kSides), kCells - 1);
     };
-    return {cell(shape[0]), cell(shape[1])};
+    return {cell(shape[0]), cell(shape[1]), cell(shape[2])};
   }
-  static std::size_t cell_of(const Shape& shape) {
-    const auto [row, column] = place_of(shape);
-    return row * kCells + column;
+  static std::size_t index_of(const std::array<std::size_t, 3>& cell) {
+    return (cell[0] * kCells + cell[1]) * kCells + cell[2];
   }
+  static std::size_t cell_of(const Shape& shape) { return index_of(cells_of(shape)); }
 
   std::vector<std::uint32_t> begins_;  // of each cell
   std::vector<Quad> quads_;

@@ -26,7 +26,7 @@ struct Round {
 
 constexpr std::size_t kAnchors = 8;       // of each map; translations are all pairs of them
 constexpr std::size_t kScoutPoints = 48;  // source points that score a translation
-constexpr std::size_t kMostVoxels = 1 << 21;
+constexpr std::size_t kMostVoxels = 1 << 19;
 constexpr float kVoxelsPerScale = 4.0F;
 constexpr std::array<Round, 4> kRounds = {{
     {3072, 0.0, 5, 128},
@@ -84,45 +84,39 @@ PointsF in_single_precision(std::span<const Eigen::Vector3d> points) {
   return result;
 }
 
-/// Normal equations of a small motion (δt, δφ) of matched points: x moves by δt + δφ × x. The sums need
-/// only a few multiplications per match; for isotropic weights.
-class PoseStep {
- public:
-  /// @param x position of the point, relative to the motion's pivot
-  /// @param residual from there to the target position
-  void add(const Eigen::Vector3d& x, const Eigen::Vector3d& residual, double weight) {
-    const Eigen::Vector3d weighted = weight * x;
-    weight_ += weight;
-    first_ += weighted;
-    second_.noalias() += weighted * x.transpose();
-    force_ += weight * residual;
-    torque_ += weighted.cross(residual);
-  }
+// Source points at a pose, one per row: their places relative to the pivot of a motion, the vectors from there to the
+// target points that match, and the matches' trusts, 0 without a match.
+struct Matched {
+  explicit Matched(Eigen::Index count) : places(count, 3), residuals(count, 3), trusts(count) {}
 
-  double weight() const { return weight_; }
-
-  /// Least-squares motion, slightly damped, so that undetermined directions do not move.
-  Vector6d solve() const {
-    Eigen::Matrix<double, 6, 6> information;
-    information.topLeftCorner<3, 3>() = weight_ * Eigen::Matrix3d::Identity();
-    information.topRightCorner<3, 3>() = -skew(first_);
-    information.bottomLeftCorner<3, 3>() = skew(first_);
-    information.bottomRightCorner<3, 3>() = second_.trace() * Eigen::Matrix3d::Identity() - second_;
-    information.diagonal().array() *= 1.0 + kDamping;
-    Eigen::Matrix<double, 6, 1> gradient;
-    gradient << force_, torque_;
-    return solve_symmetric<6>(information, gradient);
-  }
-
- private:
-  static constexpr double kDamping = 1e-6;
-
-  double weight_ = 0.0;
-  Eigen::Vector3d first_ = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d second_ = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d force_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d torque_ = Eigen::Vector3d::Zero();
+  Eigen::MatrixX3f places;
+  Eigen::MatrixX3f residuals;
+  Eigen::ArrayXf trusts;
 };
+
+// The least-squares motion (δt, δφ) of the places about the pivot, x moves by δt + δφ × x, slightly damped, so that
+// undetermined directions do not move.
+Vector6d small_motion(const Matched& matched, const Eigen::ArrayXf& weights, double weight) {
+  constexpr double kSearchDamping = 1e-6;
+  const Eigen::MatrixX3f weighted = matched.places.array().colwise() * weights;
+  const Eigen::Vector3d first = weighted.colwise().sum().transpose().cast<double>();
+  const Eigen::Matrix3d second =
+      weighted.transpose().lazyProduct(matched.places).eval().cast<double>();
+  const Eigen::Matrix3d torque =
+      weighted.transpose().lazyProduct(matched.residuals).eval().cast<double>();
+  const Eigen::Vector3d force =
+      weights.matrix().transpose().lazyProduct(matched.residuals).transpose().eval().cast<double>();
+  Eigen::Matrix<double, 6, 6> information;
+  information.topLeftCorner<3, 3>() = weight * Eigen::Matrix3d::Identity();
+  information.topRightCorner<3, 3>() = -skew(first);
+  information.bottomLeftCorner<3, 3>() = skew(first);
+  information.bottomRightCorner<3, 3>() = second.trace() * Eigen::Matrix3d::Identity() - second;
+  information.diagonal().array() *= 1.0 + kSearchDamping;
+  Vector6d gradient;
+  gradient << force, torque(1, 2) - torque(2, 1), torque(2, 0) - torque(0, 2),
+      torque(0, 1) - torque(1, 0);
+  return solve_symmetric<6>(information, gradient);
+}
 
 class Search {
  public:
@@ -142,15 +136,17 @@ class Search {
 
   std::vector<SearchCandidate> run(std::span<const Eigen::Quaterniond> rotations) const {
     double scale = kernel_.coarse;
-    std::vector<SearchCandidate> poses = scout(rotations, field(scale));
+    NearestField nearest = field(scale);
+    std::vector<SearchCandidate> poses = scout(rotations, nearest);
     double done = 1.0;
     for (const Round& round : kRounds) {
       if (execution_.progress) execution_.progress(done++ / (kRounds.size() + 1.0));
       keep_best(poses, round.entrants);
       const double start = scale;
       scale = kernel_.coarse * std::pow(kernel_.fine / kernel_.coarse, round.scale);
+      if (scale != start) nearest = field(scale);
       std::vector<SearchCandidate> refined = poses;
-      refine(refined, start, scale, round, field(scale));
+      refine(refined, start, scale, round, nearest);
       // Scores of different scales are not comparable.
       if (execution_.stop.stop_requested()) break;
       poses = std::move(refined);
@@ -176,6 +172,7 @@ class Search {
     const PointsF from = anchors(source_, kAnchors);
     const PointsF to = anchors(target_, kAnchors);
     const std::size_t count = std::min(kScoutPoints, source_.size());
+    const std::vector<float> most = most_from_each(count);
     constexpr double kNotTried = -1.0;
     std::vector<SearchCandidate> poses(rotations.size(), {Rigid3(), kNotTried});
     execution_.executor.for_blocks(rotations.size(), 64, [&](std::size_t begin, std::size_t end) {
@@ -191,7 +188,7 @@ class Search {
           const Eigen::Vector3f moved = rotation * a;
           for (const Eigen::Vector3f& b : to) {
             const Eigen::Vector3f translation = b - moved;
-            const float value = score(rotated, translation, field);
+            const float value = score(rotated, most, translation, field, best);
             if (value > best) {
               best = value;
               best_translation = translation;
@@ -205,17 +202,36 @@ class Search {
     return poses;
   }
 
-  float score(const PointsF& rotated, const Eigen::Vector3f& translation,
-              const NearestField& field) const {
+  // What the points from each on can add to a score at most.
+  std::vector<float> most_from_each(std::size_t count) const {
+    const double most = target_weights_.empty()
+                            ? 1.0
+                            : *std::max_element(target_weights_.begin(), target_weights_.end());
+    std::vector<float> result(count + 1, 0.0F);
+    for (std::size_t i = count; i > 0; --i) {
+      const double own = source_weights_.empty() ? 1.0 : source_weights_[i - 1];
+      result[i - 1] = result[i] + static_cast<float>(own * most);
+    }
+    return result;
+  }
+
+  // The score of a translation, or less if it is not better than the best.
+  float score(const PointsF& rotated, std::span<const float> most,
+              const Eigen::Vector3f& translation, const NearestField& field, float best) const {
+    constexpr std::size_t kBlock = 8;
+    constexpr float kRounding = 1e-4F;
     const auto per_square = static_cast<float>(1.0 / (kernel_.coarse * kernel_.coarse));
+    const auto count = static_cast<float>(rotated.size());
+    const float enough = (1.0F - kRounding) * best * count;
     float sum = 0.0F;
     for (std::size_t i = 0; i < rotated.size(); ++i) {
+      if (i % kBlock == 0 && sum + most[i] < enough) break;
       const Eigen::Vector3f moved = rotated[i] + translation;
       const std::uint32_t nearest = field.nearest(moved);
       if (nearest == NearestField::kNone) continue;
       sum += weight(i, nearest) / (1.0F + per_square * (target_[nearest] - moved).squaredNorm());
     }
-    return sum / static_cast<float>(rotated.size());
+    return sum / count;
   }
 
   float weight(std::size_t source, std::size_t target) const {
@@ -245,23 +261,26 @@ class Search {
     const Eigen::Matrix3f rotation = pose.target_from_source.rotation().cast<float>();
     const Eigen::Vector3f translation = pose.target_from_source.translation().cast<float>();
     const Eigen::Vector3f pivot = (pose.target_from_source * distance_.centroid).cast<float>();
-    const auto per_square = static_cast<float>(1.0 / (scale * scale));
-    PoseStep equations;
-    float sum = 0.0F;
+    Matched matched(static_cast<Eigen::Index>(count));
     for (std::size_t i = 0; i < count; ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
       const Eigen::Vector3f moved = rotation * source_[i] + translation;
       const std::uint32_t nearest = field.nearest(moved);
-      if (nearest == NearestField::kNone) continue;
-      const Eigen::Vector3f residual = target_[nearest] - moved;
-      const float kernel = 1.0F / (1.0F + per_square * residual.squaredNorm());
-      const float trust = weight(i, nearest);
-      sum += trust * kernel;
-      equations.add((moved - pivot).cast<double>(), residual.cast<double>(),
-                    trust * kernel * kernel);
+      const bool none = nearest == NearestField::kNone;
+      matched.places.row(row) = moved - pivot;
+      matched.residuals.row(row) =
+          none ? Eigen::Vector3f::Zero() : Eigen::Vector3f(target_[nearest] - moved);
+      matched.trusts[row] = none ? 0.0F : weight(i, nearest);
     }
-    pose.score = sum / static_cast<float>(count);
-    if (!(equations.weight() > 0.0)) return;
-    const Vector6d delta = equations.solve();
+    const auto per_square = static_cast<float>(1.0 / (scale * scale));
+    const Eigen::ArrayXf kernel =
+        (1.0F + per_square * matched.residuals.rowwise().squaredNorm().array()).inverse();
+    const Eigen::ArrayXf trusted = matched.trusts * kernel;
+    pose.score = trusted.sum() / static_cast<float>(count);
+    const Eigen::ArrayXf weights = trusted * kernel;
+    const auto weight = static_cast<double>(weights.sum());
+    if (!(weight > 0.0)) return;
+    const Vector6d delta = small_motion(matched, weights, weight);
     const Rigid3 turned(rotation_exp(delta.tail<3>()) * pose.target_from_source.quaternion(),
                         Eigen::Vector3d::Zero());
     const Eigen::Vector3d moved_centroid =
@@ -280,11 +299,19 @@ class Search {
   std::vector<SearchCandidate> distinct(std::vector<SearchCandidate> poses, double radius) const {
     keep_best(poses, poses.size());
     std::vector<SearchCandidate> kept;
+    std::vector<Eigen::Vector3d> centroids;  // moved by the poses that are kept
     for (const SearchCandidate& pose : poses) {
-      const bool known = std::any_of(kept.begin(), kept.end(), [&](const SearchCandidate& other) {
-        return distance_(pose.target_from_source, other.target_from_source) < radius;
-      });
-      if (!known) kept.push_back(pose);
+      const Eigen::Vector3d centroid = pose.target_from_source * distance_.centroid;
+      const auto is_known = [&](std::size_t i) {
+        // The centroids' distance is a part of the poses'.
+        return (centroids[i] - centroid).squaredNorm() < radius * radius &&
+               distance_(pose.target_from_source, kept[i].target_from_source) < radius;
+      };
+      std::size_t i = 0;
+      while (i < kept.size() && !is_known(i)) ++i;
+      if (i < kept.size()) continue;
+      kept.push_back(pose);
+      centroids.push_back(centroid);
     }
     return kept;
   }
