@@ -484,6 +484,7 @@ TEST_F(MapCliTest, ASequenceThatIsNoneIsRefused) {
                  {"missing", "neither a folder nor a recording"});
   fs::create_directory(path("empty"));
   expect_refusal({"map", "empty", "-o", "out.map", "--camera", "fr1"}, kBadInput, {"rgb.txt"});
+  expect_refusal({"map", "s/rgb", "-o", "out.map"}, kBadInput, {"s/rgb", "the sequence, s/"});
   fs::remove(path("s/depth.txt"));
   expect_refusal({"map", "s", "-o", "out.map"}, kBadInput, {"depth.txt"});
 }

@@ -270,8 +270,10 @@ TEST_F(UsageTest, CamerasOfTheBenchmarkAndFilesAreKnownToEachVerb) {
     EXPECT_NE(cairn({"align", "plain.map", "plain.map", "--camera", camera}).exit_code,
               kWrongUsage);
   }
-  expect_refusal({"info", "plain.map", "--camera", "fr4"}, kBadInput,
-                 {"--camera", "'fr4'", "fr1, fr2 or fr3"});
+  expect_refusal({"info", "plain.map", "--camera", "fr4"}, kWrongUsage,
+                 {"--camera", "'fr4'", "fr1, fr2 or fr3", "did you mean fr1?"});
+  expect_refusal({"locate", "plain.map", "image.png", "--camera", "unknwon"}, kWrongUsage,
+                 {"--camera", "did you mean unknown?"});
 }
 
 TEST_F(UsageTest, NothingInANameCommandsTheTerminal) {
