@@ -121,7 +121,7 @@ struct PaperArguments {
                 common);
       write_report(report, common);
     }
-    print(results, tables.front(), seconds);
+    print(results, seconds);
     return kDone;
   }
 
@@ -132,16 +132,21 @@ struct PaperArguments {
     return json;
   }
 
-  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const {
+  std::string success_text(const PaperResults& results) const {
     std::string text = fmt::format(
-        "# The paper's experiments on {} and {}\n\n{}\n"
-        "A run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by its "
-        "pose within {:g} degrees and {:g} m.\n",
-        source, target, markdown_of(paper_findings(results, options.tolerance), {}),
+        "\nA run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by "
+        "its "
+        "pose within {:g} degrees and {:g} m.\nThe runs start from {}.\n",
         results.success_score, kPublishedSuccessScore, options.tolerance.rotation_deg,
-        options.tolerance.translation_m);
+        options.tolerance.translation_m, start_text(results));
     if (const auto swapped = swapped_truth(results)) text += fmt::format("\n{}.\n", *swapped);
-    return text + markdown_of({}, tables);
+    return text;
+  }
+
+  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const {
+    return fmt::format("# The paper's experiments on {} and {}\n\n", source, target) +
+           markdown_of(paper_findings(results, options.tolerance), {}) + success_text(results) +
+           markdown_of({}, tables);
   }
 
   void write_all(const std::string& folder, const PaperResults& results,
@@ -179,33 +184,14 @@ struct PaperArguments {
     return json;
   }
 
-  void print(const PaperResults& results, const ResultTable& successes, double seconds) const {
+  void print(const PaperResults& results, double seconds) const {
     const Console console = common.console();
-    std::vector<std::string> header;
-    for (const auto& column : successes.columns) header.push_back(column.name);
-    Table table(header);
-    for (const auto& row : successes.rows) {
-      std::vector<std::string> cells;
-      for (const auto& cell : row) cells.push_back(std::get<std::string>(cell));
-      table.add_row(std::move(cells));
-    }
     console.print("{}: {} runs in {:.1f} s\n\n", output, results.runs.size(), seconds);
     for (const std::string& finding : paper_findings(results, options.tolerance)) {
       console.print("{}\n", finding);
     }
-    console.print(
-        fmt::format("\n{}\nscore      below {:.6g} m^2 (the paper's, on its "
-                    "own pair: {:g})\n",
-                    table.text(), results.success_score, kPublishedSuccessScore));
-    console.print(fmt::format(
-        "agreement  within {:g} degrees and {:g} m of the pose that most runs agree on\n",
-        options.tolerance.rotation_deg, options.tolerance.translation_m));
-    if (results.has_truth) console.print("true pose  within the same of the truth\n");
-    console.print(fmt::format("starts     {}\n", start_text(results)));
-    if (const auto swapped = swapped_truth(results)) {
-      console.print(fmt::format("truth      {}\n", *swapped));
-      console.remark(*swapped);
-    }
+    console.print(success_text(results));
+    if (const auto swapped = swapped_truth(results)) console.remark(*swapped);
   }
 };
 
