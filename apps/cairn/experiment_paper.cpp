@@ -106,7 +106,6 @@ struct PaperArguments {
     folder.commit();
     write_document(json, common);
     if (!common.report_path.empty()) {
-      json.erase("runs");
       json.erase("tables");
       report::Report report = begin_report("", common);
       set_provenance(report, json);
@@ -179,8 +178,6 @@ struct PaperArguments {
     json["findings"] = paper_findings(results, options.tolerance);
     json["tables"] = Json::array();
     for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
-    json["runs"] = Json::array();
-    for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
     return json;
   }
 

@@ -108,32 +108,6 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
 
 }  // namespace
 
-Json to_json(const TrialResult& run) {
-  const Displacement& initial = run.trial.initial;
-  Json json = {{"pair", run.trial.pair},
-               {"experiment", run.trial.experiment},
-               {"number", run.trial.number},
-               {"method", to_string(run.trial.method)},
-               {"strategy", run.trial.strategy},
-               {"k", run.trial.k},
-               {"x_m", initial.x_m},
-               {"y_m", initial.y_m},
-               {"z_m", initial.z_m},
-               {"roll_deg", initial.roll_deg},
-               {"pitch_deg", initial.pitch_deg},
-               {"yaw_deg", initial.yaw_deg},
-               {"status", to_string(run.status)},
-               {"stop_reason", to_string(run.stop_reason)},
-               {"iterations", run.iterations},
-               {"cycle_length", run.cycle_length ? Json(*run.cycle_length) : Json(nullptr)},
-               {"initial_score_m2", to_json(run.initial_score)},
-               {"score_m2", to_json(run.score)}};
-  json["target_from_source"] = run.target_from_source ? to_json(*run.target_from_source) : nullptr;
-  json["rotation_error_deg"] = run.error ? Json(degrees(run.error->rotation_rad)) : nullptr;
-  json["translation_error_m"] = run.error ? Json(run.error->translation) : nullptr;
-  return json;
-}
-
 Json to_json(const ResultTable& table) {
   Json columns = Json::array();
   for (const ResultTable::Column& column : table.columns) {

@@ -13,8 +13,6 @@
 
 namespace cairn::cli {
 
-/// One run as documents hold it, with the names of runs.csv; without its duration.
-Json to_json(const TrialResult& run);
 Json to_json(const ResultTable& table);
 
 /// The findings as a list, and each table with its name and title, for a summary.
