@@ -256,8 +256,8 @@ TEST_F(UsageTest, AlignmentOptionsOutOfRangeAreNamedAsTheUserKnowsThem) {
 }
 
 TEST_F(UsageTest, UnknownMetricIsNamedBesideThoseThereAre) {
-  expect_refusal({"align", "a.map", "b.map", "--confidence", "none,covarianec"}, kWrongUsage,
-                 {"--confidence", "'covarianec'", "none, covariance", "reprojection"});
+  expect_refusal({"align", "a.map", "b.map", "--confidence", "base,covarianec"}, kWrongUsage,
+                 {"--confidence", "'covarianec'", "base, covariance", "did you mean covariance?"});
 }
 
 TEST_F(UsageTest, CamerasOfTheBenchmarkAndFilesAreKnownToEachVerb) {

@@ -309,7 +309,7 @@ Rigid3 PoseArguments::pose() const {
 std::vector<Strategy> parse_strategies(const std::string& text) {
   const auto refuse = [](std::string_view name) {
     throw Error(ErrorKind::kMisuse, "--confidence", printable(name) + " names no metric",
-                confidence_help());
+                confidence_help() + did_you_mean(std::string(name), metric_names()));
   };
   std::vector<Strategy> strategies;
   for (const std::string_view name : words_of(text, kSeparators)) {
