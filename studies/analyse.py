@@ -19,6 +19,7 @@ try:
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    import matplotlib.ticker
     import numpy as np
     import pandas as pd
     import scipy.stats
@@ -31,6 +32,7 @@ except ImportError as missing:
 PUBLISHED_RATIO = 0.0037 / 0.0034319  # the paper's threshold of the score over that of its good example
 RESAMPLES = 100_000
 BASIN_BINS = 8
+COLUMN_WIDTH = 3.45  # inches, of a paper with two columns
 COLORS = ["#7a7a7a", "#1b6ca8", "#c0561b", "#3f8f4f", "#8756a8", "#a88b1b", "#1ba89a", "#a81b5a"]
 
 
@@ -361,7 +363,7 @@ def violins(runs, column, label, threshold=None):
     shown = [(a, values) for a, values in shown if len(values)]
     if not shown:
         return None
-    figure, axes = plt.subplots(figsize=(1.2 + 1.1 * len(shown), 4))
+    figure, axes = plt.subplots(figsize=(COLUMN_WIDTH * max(1, len(shown) / 4), 2.6), layout="constrained")
     rng = np.random.default_rng(0)
     for place, (approach, values) in enumerate(shown):
         color, logs = color_of(runs, approach), np.log10(values)
@@ -379,6 +381,8 @@ def violins(runs, column, label, threshold=None):
     low, high = axes.get_ylim()
     steps = [1] if high - low > 2.5 else [1, 2, 5]
     ticks = [np.log10(step) + decade for decade in range(int(low) - 1, int(high) + 1) for step in steps]
+    if high - low < 0.8:  # too narrow for such steps
+        ticks = np.log10(matplotlib.ticker.MaxNLocator(5).tick_values(10**low, 10**high).clip(min=1e-300))
     axes.set_yticks([t for t in ticks if low <= t <= high])
     axes.yaxis.set_major_formatter(lambda y, _: f"{10**y:.3g}")
     axes.set_ylabel(label)
@@ -467,7 +471,7 @@ def save(figure, folder, name):
         return
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     for kind in ("pdf", "svg"):
-        figure.savefig(folder / "figures" / f"{name}.{kind}", bbox_inches="tight", dpi=150,
+        figure.savefig(folder / "figures" / f"{name}.{kind}", bbox_inches="tight", pad_inches=0.02, dpi=150,
                        metadata={"Date" if kind == "svg" else "CreationDate": None})
     plt.close(figure)
 
@@ -518,7 +522,8 @@ def main():
     output = options.output or path.parent / "analysis"
     matplotlib.rcParams.update({"svg.hashsalt": "cairn", "svg.fonttype": "none", "font.size": 9})
     experiments = table.experiment.unique()
-    if len(experiments) > 1:  # the paper's: one pair of maps, a violin an experiment
+    if len(experiments) > 1:  # the paper's: one pair of maps, a figure an experiment, but for k, which is a table
+        experiments = [name for name, rows in table.groupby("experiment", sort=False) if rows.k.nunique() == 1]
         for name in experiments:
             runs = Runs(table[table.experiment == name], options)
             save(violins(runs, "score_m2", "score (m²)", options.success_score_m2), output, f"scores_{name}")

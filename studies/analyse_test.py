@@ -3,6 +3,7 @@
 """Tests of analyse.py on runs whose answers follow from their design."""
 import argparse
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -188,6 +189,19 @@ class Special(unittest.TestCase):
             written = {p.relative_to(folder / "analysis").as_posix() for p in (folder / "analysis").rglob("*.*")}
             self.assertLessEqual({"summary.md", "tables/comparisons.csv", "figures/scores.pdf", "figures/scores.svg",
                                   "figures/basins.svg", "figures/success.pdf"}, written)
+
+    def test_the_papers_experiments_get_figures_of_a_columns_width(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            parts = [table().assign(experiment=name) for name in ("yaw", "xy", "k")]
+            parts[2].loc[parts[2].number > 5, "k"] = 9
+            pd.concat([part[part.method == "icp"] for part in parts]).to_csv(folder / "runs.csv", index=False)
+            script = pathlib.Path(__file__).with_name("analyse.py")
+            subprocess.run([sys.executable, script, folder], check=True, capture_output=True)
+            figures = sorted((folder / "analysis/figures").glob("*.svg"))
+            self.assertEqual([f.stem for f in figures], ["scores_xy", "scores_yaw"])
+            width = float(re.search(r'width="([\d.]+)pt"', figures[0].read_text())[1])
+            self.assertAlmostEqual(width / 72, analyse.COLUMN_WIDTH, delta=0.1)
 
 
 if __name__ == "__main__":

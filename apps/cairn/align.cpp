@@ -125,7 +125,7 @@ PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, 
       throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
     }
     one.method = options.method;
-    one.confidence = "none";
+    one.confidence = "base";
     one.length_unit = target.unit;
     one.matches = one.alignment.registration.matches.size();
     one.overlap_radius = options.overlap_radius.value_or(one.alignment.radius);
@@ -243,7 +243,7 @@ struct AlignArguments {
   std::string source;
   std::string target;
   std::string pairs;
-  std::string confidence = "none";
+  std::string confidence = "base";
   PoseArguments initial;
   std::string truth;
   std::string output;
@@ -338,7 +338,7 @@ struct AlignArguments {
         "  cairn align --pairs pairs.csv --json results.json\n"
         "Example: refine an initial pose with the paper's ICP, with two metrics, and save the "
         "result\n"
-        "  cairn align later.map earlier.map --method icp --confidence none,observations \\\n"
+        "  cairn align later.map earlier.map --method icp --confidence base,observations \\\n"
         "      --initial \"0.5 -0.5 0 0 0 30\" --json result.json");
   }
 
@@ -363,6 +363,10 @@ struct AlignArguments {
 
     LoadedMap source_map = load_map(source, common);
     LoadedMap target_map = load_map(target, common);
+    if (source_map.map.landmarks().positions == target_map.map.landmarks().positions) {
+      common.console().remark("{} and {} are one map: that they align shows nothing", source,
+                              target);
+    }
     complete_options();
     with_scale =
         scale_range(options, source_map.map.info().length_unit, target_map.map.info().length_unit)
@@ -448,7 +452,7 @@ struct AlignArguments {
     check_options();
     complete_options();
     with_scale = estimate_scale;
-    return align_pairs(pairs, options, gravity, options_json(parse_strategies("none")), common);
+    return align_pairs(pairs, options, gravity, options_json(parse_strategies("base")), common);
   }
 
   // Writes the map and the pose that are asked for, if the pose is aligned.

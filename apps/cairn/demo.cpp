@@ -255,19 +255,19 @@ struct DemoArguments {
     if (!save.empty()) make_folder(save);  // where the document may go, too
     require_outputs(common);
     const DemoPair pair = make_pair();
+    common.console().print(pair.story);  // before the alignments, which take a while
     IcpOptions options;
     options.overlap_radius = 0.05;
     options.trace = !common.report_path.empty();
     options.initial = displaced(pair.target_from_source, offset, pair.source);
     std::vector<StrategyResult> alignments = align_by_all(
-        pair.source, pair.target, parse_strategies("none,covariance,observations,distance"),
+        pair.source, pair.target, parse_strategies("base,covariance,observations,distance"),
         by_icp_alone(options, {}), pair.target_from_source, common);
     AlignOptions everywhere;
     everywhere.trace = options.trace;
-    everywhere.seed = common.seed;
     everywhere.overlap_radius = options.overlap_radius;
     std::vector<StrategyResult> searched =
-        align_by_all(pair.source, pair.target, parse_strategies("none"), everywhere,
+        align_by_all(pair.source, pair.target, parse_strategies("base"), everywhere,
                      pair.target_from_source, common);
     alignments.push_back(std::move(searched.front()));
 
@@ -354,7 +354,6 @@ struct DemoArguments {
     const Console console = common.console();
     const PoseError start =
         pose_error(options.initial, pair.target_from_source, pair.source.landmarks().positions);
-    console.print(pair.story);
     const StrategyResult& searched = alignments.back();
     console.print(
         "Pose of the second session in the first, found without an initial pose:\n"
@@ -377,9 +376,8 @@ struct DemoArguments {
         "error    difference from the true pose; a lower score does not always mean a smaller "
         "error\n"
         "\n"
-        "Confidence none is plain ICP: it matches each landmark to the nearest one. The others "
-        "match "
-        "it to\n"
+        "Confidence base is plain ICP: it matches each landmark to the nearest one. The others "
+        "match it to\n"
         "the most confident of the k nearest: smallest covariance, most observations, closest "
         "observer.\n");
     if (!saved.empty()) console.print("\nSaved to {}: {}\n", save, saved);

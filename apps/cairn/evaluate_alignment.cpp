@@ -215,7 +215,7 @@ struct EvaluateAlignmentArguments {
         "unless all are aligned.\n"
         "\n"
         "Example: align with two metrics, then compare the poses with the true one\n"
-        "  cairn align source.map target.map --confidence none,observations --json result.json\n"
+        "  cairn align source.map target.map --confidence base,observations --json result.json\n"
         "  cairn evaluate alignment result.json --truth truth.txt --max-translation-m 0.02\n"
         "Example: judge the poses in a result\n"
         "  cairn evaluate alignment result.json\n"

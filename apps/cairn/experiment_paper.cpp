@@ -64,7 +64,7 @@ struct PaperArguments {
         "Each run starts from the true pose, or from the maps as they lie without --truth, "
         "displaced\n"
         "as in the paper: turned about the target's origin, then moved.\n"
-        "Writes runs.csv, timings.csv, experiment.json, summary.md and tables/.\n"
+        "Writes runs.csv, timings.csv, experiment.json, summary.md and tables/ (CSV and LaTeX).\n"
         "\n"
         "Example: run the experiments on two maps with a known true pose\n"
         "  cairn experiment paper second.map first.map --truth truth.txt -o results");
@@ -95,7 +95,6 @@ struct PaperArguments {
 
     const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);
     write_all(unfinished, results, tables);
-    std::vector<report::Section> sections = report::paper_sections(results, options.tolerance);
     if (!images.empty()) {
       common.console().remark(write_common_view(unfinished, pair, results, images[0], images[1]));
     }
@@ -107,7 +106,6 @@ struct PaperArguments {
     folder.commit();
     write_document(json, common);
     if (!common.report_path.empty()) {
-      json.erase("runs");
       json.erase("tables");
       report::Report report = begin_report("", common);
       set_provenance(report, json);
@@ -118,12 +116,11 @@ struct PaperArguments {
                  .target_name = file_name(target),
                  .pair = &pair,
                  .align = options.align,
-                 .points = options.points,
-                 .sections = std::move(sections)},
+                 .points = options.points},
                 common);
       write_report(report, common);
     }
-    print(results, tables.front(), seconds);
+    print(results, seconds);
     return kDone;
   }
 
@@ -134,15 +131,21 @@ struct PaperArguments {
     return json;
   }
 
-  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const {
+  std::string success_text(const PaperResults& results) const {
     std::string text = fmt::format(
-        "# The paper's experiments on {} and {}\n\n"
-        "A run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by its "
-        "pose within {:g} degrees and {:g} m.\n",
-        source, target, results.success_score, kPublishedSuccessScore,
-        options.tolerance.rotation_deg, options.tolerance.translation_m);
+        "\nA run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by "
+        "its "
+        "pose within {:g} degrees and {:g} m.\nThe runs start from {}.\n",
+        results.success_score, kPublishedSuccessScore, options.tolerance.rotation_deg,
+        options.tolerance.translation_m, start_text(results));
     if (const auto swapped = swapped_truth(results)) text += fmt::format("\n{}.\n", *swapped);
-    return text + markdown_of(tables);
+    return text;
+  }
+
+  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const {
+    return fmt::format("# The paper's experiments on {} and {}\n\n", source, target) +
+           markdown_of(paper_findings(results, options.tolerance), {}) + success_text(results) +
+           markdown_of({}, tables);
   }
 
   void write_all(const std::string& folder, const PaperResults& results,
@@ -172,37 +175,20 @@ struct PaperArguments {
                    {"pose", results.agreement->pose},
                    {"agrees", results.agreement->agrees}}
             : Json(nullptr);
+    json["findings"] = paper_findings(results, options.tolerance);
     json["tables"] = Json::array();
     for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
-    json["runs"] = Json::array();
-    for (const TrialResult& run : results.runs) json["runs"].push_back(to_json(run));
     return json;
   }
 
-  void print(const PaperResults& results, const ResultTable& successes, double seconds) const {
+  void print(const PaperResults& results, double seconds) const {
     const Console console = common.console();
-    std::vector<std::string> header;
-    for (const auto& column : successes.columns) header.push_back(column.name);
-    Table table(header);
-    for (const auto& row : successes.rows) {
-      std::vector<std::string> cells;
-      for (const auto& cell : row) cells.push_back(std::get<std::string>(cell));
-      table.add_row(std::move(cells));
+    console.print("{}: {} runs in {:.1f} s\n\n", output, results.runs.size(), seconds);
+    for (const std::string& finding : paper_findings(results, options.tolerance)) {
+      console.print("{}\n", finding);
     }
-    console.print(fmt::format(
-        "{}: {} runs in {:.1f} s\n\n{}\nscore      below {:.6g} m^2 (the paper's, on its "
-        "own pair: {:g})\n",
-        output, results.runs.size(), seconds, table.text(), results.success_score,
-        kPublishedSuccessScore));
-    console.print(fmt::format(
-        "agreement  within {:g} degrees and {:g} m of the pose that most runs agree on\n",
-        options.tolerance.rotation_deg, options.tolerance.translation_m));
-    if (results.has_truth) console.print("true pose  within the same of the truth\n");
-    console.print(fmt::format("starts     {}\n", start_text(results)));
-    if (const auto swapped = swapped_truth(results)) {
-      console.print(fmt::format("truth      {}\n", *swapped));
-      console.remark(*swapped);
-    }
+    console.print(success_text(results));
+    if (const auto swapped = swapped_truth(results)) console.remark(*swapped);
   }
 };
 

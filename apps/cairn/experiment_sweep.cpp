@@ -79,8 +79,7 @@ void check_simulation([[maybe_unused]] const PairSimulation& simulation) {
 std::string summary(const Study& study, const std::vector<std::string>& findings,
                     const std::vector<ResultTable>& tables) {
   std::string text = fmt::format("# {}\n\n", study.name);
-  for (const std::string& finding : findings) text += fmt::format("- {}\n", finding);
-  return text + markdown_of(tables);
+  return text + markdown_of(findings, tables);
 }
 
 // A pair's paths, which are relative to the study's file, as seen from here.

@@ -229,7 +229,7 @@ struct LocateArguments {
     options.seed = common.seed;
     const LoadedMap loaded = load_world();
     std::optional<CameraFile> file;
-    if (!camera.empty() && camera != kUnknown) file = load_camera(camera);
+    if (!camera.empty() && camera != kUnknown) file = load_camera(camera, {std::string(kUnknown)});
     if (file) warn_of_other_lens(loaded.map, file->camera);
     const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
     const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));

@@ -281,6 +281,11 @@ struct MapArguments {
       require_folder_of(output);
     }
     if (!ImageSequence::is_in(sequence)) {
+      const fs::path parent = (fs::path(sequence) / "..").lexically_normal();
+      if (ImageSequence::is_in(parent)) {
+        throw Error(ErrorKind::kInput, sequence, "is a folder of a sequence's images",
+                    "the sequence, " + parent.string());
+      }
       if (const auto known = foreign_content(sequence)) {
         throw Error(ErrorKind::kInput, sequence, known->what, known->advice);
       }

@@ -270,7 +270,8 @@ struct MergeMapsArguments {
     write_document(describe(loaded, names, result), common);
     print(result, names);
     if (!common.report_path.empty()) {
-      report::Report report = begin_report(file_name(output), common);
+      report::Report report = begin_report(
+          fmt::format("{} maps merged into {}", names.size(), file_name(output)), common);
       add_merge(report, inputs, result);
       Json by_role = Json::object();
       for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;

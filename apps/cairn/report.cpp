@@ -257,8 +257,7 @@ class Assembly {
                .target_name = file_name(saved.target.path.value_or("target")),
                .pair = has_maps ? &pair : nullptr,
                .align = saved.align,
-               .points = saved.points,
-               .sections = report::paper_sections(results, saved.tolerance)},
+               .points = saved.points},
               common_, prefix());
     for (const auto& [name, description] : saved.inputs) add_input(role(name), description);
   }
@@ -375,7 +374,7 @@ struct ReportArguments {
         "Example: write a page for an experiment\n"
         "  cairn report results -o report.html\n"
         "Example: save a result, and write a page for it later\n"
-        "  cairn align source.map target.map --confidence none,observations --trace \\\n"
+        "  cairn align source.map target.map --confidence base,observations --trace \\\n"
         "      --json result.json\n"
         "  cairn report result.json -o report.html\n"
         "Example: show a map, and what its keyframes saw\n"

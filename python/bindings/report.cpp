@@ -20,19 +20,14 @@ struct Page {
   std::string html;
 };
 
-std::string run_name(const AlignmentRecord& record) {
-  const std::string method(to_string(record.method));
-  return record.confidence == "none" ? method : method + " " + record.confidence;
-}
-
-std::string subtitle_of(const std::vector<SharedAlignment>& results) {
-  std::string text;
+std::vector<report::ShownAlignment> shown(const std::vector<SharedAlignment>& results) {
+  std::vector<report::ShownAlignment> all;
   for (const SharedAlignment& result : results) {
-    if (!text.empty()) text += " ";
-    if (results.size() > 1) text += run_name(result->record) + ": ";
-    text += report::verdict_sentence(result->alignment());
+    const AlignmentRecord& record = result->record;
+    all.push_back(
+        {&result->alignment(), report::strategy_name(record.method, record.confidence), record.k});
   }
-  return text;
+  return all;
 }
 
 using Folder = std::optional<std::filesystem::path>;
@@ -62,9 +57,7 @@ void add_pair(report::Report& report, const LandmarkMap& source, const LandmarkM
     pair.points = results.front()->points;
     pair.initial = results.front()->initial;
   }
-  for (const SharedAlignment& result : results) {
-    pair.alignments.push_back({&result->alignment(), run_name(result->record), result->record.k});
-  }
+  pair.alignments = shown(results);
   report::add_pair(report, pair, report::runs_of(pair));
 }
 
@@ -86,7 +79,7 @@ Page make_page(const SharedMap& source, const SharedMap& target,
     report.title = title.value_or(target == nullptr ? "Map" : "Alignment of two maps");
     report.provenance.machine = report::this_machine(0);
     if (!results.empty()) {
-      report.subtitle = subtitle_of(results);
+      report.subtitle = report::verdict_sentence(shown(results));
       report.provenance.seed = results.front()->seed;
       report.provenance.options_json = results.front()->options_json;
     }

@@ -37,10 +37,10 @@ class AlignTest : public CliTest {
 TEST_F(AlignTest, PrintsEachStrategyOnStdoutAndNothingElse) {
   write_pair();
   const CommandResult result =
-      cairn(pair({"--confidence", "none,covariance,observations,distance"}));
+      cairn(pair({"--confidence", "base,covariance,observations,distance"}));
   EXPECT_EQ(result.exit_code, kDone);
   EXPECT_THAT(result.errors, IsEmpty());
-  for (const char* const name : {"none", "covariance", "observations", "distance"}) {
+  for (const char* const name : {"base", "covariance", "observations", "distance"}) {
     EXPECT_THAT(result.output,
                 ContainsRegex(std::string("\n") + name + " +[15] +(converged|stopped)"));
     EXPECT_THAT(result.output,
@@ -52,7 +52,7 @@ TEST_F(AlignTest, PrintsEachStrategyOnStdoutAndNothingElse) {
 
 TEST_F(AlignTest, JsonHasEveryFieldAndNullWhereThereIsNone) {
   const SyntheticPair maps = write_pair();
-  const Json json = document(pair({"--confidence", "none,covariance", "-k", "7"}));
+  const Json json = document(pair({"--confidence", "base,covariance", "-k", "7"}));
   EXPECT_EQ(json.at("schema"), Json({{"name", "cairn.align"}, {"version", 2}}));
   EXPECT_TRUE(json.at("cairn_version").is_string());
   EXPECT_EQ(json.at("seed"), 0);
@@ -71,10 +71,10 @@ TEST_F(AlignTest, JsonHasEveryFieldAndNullWhereThereIsNone) {
   EXPECT_EQ(json.at("options").at("max_iterations"), 150);
   EXPECT_EQ(json.at("options").at("min_observations"), 2);
   EXPECT_TRUE(json.at("options").at("max_distance").is_null());
-  EXPECT_EQ(json.at("options").at("confidence"), Json({"none", "covariance"}));
+  EXPECT_EQ(json.at("options").at("confidence"), Json({"base", "covariance"}));
 
   ASSERT_EQ(json.at("results").size(), 2U);
-  EXPECT_EQ(json.at("results").at(0).at("confidence"), "none");
+  EXPECT_EQ(json.at("results").at(0).at("confidence"), "base");
   EXPECT_EQ(json.at("results").at(0).at("k"), 1);
   EXPECT_EQ(json.at("results").at(1).at("confidence"), "covariance");
   EXPECT_EQ(json.at("results").at(1).at("k"), 7);
@@ -194,6 +194,15 @@ TEST_F(AlignTest, SavedResultServesAsInitialPoseAndAsTruth) {
   EXPECT_LT(again.at("results").at(0).at("error").at("translation"), 1e-6);
 }
 
+TEST_F(AlignTest, RemarksThatBothMapsAreOne) {
+  write_pair();
+  answer({"convert", "source.map", "copy.cairn"});
+  for (const char* const same : {"source.map", "copy.cairn"}) {
+    EXPECT_THAT(cairn({"align", "source.map", same}).errors, HasSubstr("are one map")) << same;
+  }
+  EXPECT_THAT(cairn({"align", "source.map", "target.map"}).errors, Not(HasSubstr("are one map")));
+}
+
 TEST_F(AlignTest, OutputLiesOnTheTarget) {
   const LandmarkMap map = write_pair().source;
   answer({"convert", "source.map", "moved.map", "--transform", "0.02 -0.01 0.015 1 -1 2"});
@@ -305,7 +314,7 @@ TEST_F(AlignTest, NumberOfThreadsDoesNotChangeTheDocument) {
   std::string first;
   for (const char* const threads : {"1", "0", "2", "99"}) {
     const std::string text = without_durations(answer(
-        pair({"--confidence", "none,distance", "--trace", "--json", "-", "--threads", threads})));
+        pair({"--confidence", "base,distance", "--trace", "--json", "-", "--threads", threads})));
     if (first.empty()) first = text;
     EXPECT_EQ(text, first) << threads << " threads";
   }
@@ -314,7 +323,7 @@ TEST_F(AlignTest, NumberOfThreadsDoesNotChangeTheDocument) {
 
 TEST_F(AlignTest, OptionsMayStandBeforeTheMaps) {
   write_pair();
-  answer({"align", "--confidence", "none,covariance", "--initial-matrix", "start.txt", "source.map",
+  answer({"align", "--confidence", "base,covariance", "--initial-matrix", "start.txt", "source.map",
           "target.map"});
 }
 
@@ -331,7 +340,7 @@ TEST_F(AlignTest, BaseIsAnotherNameForNone) {
   write_pair();
   const Json json = document(pair({"--confidence", "base,none"}));
   ASSERT_EQ(json.at("results").size(), 1U);
-  EXPECT_EQ(json.at("results").at(0).at("confidence"), "none");
+  EXPECT_EQ(json.at("results").at(0).at("confidence"), "base");
 }
 
 TEST_F(AlignTest, FastAlignsSamplesFirst) {
@@ -663,7 +672,7 @@ TEST_F(AlignTest, OutputsThatDoNotGoTogetherAreRefused) {
   refused({"--pose", "-", "--json", "-"}, {"--pose", "stdout", "--json"});
   refused({"--pose", "p.txt", "--pose-format", "evo"}, {"--pose-format", "evo", "tum"});
   refused({"--pose", "p.txt", "--pose-format", "tum", "--scale"}, {"--pose-format", "no scale"});
-  refused({"--pose", "p.txt", "--confidence", "none,distance"}, {"--pose", "several"});
+  refused({"--pose", "p.txt", "--confidence", "base,distance"}, {"--pose", "several"});
   expect_refusal({"align", "-", "-"}, kWrongUsage, {"target", "stdin"});
 }
 

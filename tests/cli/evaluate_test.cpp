@@ -350,7 +350,7 @@ class EvaluateAlignmentTest : public EvaluateTest {
   SyntheticPair write_result() const {
     SyntheticPair pair = write_pair();
     answer({"align", "source.map", "target.map", "--initial-matrix", "start.txt", "--confidence",
-            "none,covariance", "--no-verdict", "--json", "result.json"});
+            "base,covariance", "--no-verdict", "--json", "result.json"});
     return pair;
   }
   const Words evaluate_ = {"evaluate", "alignment", "result.json", "--truth", "truth.txt"};
@@ -366,7 +366,7 @@ TEST_F(EvaluateAlignmentTest, ErrorsAreThoseThatTheAlignmentWouldHaveTold) {
   write_result();
   const Json told =
       document({"align", "source.map", "target.map", "--initial-matrix", "start.txt",
-                "--confidence", "none,covariance", "--no-verdict", "--truth", "truth.txt"});
+                "--confidence", "base,covariance", "--no-verdict", "--truth", "truth.txt"});
   const Json json = document(evaluate_);
   EXPECT_EQ(json.at("schema").at("name"), "cairn.evaluate_alignment");
   EXPECT_EQ(json.at("inputs").at("result").at("hash"), hash_file(path("result.json")));
@@ -659,7 +659,7 @@ TEST_F(EvaluateAlignmentTest, CsvHasARowForEachResult) {
   EXPECT_THAT(rows[0], ElementsAre("confidence", "status", "rotation_error_deg",
                                    "translation_error", "length_unit", "success", "log_scale_error",
                                    "normalised_squared_error", "in_ellipsoid"));
-  EXPECT_EQ(rows[1][0], "none");
+  EXPECT_EQ(rows[1][0], "base");
   EXPECT_EQ(rows[2][0], "covariance");
   EXPECT_EQ(rows[2][4], "metres");
   EXPECT_EQ(rows[2][5], "yes");

@@ -38,8 +38,9 @@ TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
   const std::string text = answer({"experiment", "paper", "source.map", "target.map", "--truth",
                                    "truth.txt", "-o", "results", "--search-xy"});
   EXPECT_THAT(text, HasSubstr("180 runs"));
-  EXPECT_THAT(text, HasSubstr("by true pose"));
-  EXPECT_THAT(text, HasSubstr("starts     the true pose, displaced"));
+  EXPECT_THAT(text, HasSubstr("runs end at the true pose.\nBy k, at that pose: base "));
+  EXPECT_THAT(text, HasSubstr("start from the true pose, displaced"));
+  EXPECT_THAT(content("results/summary.md"), HasSubstr("runs end at the true pose.\n- By k, "));
   EXPECT_EQ(runs("results").size(), 180U);
   EXPECT_EQ(cairn::detail::parse_csv(content("results/timings.csv"), "t").size(), 181U);
   EXPECT_THAT(content("results/summary.md"), HasSubstr("| k | 5 | y 1 z 0.4 roll 10 yaw 22.5 |"));
@@ -47,17 +48,18 @@ TEST_F(ExperimentTest, PaperWritesAllOfItsResults) {
        {"table1_k", "yaw", "xy", "xy_yaw", "iterations", "durations", "successes",
         "rotation_errors", "translation_errors", "xy_search"}) {
     EXPECT_FALSE(content(std::string("results/tables/") + name + ".csv").empty()) << name;
+    EXPECT_THAT(content(std::string("results/tables/") + name + ".tex"), HasSubstr("toprule"));
   }
   const Json json = Json::parse(content("results/experiment.json"));
   EXPECT_EQ(json["schema"]["name"], "cairn.experiment");
-  EXPECT_EQ(json["runs"].size(), 180U);
+  EXPECT_THAT(text, HasSubstr(json["findings"][0].get<std::string>()));
   EXPECT_THAT(json["inputs"]["source"]["hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
   EXPECT_THAT(content("results/experiment.json"), Not(HasSubstr("duration")));
 }
 
 TEST_F(ExperimentTest, PaperSaysFromWhereItStarts) {
   const std::string text = answer({"experiment", "paper", "source.map", "target.map", "-o", "r"});
-  EXPECT_THAT(text, HasSubstr("starts     the maps as they lie, displaced"));
+  EXPECT_THAT(text, HasSubstr("start from the maps as they lie, displaced"));
   EXPECT_THAT(content("r/summary.md"), HasSubstr("start from the maps as they lie, displaced"));
   EXPECT_EQ(Json::parse(content("r/experiment.json"))["options"]["start"], "as_read");
 }

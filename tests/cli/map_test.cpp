@@ -384,7 +384,7 @@ TEST_F(MapCliTest, TheCameraMustBeKnown) {
   fs::remove(path("s/camera.yaml"));
   expect_refusal({"map", "s", "-o", "out.map"}, kWrongUsage,
                  {"--camera", "not given", "fr1, fr2 or fr3"});
-  expect_refusal({"map", "s", "-o", "out.map", "--camera", "fr4"}, kBadInput, {"fr4"});
+  expect_refusal({"map", "s", "-o", "out.map", "--camera", "fr4"}, kWrongUsage, {"fr4"});
   expect_refusal({"map", "s", "-o", "out.map", "--camera", "FISH 640 480 1"}, kWrongUsage,
                  {"'FISH'", "PINHOLE"});
   answer({"map", "s", "-o", "out.map", "--camera", "PINHOLE 320 240 262 262 159.5 119.5"});
@@ -484,6 +484,7 @@ TEST_F(MapCliTest, ASequenceThatIsNoneIsRefused) {
                  {"missing", "neither a folder nor a recording"});
   fs::create_directory(path("empty"));
   expect_refusal({"map", "empty", "-o", "out.map", "--camera", "fr1"}, kBadInput, {"rgb.txt"});
+  expect_refusal({"map", "s/rgb", "-o", "out.map"}, kBadInput, {"s/rgb", "the sequence, s/"});
   fs::remove(path("s/depth.txt"));
   expect_refusal({"map", "s", "-o", "out.map"}, kBadInput, {"depth.txt"});
 }

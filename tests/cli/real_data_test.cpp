@@ -68,7 +68,7 @@ TEST_F(RealDataTest, HalvesAlignFromIdentityByEveryStrategy) {
   cut();
   const Json json =
       document({"align", "later.map", "earlier.map", "--method", "icp", "--no-verdict",
-                "--confidence", "none,covariance,observations,distance"});
+                "--confidence", "base,covariance,observations,distance"});
   EXPECT_EQ(json.at("inputs").at("source").at("kept_landmarks"), 3015);
   EXPECT_EQ(json.at("inputs").at("target").at("kept_landmarks"), 3050);
   ASSERT_EQ(json.at("results").size(), 4U);
@@ -85,7 +85,7 @@ TEST_F(RealDataTest, HalvesAlignFromDisplacementsOfThePaper) {
   for (const char* const pose : {"0.5 -0.5 0 0 0 0", "0 0 0 0 0 40", "-0.5 0.5 0 0 0 -30"}) {
     const Json json =
         document({"align", "later.map", "earlier.map", "--method", "icp", "--no-verdict",
-                  "--initial", pose, "--confidence", "none,covariance,observations,distance"});
+                  "--initial", pose, "--confidence", "base,covariance,observations,distance"});
     for (const Json& result : json.at("results")) {
       EXPECT_THAT(result.at("status"), ::testing::AnyOf("converged", "stopped"));
       EXPECT_LT(result.at("score"), result.at("initial_score"));

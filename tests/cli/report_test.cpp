@@ -99,7 +99,7 @@ TEST_F(ReportTest, ResultsAndOutputMustBeGiven) {
 TEST_F(WrittenReportTest, AlignShowsEachIterationOfEachStrategy) {
   write_pair();
   const std::string text =
-      answer(align({"--confidence", "none,observations", "--truth", "truth.txt", "--report",
+      answer(align({"--confidence", "base,observations", "--truth", "truth.txt", "--report",
                     "r.html", "--trace", "--json", "result.json"}));
   EXPECT_THAT(text, HasSubstr("\nwrote r.html\n"));
   const Json json = Json::parse(content("result.json"));
@@ -147,7 +147,7 @@ TEST_F(WrittenReportTest, ReportDoesNotChangeTheJson) {
 
 TEST_F(WrittenReportTest, SavedResultMakesTheSamePage) {
   write_pair();
-  answer(align({"--confidence", "none,covariance", "--truth", "truth.txt", "--report",
+  answer(align({"--confidence", "base,covariance", "--truth", "truth.txt", "--report",
                 "direct.html", "--trace", "--json", "result.json"}));
   EXPECT_THAT(answer({"report", "result.json", "-o", "saved.html"}), HasSubstr("saved.html"));
   const ReportPage direct = page("direct.html");
@@ -446,7 +446,7 @@ TEST_F(WrittenReportTest, NamesTheMethodAlsoWhenSaved) {
   const SyntheticPair pair = write_pair(3000);  // fewer are not sampled
   const Words words = {"align",        "source.map",       "target.map",
                        "--no-verdict", "--initial-matrix", "start.txt",
-                       "--confidence", "none,observations"};
+                       "--confidence", "base,observations"};
   const auto names_with = [&](const Words& more) {
     Words all = words;
     all.insert(all.end(), more.begin(), more.end());
@@ -485,7 +485,7 @@ TEST_F(WrittenReportTest, AVerdictIsSaidFirstAlsoWhenSaved) {
     EXPECT_THAT(report.document.at("subtitle").get<std::string>(),
                 StartsWith("Rejected: probability "));
     const Json& run = section(report, "scene").at("runs").at(0);
-    EXPECT_EQ(run.at("name"), "anywhere") << name;
+    EXPECT_EQ(run.at("name"), "robust") << name;
     EXPECT_EQ(run.at("summary").at("status"), "rejected") << name;
   }
 }

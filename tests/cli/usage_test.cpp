@@ -256,8 +256,8 @@ TEST_F(UsageTest, AlignmentOptionsOutOfRangeAreNamedAsTheUserKnowsThem) {
 }
 
 TEST_F(UsageTest, UnknownMetricIsNamedBesideThoseThereAre) {
-  expect_refusal({"align", "a.map", "b.map", "--confidence", "none,covarianec"}, kWrongUsage,
-                 {"--confidence", "'covarianec'", "none, covariance", "reprojection"});
+  expect_refusal({"align", "a.map", "b.map", "--confidence", "base,covarianec"}, kWrongUsage,
+                 {"--confidence", "'covarianec'", "base, covariance", "did you mean covariance?"});
 }
 
 TEST_F(UsageTest, CamerasOfTheBenchmarkAndFilesAreKnownToEachVerb) {
@@ -270,8 +270,10 @@ TEST_F(UsageTest, CamerasOfTheBenchmarkAndFilesAreKnownToEachVerb) {
     EXPECT_NE(cairn({"align", "plain.map", "plain.map", "--camera", camera}).exit_code,
               kWrongUsage);
   }
-  expect_refusal({"info", "plain.map", "--camera", "fr4"}, kBadInput,
-                 {"--camera", "'fr4'", "fr1, fr2 or fr3"});
+  expect_refusal({"info", "plain.map", "--camera", "fr4"}, kWrongUsage,
+                 {"--camera", "'fr4'", "fr1, fr2 or fr3", "did you mean fr1?"});
+  expect_refusal({"locate", "plain.map", "image.png", "--camera", "unknwon"}, kWrongUsage,
+                 {"--camera", "did you mean unknown?"});
 }
 
 TEST_F(UsageTest, NothingInANameCommandsTheTerminal) {

@@ -72,7 +72,7 @@ function sectionElement(section: Section, settled: () => void): HTMLElement {
 
 /** Whether the first section says what the subtitle does. */
 function answersItself({ sections: [first] }: Report): boolean {
-  return first?.kind === "answer" && first.alignments.length === 1 && first.alignments[0].judged;
+  return first?.kind === "answer" && first.alignments.filter(({ judged }) => judged).length === 1;
 }
 
 /** Marks the section in view in the contents. */

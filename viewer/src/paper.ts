@@ -3,6 +3,8 @@
 
 /** Of a card on A4 with a browser's margins, in CSS pixels. */
 export const kPaperWidth = 680;
+/** The same on a page turned to landscape. */
+export const kLandscapeWidth = 1000;
 
 const listeners = new Set<{ before: () => void; after: () => void }>();
 let printing = false;

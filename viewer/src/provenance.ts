@@ -20,7 +20,7 @@ function valueTree(value: unknown, depth = 0): Node {
     return document.createTextNode(value.length ? value.map((item) => String(item)).join(", ") : "–");
   }
   if (isMatrix(value)) {
-    return h("div", null, ...value.map((row) => h("div", null, row.map((item) => String(item)).join(", "))));
+    return h("div", null, ...value.map((row) => h("div", null, row.map(entryText).join(", "))));
   }
   const entries = Object.entries(value);
   return entries.length === 0
@@ -34,6 +34,11 @@ function valueTree(value: unknown, depth = 0): Node {
 function isMatrix(value: unknown): value is unknown[][] {
   const isRow = (row: unknown) => Array.isArray(row) && row.every((item) => typeof item !== "object" || item === null);
   return Array.isArray(value) && value.every(isRow);
+}
+
+/** An entry of a matrix, with the digits that a pose on the page has. */
+function entryText(value: unknown): string {
+  return typeof value === "number" ? String(Number(value.toPrecision(9))) : String(value);
 }
 
 /** Options are shown as they were given: no grouping, no rounding. */
@@ -104,7 +109,9 @@ export function provenanceSection(provenance: Provenance | null, version: string
       ),
     );
   }
-  card.append(h("h3", null, "Options"), valueTree(provenance.options));
+  if (Object.keys(provenance.options ?? {}).length > 0) {
+    card.append(h("h3", null, "Options"), h("div", { class: "options" }, valueTree(provenance.options)));
+  }
   return section;
 }
 

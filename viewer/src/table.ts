@@ -2,17 +2,23 @@
 import { announce, button, copyButton, download, h } from "./dom";
 import type { Cell, Table } from "./document/report";
 import { csvBlob } from "./export";
-import { formatFixed, formatNumber, superscript } from "./math/format";
-import { isPrinting, kPaperWidth, onPaper } from "./paper";
+import { formatFixed, formatNumber, formatProbability, superscript } from "./math/format";
+import { isPrinting, kLandscapeWidth, kPaperWidth, onPaper } from "./paper";
 
 const kFirstRows = 200;
+/** Rows below each other as lists are long: of those first so many. */
+const kFirstStacked = 5;
 const kFilterFrom = 25;
 /** A single row of more columns than these reads better as a list of names and values. */
 const kWideRow = 5;
 /** Longer words may be broken: paths, hashes. */
 const kLongWord = 28;
+/** Longer texts are sentences, which go on in the next line. */
+const kLongestEntry = 40;
 /** Below this share of its size on paper, a table's print is too small to read. */
 const kLeastPaperScale = 0.55;
+/** Below this share, a table is on a page turned to landscape. */
+const kLeastPortraitScale = 0.7;
 
 type Direction = "ascending" | "descending";
 
@@ -45,12 +51,21 @@ export function bestValues(table: Table): (number | null)[] {
   });
 }
 
-function cellText(cell: Cell, digits: number | null): string {
+type Column = Table["columns"][number];
+
+function isNumeric({ type }: Column): boolean {
+  return type === "number" || type === "probability";
+}
+
+function cellText(cell: Cell, { type, digits }: Column): string {
   if (cell === null) {
     return "–";
   }
   if (typeof cell === "string") {
     return cell;
+  }
+  if (type === "probability") {
+    return formatProbability(cell);
   }
   return digits === null ? formatNumber(cell, 5) : formatFixed(cell, digits);
 }
@@ -91,8 +106,9 @@ function rowFigure(table: Table, title: string, fileName: string): HTMLElement {
     h(
       "dl",
       { class: "row-facts", "aria-label": title },
-      ...table.columns.map(({ name, unit, digits }, column) => {
-        const text = cellText(row[column], digits);
+      ...table.columns.map((column, index) => {
+        const { name, unit } = column;
+        const text = cellText(row[index], column);
         return h(
           "div",
           null,
@@ -118,12 +134,18 @@ function leastWidth(table: HTMLElement): number {
   return needed;
 }
 
-/** A wide table is printed smaller; with words below each other if it must be; as a list of rows if even that is too small. */
+/**
+ * A wide table is printed smaller, on a page turned to landscape; with words below each other if it must be; as a list of
+ * rows if even that is too small.
+ */
 function fitOnPaper(figure: HTMLElement, table: HTMLElement): void {
   const scaled = (): boolean => {
     table.style.setProperty("--paper-scale", "1");
-    const scale = Math.min(1, kPaperWidth / leastWidth(table));
+    const width = leastWidth(table);
+    const isWide = kPaperWidth / width < kLeastPortraitScale;
+    const scale = Math.min(1, (isWide ? kLandscapeWidth : kPaperWidth) / width);
     const isReadable = scale >= kLeastPaperScale;
+    figure.classList.toggle("on-landscape", isWide && isReadable);
     table.style.setProperty("--paper-scale", String(isReadable ? scale : 1));
     return isReadable;
   };
@@ -138,14 +160,24 @@ function fitOnPaper(figure: HTMLElement, table: HTMLElement): void {
  * A table that is wider than its place becomes a list of rows, each cell with its column's name: nothing is cut off, and
  * nothing has to be scrolled sideways.
  */
-function stackWhereNarrow(figure: HTMLElement, scroll: HTMLElement, table: HTMLElement): void {
+function stackWhereNarrow(
+  figure: HTMLElement,
+  scroll: HTMLElement,
+  table: HTMLElement,
+  onStacked: (isStacked: boolean) => void,
+): void {
+  // Of all rows: a list of the first few must not become a table again because these are narrow.
+  let needed = 0;
   const fit = () => {
-    figure.classList.remove("is-stacked", "on-paper", "on-one-line");
+    figure.classList.remove("is-stacked", "on-paper", "on-one-line", "on-landscape");
     if (isPrinting()) {
       fitOnPaper(figure, table);
-    } else {
-      figure.classList.toggle("is-stacked", scroll.clientWidth > 0 && leastWidth(table) > scroll.clientWidth);
+      return;
     }
+    needed = Math.max(needed, leastWidth(table));
+    const isStacked = scroll.clientWidth > 0 && needed > scroll.clientWidth;
+    figure.classList.toggle("is-stacked", isStacked);
+    onStacked(isStacked);
   };
   new ResizeObserver(fit).observe(figure);
   onPaper(fit, fit);
@@ -172,11 +204,7 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
       ...(column.unit ? [h("span", { class: "unit" }, ` ${unitText(column.unit)}`)] : []),
       h("span", { class: "sort-mark", "aria-hidden": "true" }),
     );
-    return h(
-      "th",
-      { scope: "col", class: column.type === "number" ? "number" : null, "aria-sort": "none" },
-      sortButton,
-    );
+    return h("th", { scope: "col", class: isNumeric(column) ? "number" : null, "aria-sort": "none" }, sortButton);
   });
 
   function sortBy(column: number): void {
@@ -199,17 +227,18 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
     return h(
       "tr",
       null,
-      ...row.map((cell, column) => {
-        const { type, digits } = table.columns[column];
-        const text = cellText(cell, digits);
-        const isBest = best[column] !== null && cell === best[column];
-        const data = h("td", { class: type === "number" ? "number" : null, "data-label": labels[column] });
+      ...row.map((cell, index) => {
+        const column = table.columns[index];
+        const text = cellText(cell, column);
+        const isBest = best[index] !== null && cell === best[index];
+        const data = h("td", { class: isNumeric(column) ? "number" : null, "data-label": labels[index] });
         data.classList.toggle("long", hasLongWord(text));
+        data.classList.toggle("sentence", text.length > kLongestEntry);
         if (isBest) {
           data.classList.add("best");
           data.append(h("span", { class: "best-mark", title: "best in this column" }, "★"), h("strong", null, text));
           data.append(h("span", { class: "visually-hidden" }, " (best)"));
-        } else if (type === "command" && typeof cell === "string") {
+        } else if (column.type === "command" && typeof cell === "string") {
           data.append(copyCell(cell));
         } else {
           data.append(text);
@@ -285,6 +314,12 @@ export function tableFigure(table: Table, title: string, fileName: string): HTML
       fill();
     }
   });
-  stackWhereNarrow(figure, scroll, whole);
+  stackWhereNarrow(figure, scroll, whole, (isStacked) => {
+    const first = isStacked ? kFirstStacked : kFirstRows;
+    if (limit !== Infinity && limit !== first) {
+      limit = first;
+      fill();
+    }
+  });
   return figure;
 }

@@ -19,6 +19,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
 
+#include "support/command_line.hpp"
 #include "support/interrupt.hpp"
 
 namespace cairn::cli {
@@ -308,18 +309,15 @@ Rigid3 PoseArguments::pose() const {
 std::vector<Strategy> parse_strategies(const std::string& text) {
   const auto refuse = [](std::string_view name) {
     throw Error(ErrorKind::kMisuse, "--confidence", printable(name) + " names no metric",
-                confidence_help());
+                confidence_help() + did_you_mean(std::string(name), metric_names()));
   };
   std::vector<Strategy> strategies;
   for (const std::string_view name : words_of(text, kSeparators)) {
-    Strategy strategy{std::string(name), std::nullopt};
-    if (name == "base") strategy.name = "none";
-    if (strategy.name != "none") {
-      try {
-        strategy.metric = metric_named(name);
-      } catch (const Error&) {
-        refuse(name);
-      }
+    Strategy strategy;
+    try {
+      strategy = strategy_named(name == "none" ? "base" : name);  // its name before 0.2
+    } catch (const Error&) {
+      refuse(name);
     }
     const auto same = [&](const Strategy& other) { return other.name == strategy.name; };
     if (std::none_of(strategies.begin(), strategies.end(), same)) {
@@ -331,18 +329,21 @@ std::vector<Strategy> parse_strategies(const std::string& text) {
 }
 
 std::string confidence_help() {
-  return fmt::format("none, {}, or a product such as covariance*observations",
+  return fmt::format("base, {}, or a product such as covariance*observations",
                      fmt::join(metric_names(), ", "));
 }
 
-CameraFile load_camera(const std::string& text) {
+CameraFile load_camera(const std::string& text, std::vector<std::string> names) {
   if (text == "fr1" || text == "fr2" || text == "fr3") {
     return {tum_camera(text), std::nullopt, tum_readout_s(text)};
   }
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
   std::error_code failure;  // the reader explains it
-  reject_if(!std::filesystem::exists(text, failure) && !failure, "--camera",
-            printable(text) + " is no camera and no file", kCameraHelp);
+  if (!std::filesystem::exists(text, failure) && !failure) {
+    names.insert(names.end(), {"fr1", "fr2", "fr3"});
+    throw Error(ErrorKind::kMisuse, "--camera", printable(text) + " is no camera and no file",
+                std::string(kCameraHelp) + did_you_mean(text, names));
+  }
   FileReader file(text);
   return read_camera_file(file);
 }

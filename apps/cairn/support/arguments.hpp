@@ -155,7 +155,7 @@ struct PoseArguments {
   std::string name_;
 };
 
-/// Strategies from text such as "none,covariance"; no two alike. Base ICP is called "none".
+/// Strategies from text such as "base,covariance"; no two alike.
 std::vector<Strategy> parse_strategies(const std::string& text);
 
 /// Help text that lists the metrics.
@@ -166,7 +166,7 @@ inline constexpr const char* kCameraHelp =
     "fr1, fr2 or fr3 of the TUM benchmark, a camera file, or \"MODEL width height parameters\"";
 
 /// The camera that `--camera` names: any of kCameraHelp.
-CameraFile load_camera(const std::string& text);
+CameraFile load_camera(const std::string& text, std::vector<std::string> names = {});
 
 /// "MODEL width height parameters": a camera for maps whose format has none.
 Camera parse_camera(const std::string& text);

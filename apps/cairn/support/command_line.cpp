@@ -230,11 +230,6 @@ bool are_verbs(const CLI::App& program, std::span<char*> words) {
   return true;
 }
 
-std::string did_you_mean(const std::string& word, std::span<const std::string> names) {
-  const auto meant = likely_meant(word, names);
-  return meant ? fmt::format("; did you mean {}?", *meant) : "";
-}
-
 std::vector<std::string> option_names(const CLI::App& verb) {
   std::vector<std::string> names;
   for (const CLI::Option* option : verb.get_options()) {
@@ -333,6 +328,11 @@ auto refuse_none(const std::string& name) {
 }
 
 }  // namespace
+
+std::string did_you_mean(const std::string& word, std::span<const std::string> names) {
+  const auto meant = likely_meant(word, names);
+  return meant ? fmt::format("; did you mean {}?", *meant) : "";
+}
 
 void keep_command_line(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) words_of_program().push_back(without_password(argv[i]));

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,9 @@ void keep_command_line(int argc, char** argv);
 
 /// "cairn" and the words after it.
 const std::vector<std::string>& command_line();
+
+/// "; did you mean NAME?" if one of the names is likely meant by a mistyped word, or "".
+std::string did_you_mean(const std::string& word, std::span<const std::string> names);
 
 /// "--name" of "-n,--name".
 std::string long_name(const std::string& name);

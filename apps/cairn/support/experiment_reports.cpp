@@ -53,23 +53,6 @@ ColorImage side_by_side(const ColorImage& left, const ColorImage& right) {
 }
 #endif
 
-// How many runs succeed, by either measure.
-std::string count_of(const PaperResults& results, const PoseTolerance& tolerance) {
-  const auto count = [&](const auto& passes) {
-    return std::count_if(results.runs.begin(), results.runs.end(), passes);
-  };
-  std::string text =
-      fmt::format("{} of {} runs succeed by their score",
-                  count([&](const TrialResult& run) { return results.score_success(run); }),
-                  results.runs.size());
-  if (results.has_truth) {
-    text += fmt::format(", {} by their pose", count([&](const TrialResult& run) {
-                          return run.error && tolerance.holds(*run.error);
-                        }));
-  }
-  return text + ".";
-}
-
 void add_sections(report::Report& report, std::vector<report::Section> sections,
                   const std::string& prefix) {
   for (report::Section& section : sections) {
@@ -82,6 +65,17 @@ std::string paragraphs_of(std::span<const std::string> sentences) {
   std::string text;
   for (const std::string& sentence : sentences) text += (text.empty() ? "" : "\n\n") + sentence;
   return text;
+}
+
+// The first stands below the title, unless the report has others beside this.
+void add_findings(report::Report& report, const std::vector<std::string>& findings,
+                  const std::string& prefix) {
+  const bool alone = prefix.empty() && !report.subtitle && findings.size() > 1;
+  if (!report.subtitle) report.subtitle = findings.front();
+  report.sections.push_back({.id = prefix + "findings",
+                             .title = "Findings",
+                             .text = paragraphs_of(std::span(findings).subspan(alone ? 1 : 0)),
+                             .content = report::Text()});
 }
 
 void add_one_configuration(report::Report& report, const ShownPaper& shown,
@@ -114,32 +108,6 @@ void add_one_configuration(report::Report& report, const ShownPaper& shown,
 
 }  // namespace
 
-Json to_json(const TrialResult& run) {
-  const Displacement& initial = run.trial.initial;
-  Json json = {{"pair", run.trial.pair},
-               {"experiment", run.trial.experiment},
-               {"number", run.trial.number},
-               {"method", to_string(run.trial.method)},
-               {"strategy", run.trial.strategy},
-               {"k", run.trial.k},
-               {"x_m", initial.x_m},
-               {"y_m", initial.y_m},
-               {"z_m", initial.z_m},
-               {"roll_deg", initial.roll_deg},
-               {"pitch_deg", initial.pitch_deg},
-               {"yaw_deg", initial.yaw_deg},
-               {"status", to_string(run.status)},
-               {"stop_reason", to_string(run.stop_reason)},
-               {"iterations", run.iterations},
-               {"cycle_length", run.cycle_length ? Json(*run.cycle_length) : Json(nullptr)},
-               {"initial_score_m2", to_json(run.initial_score)},
-               {"score_m2", to_json(run.score)}};
-  json["target_from_source"] = run.target_from_source ? to_json(*run.target_from_source) : nullptr;
-  json["rotation_error_deg"] = run.error ? Json(degrees(run.error->rotation_rad)) : nullptr;
-  json["translation_error_m"] = run.error ? Json(run.error->translation) : nullptr;
-  return json;
-}
-
 Json to_json(const ResultTable& table) {
   Json columns = Json::array();
   for (const ResultTable::Column& column : table.columns) {
@@ -165,8 +133,10 @@ Json to_json(const ResultTable& table) {
           {"rows", std::move(rows)}};
 }
 
-std::string markdown_of(const std::vector<ResultTable>& tables) {
+std::string markdown_of(const std::vector<std::string>& findings,
+                        const std::vector<ResultTable>& tables) {
   std::string text;
+  for (const std::string& finding : findings) text += fmt::format("- {}\n", finding);
   for (const ResultTable& table : tables) {
     text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
   }
@@ -205,39 +175,26 @@ void write_runs(const std::string& folder, const std::vector<TrialResult>& runs,
 void write_tables(const std::string& folder, const std::vector<ResultTable>& tables) {
   for (const ResultTable& table : tables) {
     write_text(folder, "tables/" + table.name + ".csv", table.csv());
+    write_text(folder, "tables/" + table.name + ".tex", table.latex());
   }
 }
 
-void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& common,
+void add_paper(report::Report& report, const ShownPaper& shown, const CommonArguments& common,
                const std::string& prefix) {
   if (report.title.empty()) {
     report.title =
         fmt::format("The paper's experiments on {} and {}", shown.source_name, shown.target_name);
   }
-  if (!report.subtitle) report.subtitle = count_of(*shown.results, shown.tolerance);
-  // First how many runs succeed; one run in 3D is an example of them.
-  auto& sections = shown.sections;
-  const auto successes = std::find_if(sections.begin(), sections.end(),
-                                      [](const auto& one) { return one.id == "table-successes"; });
-  if (successes != sections.end()) {
-    add_sections(report, {*successes}, prefix);
-    sections.erase(successes);
-  }
+  add_findings(report, paper_findings(*shown.results, shown.tolerance), prefix);
   if (shown.pair != nullptr) add_one_configuration(report, shown, common, prefix);
-  add_sections(report, std::move(sections), prefix);
+  add_sections(report, report::paper_sections(*shown.results, shown.tolerance), prefix);
 }
 
 void add_study(report::Report& report, const std::string& name,
                const std::vector<std::string>& findings, std::vector<report::Section> sections,
                const std::string& prefix) {
   if (report.title.empty()) report.title = "Study " + name;
-  // The first stands below the title, unless the report has others beside this study.
-  const bool alone = prefix.empty() && !report.subtitle && findings.size() > 1;
-  if (!report.subtitle) report.subtitle = findings.front();
-  report.sections.push_back({.id = prefix + "findings",
-                             .title = "Findings",
-                             .text = paragraphs_of(std::span(findings).subspan(alone ? 1 : 0)),
-                             .content = report::Text()});
+  add_findings(report, findings, prefix);
   add_sections(report, std::move(sections), prefix);
 }
 

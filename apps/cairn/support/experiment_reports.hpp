@@ -13,12 +13,11 @@
 
 namespace cairn::cli {
 
-/// One run as documents hold it, with the names of runs.csv; without its duration.
-Json to_json(const TrialResult& run);
 Json to_json(const ResultTable& table);
 
-/// Each table with its name and title, for a summary.
-std::string markdown_of(const std::vector<ResultTable>& tables);
+/// The findings as a list, and each table with its name and title, for a summary.
+std::string markdown_of(const std::vector<std::string>& findings,
+                        const std::vector<ResultTable>& tables);
 
 /// The folder that results go to, which appears when all are written; makes those it is to be in.
 /// @param folder new or empty
@@ -29,7 +28,7 @@ detail::OutputFolder result_folder(const std::filesystem::path& folder);
 void write_runs(const std::string& folder, const std::vector<TrialResult>& runs,
                 const std::string& prefix = "");
 
-/// Writes each table as tables/NAME.csv.
+/// Writes each table as tables/NAME.csv and tables/NAME.tex.
 void write_tables(const std::string& folder, const std::vector<ResultTable>& tables);
 
 /// Text to a file in the folder.
@@ -44,13 +43,12 @@ struct ShownPaper {
   const MapPair* pair = nullptr;  ///< null: not to be had; then there is no scene
   IcpOptions align = {};          ///< as they were run with
   PointSetOptions points = {};
-  std::vector<report::Section> sections = {};  ///< paper_sections()
 };
 
-/// Adds how many runs succeed; one configuration in 3D, Table 1's displacement with the paper's k, by every
+/// Adds the findings; one configuration in 3D, Table 1's displacement with the paper's k, by every
 /// strategy; then the figures and tables. A report without title or subtitle gets them.
 /// @param prefix of the ids, for several results in one report; may be empty
-void add_paper(report::Report& report, ShownPaper shown, const CommonArguments& common,
+void add_paper(report::Report& report, const ShownPaper& shown, const CommonArguments& common,
                const std::string& prefix = {});
 
 /// Adds a study's findings, figures and tables.

@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "cairn/experiments/run.hpp"
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/report/frame_images.hpp"
 #endif
@@ -20,17 +19,8 @@
 namespace cairn::cli {
 namespace {
 
-Method method_of(const StrategyResult& result) {
-  // Before it is asked for samples: ICP on samples may have led the robust method.
-  if (result.method == AlignMethod::kRobust) {
-    return result.alignment.verdict ? Method::kAnywhere : Method::kRobust;
-  }
-  return result.alignment.registration.coarse_iterations > 0 ? Method::kFast : Method::kIcp;
-}
-
-std::string name_of(const StrategyResult& result) {
-  const bool weighs = result.confidence != "none";
-  return approach_name(method_of(result), weighs ? result.confidence : "base");
+report::ShownAlignment shown_of(const StrategyResult& result) {
+  return {&result.alignment, report::strategy_name(result.method, result.confidence), result.k};
 }
 
 std::optional<std::string> taken(Json& object, std::string_view key) {
@@ -53,9 +43,7 @@ report::Report begin_report(std::string title, const CommonArguments& common) {
 
 void add_pair(report::Report& report, const ReportedPair& pair, const std::string& prefix) {
   auto shown = static_cast<const report::ShownPair&>(pair);
-  for (const StrategyResult& result : pair.results) {
-    shown.alignments.push_back({&result.alignment, name_of(result), result.k});
-  }
+  for (const StrategyResult& result : pair.results) shown.alignments.push_back(shown_of(result));
   std::vector<report::AlignmentRun> runs = report::runs_of(shown);
   // Without maps errors cannot be measured, but the results may know them.
   const bool has_maps = pair.source != nullptr && pair.target != nullptr;
@@ -70,19 +58,11 @@ void add_pair(report::Report& report, const ReportedPair& pair, const std::strin
 }
 
 std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit unit) {
-  const auto judged = std::count_if(results.begin(), results.end(), [](const auto& result) {
-    return result.alignment.verdict.has_value();
-  });
-  if (judged > 0) {
-    std::string text;
-    for (const StrategyResult& result : results) {
-      if (!result.alignment.verdict) continue;
-      if (!text.empty()) text += " ";
-      if (judged > 1) text += name_of(result) + ": ";
-      text += report::verdict_sentence(result.alignment);
-    }
-    return text;
+  std::vector<report::ShownAlignment> judged;
+  for (const StrategyResult& result : results) {
+    if (result.alignment.verdict) judged.push_back(shown_of(result));
   }
+  if (!judged.empty()) return report::verdict_sentence(judged);
   const std::string symbol = unit_symbol(unit);
   const StrategyResult* nearest = nullptr;
   const StrategyResult* closest = nullptr;
@@ -100,11 +80,11 @@ std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit u
   }
   if (closest == nullptr) return "No strategy found a pose.";
   std::string text = fmt::format("The lowest score is that of {}: {:.4g} {}² after {} iterations",
-                                 name_of(*closest), *score_of(*closest), symbol,
+                                 shown_of(*closest).name, *score_of(*closest), symbol,
                                  closest->alignment.registration.iterations);
   if (nearest != nullptr) {
     text += fmt::format("; {} is nearest to the true pose, {} {} and {} degrees off",
-                        nearest == closest ? "it" : name_of(*nearest),
+                        nearest == closest ? "it" : shown_of(*nearest).name,
                         fixed(nearest->error->translation, 4), symbol,
                         fixed(degrees(nearest->error->rotation_rad), 3));
   }

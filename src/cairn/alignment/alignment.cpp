@@ -69,17 +69,14 @@ std::string_view status_of(const Alignment& alignment) {
                            : to_string(alignment.registration.status);
 }
 
-double percent_rounded_down(double probability, int digits) {
-  constexpr double kRounding = 1e-6;  // 0.9983 is stored as a little less
-  const double units = std::pow(10.0, digits);
-  return std::floor(100.0 * units * probability + kRounding) / units;
-}
-
 std::string probability_text(double probability) {
   if (probability < 0.0001) return "<0.01 %";
   if (probability > 0.999999) return ">99.9999 %";
   const int digits = probability < 0.9999 ? 2 : 4;
-  return fmt::format("{:.{}f} %", percent_rounded_down(probability, digits), digits);
+  const double units = std::pow(10.0, digits);
+  constexpr double kRounding = 1e-6;  // 0.9983 is stored as a little less
+  return fmt::format("{:.{}f} %", std::floor(100.0 * units * probability + kRounding) / units,
+                     digits);
 }
 
 std::string decision_text(double probability, double required) {

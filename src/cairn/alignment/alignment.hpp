@@ -249,9 +249,6 @@ std::optional<PoseDeviations> deviations_of(const Alignment& alignment);
 /// Name of the verdict; if there is none, "converged", "stopped", "failed" or "cancelled".
 std::string_view status_of(const Alignment& alignment);
 
-/// A probability in percent, rounded down to so many digits.
-double percent_rounded_down(double probability, int digits);
-
 /// A probability for people, in percent, rounded down to two digits, from 99.99 % on to four. It never reads
 /// 0 % or 100 %.
 std::string probability_text(double probability);

@@ -561,6 +561,7 @@ AlignmentRecord record_of(const JsonField& field, unsigned version) {
     io.field("probability", alignment.probability);
   }
   kRecordFields(io, record);
+  if (record.confidence == "none") record.confidence = "base";  // its name before 0.2
   read_poses(field, version, alignment);
   result.status = registration_status(field, alignment);
   io.maybe("reason", alignment.reason);

@@ -22,7 +22,7 @@ std::string_view to_string(AlignMethod method);
 struct AlignmentRecord {
   Alignment alignment;
   AlignMethod method = AlignMethod::kRobust;
-  std::string confidence = "none";  ///< name of the confidence metric; "none": base ICP
+  std::string confidence = "base";  ///< name of the confidence metric; "base": none
   std::size_t k = 1;                ///< candidates per match; 1 except with kIcp and a metric
   LengthUnit length_unit = LengthUnit::kMetres;
   /// Overlap radius in the target's unit; std::nullopt if no overlap was computed.

@@ -158,6 +158,14 @@ TEST(AlignmentDocument, PoseOfVersion1IsTheEstimateAndTrustedOnlyIfAligned) {
   EXPECT_EQ(trusted.target_from_source->scale(), 2.0);
 }
 
+TEST(AlignmentDocument, BaseWasNone) {
+  AlignmentRecord record = aligned(AlignMethod::kIcp, false);
+  for (const char* const name : {"base", "none"}) {
+    record.confidence = name;
+    EXPECT_EQ(read_one(to_json(record), kAlignmentVersion).confidence, "base");
+  }
+}
+
 // Version 1 may state the pose by two matrices, of which each is off a rotation by its own rounding.
 TEST(AlignmentDocument, TwoStatementsOfAPoseAreOne) {
   const auto entry = [](const std::string& estimate) {

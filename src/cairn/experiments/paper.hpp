@@ -127,6 +127,12 @@ const TrialResult& run_of(const PaperResults& results, std::size_t configuration
 /// @param tolerance of a success by the true pose
 std::vector<ResultTable> paper_tables(const PaperResults& results, const PoseTolerance& tolerance);
 
+/// The main findings in sentences: which strategies end at the true pose and from where, and how often the score and the
+/// pose disagree. Where the truth is unknown, the pose that most runs agree on stands for it.
+/// @param tolerance of a success by the true pose
+std::vector<std::string> paper_findings(const PaperResults& results,
+                                        const PoseTolerance& tolerance);
+
 /// Duration of each run, next to the published one.
 ResultTable paper_durations(const PaperResults& results);
 

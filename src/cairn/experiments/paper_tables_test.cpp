@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -82,6 +86,47 @@ TEST(PaperTables, WriteMarkdownAndCsv) {
   ASSERT_EQ(rows.size(), 3U);
   EXPECT_THAT(rows[1].cells, ::testing::ElementsAre("a|b", "0.3333333333333333"));
   EXPECT_THAT(rows[2].cells, ::testing::ElementsAre("c", ""));
+}
+
+TEST(PaperTables, WriteLatexWithThePublishedDigits) {
+  const ResultTable table{"t",
+                          "Title.",
+                          {{"a_name"}, {"value", "10^-3 m^2", 6}},
+                          {{"50 % & more", 4.58499}, {"c", {}}}};
+  EXPECT_EQ(table.latex(), R"(\begin{tabular}{lr}
+\toprule
+a\_name & value \\
+ & 10$^{-3}$ m$^{2}$ \\
+\midrule
+50 \% \& more & 4.58499 \\
+c & - \\
+\bottomrule
+\end{tabular}
+)");
+}
+
+// The paper's own conclusions, from its own numbers.
+TEST(PaperFindings, SayWhatConvergesFromWhere) {
+  PaperResults results = published_as_results();
+  results.has_truth = true;  // whose poses pass as the scores do, but for two runs
+  for (TrialResult& run : results.runs) {
+    run.error.emplace();
+    if (!results.score_success(run)) run.error->translation = 1.0;
+  }
+  results.runs[0].error->translation = 0.0;  // base, k = 1, whose score fails
+  results.runs.back().error->translation = 1.0;
+  const auto findings = paper_findings(results, {});
+  EXPECT_EQ(findings.front(), fmt::format("{} of 180 runs end at the true pose.",
+                                          std::count_if(results.runs.begin(), results.runs.end(),
+                                                        [](const TrialResult& run) {
+                                                          return run.error->translation == 0.0;
+                                                        })));
+  const std::string all = fmt::format("{}", fmt::join(findings, "\n"));
+  EXPECT_THAT(all, HasSubstr("By k, at that pose: base 1 of 7 (up to k = 1), "));
+  EXPECT_THAT(all, HasSubstr("published, by the score: base 0 of 7, "));
+  EXPECT_THAT(all, HasSubstr("base 4 of 8"));
+  EXPECT_THAT(all, HasSubstr("disagree in 2 of 180 runs: 1 pass by the score and do not end at the "
+                             "true pose, 1 end there and fail by the score"));
 }
 
 TEST(PaperTables, DescribeADisplacementByWhatIsNotZero) {

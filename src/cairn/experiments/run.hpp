@@ -165,17 +165,17 @@ std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> p
                                         std::span<const Eigen::Vector3d> source,
                                         const PoseTolerance& tolerance = {});
 
-/// A table for display: as CSV in full, or as Markdown with rounded numbers.
+/// A table for display: as CSV in full, or as Markdown or LaTeX with rounded numbers.
 struct ResultTable {
   struct Column {
     std::string name;
     std::string unit = {};  ///< empty: none
-    int digits = 4;         ///< significant, of numbers in Markdown
+    int digits = 4;         ///< significant, of rounded numbers
   };
   using Cell = std::variant<std::monostate, double, std::string>;  ///< unknown, number, text
 
   std::string name;   ///< of its file, e.g. "table1_scores"
-  std::string title;  ///< a sentence
+  std::string title;  ///< a heading as a sentence, and what explains it
   std::vector<Column> columns;
   std::vector<std::vector<Cell>> rows;
 
@@ -184,6 +184,8 @@ struct ResultTable {
 
   std::string csv() const;
   std::string markdown() const;
+  /// A tabular with the rules of the package booktabs.
+  std::string latex() const;
 };
 
 }  // namespace cairn

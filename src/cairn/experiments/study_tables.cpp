@@ -31,21 +31,22 @@ double share_of(std::size_t part, std::size_t whole) {
 }
 
 ResultTable strategies(const StudySummary& summary) {
-  ResultTable table{"strategies",
-                    "Success by the true pose with an interval for which the pair of maps is the "
-                    "unit, success by "
-                    "the score, iterations, and the median errors of successes.",
-                    {{"strategy"},
-                     {"runs"},
-                     {"success", "%", 3},
-                     {"low", "%", 3},
-                     {"high", "%", 3},
-                     {"by score", "%", 3},
-                     {"median iterations"},
-                     {"at the limit", "%", 3},
-                     {"median rotation error", "deg", 3},
-                     {"median translation error", "mm", 3}},
-                    {}};
+  ResultTable table{
+      "strategies",
+      "Success by strategy. By the true pose with an interval for which the pair of maps is the "
+      "unit, success by "
+      "the score, iterations, and the median errors of successes.",
+      {{"strategy"},
+       {"runs"},
+       {"success", "%", 3},
+       {"low", "%", 3},
+       {"high", "%", 3},
+       {"by score", "%", 3},
+       {"median iterations"},
+       {"at the limit", "%", 3},
+       {"median rotation error", "deg", 3},
+       {"median translation error", "mm", 3}},
+      {}};
   for (const StrategySummary& strategy : summary.strategies) {
     Row row = {strategy.name, static_cast<double>(strategy.runs)};
     add(row, strategy.success);
@@ -61,7 +62,7 @@ ResultTable strategies(const StudySummary& summary) {
 
 ResultTable places(const StudySummary& summary) {
   ResultTable table{
-      "places", "Success by the true pose, by kind of place.", {{"place"}, {"runs"}}, {}};
+      "places", "Success by kind of place. By the true pose.", {{"place"}, {"runs"}}, {}};
   for (const StrategySummary& strategy : summary.strategies) {
     table.columns.push_back({strategy.name, "%", 3});
   }
@@ -78,7 +79,7 @@ ResultTable places(const StudySummary& summary) {
 
 ResultTable pair_rates(const Study& study, const StudySummary& summary) {
   ResultTable table{"pairs",
-                    fmt::format("Success of {} starts of each pair.", study.initial_count),
+                    fmt::format("Success by pair of maps. Of {} starts each.", study.initial_count),
                     {{"pair"}},
                     {}};
   for (const StrategySummary& strategy : summary.strategies) {
@@ -95,12 +96,11 @@ ResultTable pair_rates(const Study& study, const StudySummary& summary) {
 }
 
 ResultTable judgement(const ScoreJudgement& score) {
-  ResultTable table{
-      "score",
-      "Whether the score can judge the pose. AUC: the probability that of a right and a "
-      "wrong pose the right one has the lower score; 0.5 is a coin.",
-      {{"what"}, {"value", "", 3}, {"low", "", 3}, {"high", "", 3}},
-      {}};
+  ResultTable table{"score",
+                    "The score as a judge of the pose. AUC: the probability that of a right and a "
+                    "wrong pose the right one has the lower score; 0.5 is a coin.",
+                    {{"what"}, {"value", "", 3}, {"low", "", 3}, {"high", "", 3}},
+                    {}};
   table.rows.push_back({"median AUC within a pair", score.median_auc, Cell(), Cell()});
   table.rows.push_back({"lowest AUC within a pair", score.lowest_auc, Cell(), Cell()});
   for (const auto& [name, rate] :

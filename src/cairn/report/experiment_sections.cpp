@@ -194,7 +194,7 @@ Section basins_chart(const StudySummary& summary) {
                        std::move(chart));
 }
 
-void add_tables(std::vector<Section>& sections, const std::vector<ResultTable>& tables) {
+void add_tables(std::vector<Section>& sections, std::span<const ResultTable> tables) {
   for (const ResultTable& table : tables) sections.push_back(table_section(table));
 }
 
@@ -213,13 +213,15 @@ Section table_section(const ResultTable& source) {
                              {}});
   }
   for (const auto& row : source.rows) table.rows.emplace_back(row.begin(), row.end());
-  std::string title = source.name;
-  std::replace(title.begin(), title.end(), '_', ' ');
-  return {id_of("table-" + source.name), "Table: " + title, source.title, std::move(table)};
+  const std::size_t end = std::min(source.title.find('.'), source.title.size());
+  const std::string text = source.title.substr(std::min(end + 2, source.title.size()));
+  return {id_of("table-" + source.name), source.title.substr(0, end),
+          text.empty() ? std::nullopt : std::optional(text), std::move(table)};
 }
 
 std::vector<Section> paper_sections(const PaperResults& results, const PoseTolerance& tolerance) {
-  std::vector<Section> sections;
+  const std::vector<ResultTable> tables = paper_tables(results, tolerance);
+  std::vector<Section> sections = {table_section(tables.front())};
   for (const Experiment experiment : {Experiment::kYaw, Experiment::kXy, Experiment::kXyYaw}) {
     sections.push_back(violins(experiment, false, results));
     sections.push_back(violins(experiment, true, results));
@@ -237,7 +239,7 @@ std::vector<Section> paper_sections(const PaperResults& results, const PoseToler
                                            Threshold{results.success_score, "success below"},
                                            "Score (m²)"));
   }
-  add_tables(sections, paper_tables(results, tolerance));
+  add_tables(sections, std::span(tables).subspan(1));
   return sections;
 }
 

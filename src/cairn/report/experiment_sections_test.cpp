@@ -67,9 +67,14 @@ TEST(PaperSections, HoldScoreAgainstErrorWhereTheTruthIsKnown) {
 }
 
 TEST(TableSection, KeepsCellsAndUnits) {
-  const Section section = table_section(
-      {"some_table", "Title.", {{"name"}, {"value", "m"}}, {{"a", 1.5}, {"b", std::monostate()}}});
+  const Section section = table_section({"some_table",
+                                         "Heading. It explains.",
+                                         {{"name"}, {"value", "m"}},
+                                         {{"a", 1.5}, {"b", std::monostate()}}});
   EXPECT_EQ(section.id, "table-some-table");
+  EXPECT_EQ(section.title, "Heading");
+  EXPECT_EQ(section.text, "It explains.");
+  EXPECT_EQ(table_section({"t", "Heading.", {{"name"}}, {}}).text, std::nullopt);
   const auto& table = std::get<Table>(section.content);
   EXPECT_EQ(table.columns[0].type, CellType::kText);
   EXPECT_EQ(table.columns[1].type, CellType::kNumber);

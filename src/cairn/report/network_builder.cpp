@@ -9,7 +9,6 @@
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/report/detail/map_builder.hpp"
@@ -171,17 +170,11 @@ Table maps_table(const Network& network) {
   return table;
 }
 
-// As probability_text(): 99.998 % is not 100 %.
-Scalar percent_of(const std::optional<double>& probability) {
-  if (!probability) return {};
-  return std::min(99.99, percent_rounded_down(*probability, 2));
-}
-
 Table links_table(const Network& network) {
   Table table;
   table.columns = {{"Target", std::nullopt, CellType::kText, std::nullopt},
                    {"Source", std::nullopt, CellType::kText, std::nullopt},
-                   {"Probability", "%", CellType::kNumber, 2},
+                   {"Probability", std::nullopt, CellType::kProbability, std::nullopt},
                    {"Use", std::nullopt, CellType::kText, std::nullopt},
                    {"Residual distance", unit_of(network.length_unit), CellType::kNumber, 4},
                    {"Residual angle", "°", CellType::kNumber, 3},
@@ -191,7 +184,7 @@ Table links_table(const Network& network) {
       return value ? Scalar(factor * *value) : Scalar();
     };
     table.rows.push_back({network.nodes[link.target].name, network.nodes[link.source].name,
-                          percent_of(link.probability), std::string(use_text(link.use)),
+                          number(link.probability, 1.0), std::string(use_text(link.use)),
                           number(link.residual, 1.0), number(link.residual_deg, 1.0),
                           link.reason.empty() ? Scalar() : Scalar(link.reason)});
   }

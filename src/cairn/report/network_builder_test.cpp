@@ -199,11 +199,13 @@ TEST(SessionChart, KeepsOneClockUnlessABarWouldBeALine) {
   EXPECT_EQ(chart.series[2].spans[0].start, 0.0);
 }
 
-TEST(LinksTable, DoesNotRoundAProbabilityUpTo100) {
+TEST(LinksTable, LeavesTheWordingOfProbabilitiesToThePage) {
   Row row;
   row.edges[0].probability = 0.99998;
   const Report report = report_of(row.maps, row.edges);
-  EXPECT_EQ(std::get<Table>(section_of(report, "links")->content).rows[0][2], Scalar(99.99));
+  const auto& table = std::get<Table>(section_of(report, "links")->content);
+  EXPECT_EQ(table.columns[2].type, CellType::kProbability);
+  EXPECT_EQ(table.rows[0][2], Scalar(0.99998));
 }
 
 TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {

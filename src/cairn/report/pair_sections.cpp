@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cctype>
 #include <utility>
 
@@ -47,6 +48,15 @@ AlignmentAnswer answer_of(const Alignment& alignment, const std::string& name) {
                                  .evidence = evidence_of(candidate.support)});
   }
   return answer;
+}
+
+// Whether a line of the chart leaves one value: a flat one shows nothing that the table does not.
+bool changes(const LinesChart& chart) {
+  constexpr double kFlat = 0.01;  // of the largest value
+  return std::any_of(chart.series.begin(), chart.series.end(), [&](const Line& line) {
+    const auto [low, high] = std::minmax_element(line.y.begin(), line.y.end());
+    return low != line.y.end() && *high - *low > kFlat * *high;
+  });
 }
 
 }  // namespace
@@ -127,7 +137,7 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
                "target landmark. A lower one is a closer fit, not always a better pose.",
        .content = std::move(table)});
   for (const auto& [section, chart] : charts) {
-    if (chart.series.empty()) continue;
+    if (!changes(chart)) continue;
     report.sections.push_back({.id = prefix + section.id,
                                .title = section.title,
                                .text = std::nullopt,
@@ -151,10 +161,23 @@ void add_map(Report& report, const LandmarkMap& map, const std::string& name,
                                               .runs = {}}});
 }
 
-std::string verdict_sentence(const Alignment& alignment) {
-  std::string word(status_of(alignment));
-  word.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(word.front())));
-  return fmt::format("{}: {}.", word, alignment.reason);
+std::string verdict_sentence(std::span<const ShownAlignment> alignments) {
+  std::string text;
+  for (const ShownAlignment& shown : alignments) {
+    if (!text.empty()) text += ", ";
+    text += fmt::format("{} {}", shown.name, status_of(*shown.alignment));
+  }
+  if (alignments.size() == 1) {
+    const Alignment& alignment = *alignments.front().alignment;
+    text = fmt::format("{}: {}", status_of(alignment), alignment.reason);
+    text.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(text.front())));
+  }
+  return text + ".";
+}
+
+std::string strategy_name(AlignMethod method, const std::string& confidence) {
+  if (method == AlignMethod::kIcp) return confidence;
+  return confidence == "base" ? "robust" : "robust " + confidence;
 }
 
 }  // namespace cairn::report

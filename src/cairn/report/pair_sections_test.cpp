@@ -137,7 +137,35 @@ TEST_F(PairSections, ARunSaysTheVerdictNotWhatTheMethodThinksOfItself) {
                                    [](const auto& entry) { return entry.first == "status"; });
   ASSERT_NE(status, run.summary.end());
   EXPECT_EQ(std::get<std::string>(status->second), "rejected");
-  EXPECT_EQ(verdict_sentence(rejected), "Rejected: too little in common.");
+}
+
+TEST_F(PairSections, AVerdictIsASentenceAndSeveralAreWords) {
+  Alignment rejected = alignment_;
+  rejected.verdict = Verdict::kRejected;
+  rejected.reason = "too little in common";
+  const ShownAlignment one = {&rejected, strategy_name(AlignMethod::kIcp, "base"), 1};
+  EXPECT_EQ(verdict_sentence({{one}}), "Rejected: too little in common.");
+  Alignment aligned = alignment_;
+  aligned.verdict = Verdict::kAligned;
+  const ShownAlignment other = {&aligned, strategy_name(AlignMethod::kRobust, "distance"), 1};
+  EXPECT_EQ(verdict_sentence({{one, other}}), "base rejected, robust distance aligned.");
+}
+
+TEST_F(PairSections, LeaveOutCurvesThatStayFlat) {
+  const auto with_scores = [&](double first, double last) {
+    Alignment alignment = alignment_;
+    RegistrationResult& result = alignment.registration;
+    result.initial_score = first;
+    for (IterationRecord& iteration : result.history) iteration.score = last;
+    result.score = last;
+    pair_.alignments = {{&alignment, "base", 1}};
+    Report report;
+    add_pair(report, pair_, runs_of(pair_));
+    const auto all = ids(report);
+    return std::find(all.begin(), all.end(), "convergence") != all.end();
+  };
+  EXPECT_TRUE(with_scores(0.02, 0.01));
+  EXPECT_FALSE(with_scores(0.010001, 0.01));
 }
 
 TEST(MapSection, ShowsAMapAlone) {

@@ -246,8 +246,8 @@ struct SpansChart {
 using Chart = std::variant<DistributionChart, LinesChart, HeatmapChart, IntervalsChart,
                            ScatterChart, SpansChart>;
 
-/// A command is text to copy into a shell.
-enum class CellType { kText, kNumber, kCommand };
+/// A command is text to copy into a shell, a probability a number from 0 to 1.
+enum class CellType { kText, kNumber, kCommand, kProbability };
 
 struct TableColumn {
   std::string name = {};

@@ -20,7 +20,7 @@ namespace cairn::report {
 /// One alignment of a pair of maps.
 struct ShownAlignment {
   const Alignment* alignment = nullptr;
-  std::string name = {};  ///< of the method, e.g. "robust"
+  std::string name = {};  ///< strategy_name(), or another
   std::size_t k = 1;      ///< candidates per match of its ICP
 };
 
@@ -56,8 +56,11 @@ void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> r
 void add_map(Report& report, const LandmarkMap& map, const std::string& name,
              const std::string& prefix = {}, std::vector<FrameImage> images = {});
 
-/// "Aligned: REASON."
-std::string verdict_sentence(const Alignment& alignment);
+/// "Aligned: REASON." for a single alignment; of several, "base aligned, covariance ambiguous."
+std::string verdict_sentence(std::span<const ShownAlignment> alignments);
+
+/// A page's name of an alignment: the words of `--method` and `--confidence`, where icp and base go without saying.
+std::string strategy_name(AlignMethod method, const std::string& confidence);
 
 /// A map and its pose.
 struct NetworkMap {

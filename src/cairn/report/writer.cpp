@@ -161,7 +161,7 @@ Json name_of(Enum value, const std::array<const char*, kSize>& names) {
 }
 
 Json to_json(CellType type) {
-  return name_of(type, std::array{"text", "number", "command"});
+  return name_of(type, std::array{"text", "number", "command", "probability"});
 }
 
 Json to_json(ImageType type) {

@@ -370,8 +370,8 @@ function parseTable(field: Field) {
       object({
         name: text,
         unit: orNull(text),
-        /** A command is text to copy into a shell. */
-        type: oneOf("text", "number", "command"),
+        /** A command is text to copy into a shell, a probability a number from 0 to 1. */
+        type: oneOf("text", "number", "command", "probability"),
         digits: orNull(count),
       }),
     ),

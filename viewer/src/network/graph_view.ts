@@ -56,9 +56,9 @@ export class GraphView {
     return places;
   }
 
-  draw(colors: Palette, selected: Selection | null, rejected: boolean): void {
+  draw(colors: Palette, selected: Selection | null, rejected: boolean, paperWidth?: number): void {
     const model = this.#model;
-    const width = Math.max(240, this.element.clientWidth);
+    const width = Math.max(240, paperWidth ?? this.element.clientWidth);
     const count = model.nodes.length;
     const height = Math.round(Math.min(520, Math.max(250, 0.62 * width)));
     const gap = Math.min(96, Math.max(14, 0.75 * Math.sqrt((width * height) / Math.max(1, count))));

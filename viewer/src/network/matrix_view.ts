@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { fitText, textWidth } from "../charts/shared";
 import { h, pressable, redrawn, s } from "../dom";
-import { formatNumber } from "../math/format";
+import { formatProbability } from "../math/format";
 import type { Palette } from "../theme";
 import { linkLabel } from "./graph_view";
 import { counts, linkColor, type NetworkModel, type Selection } from "./network_model";
@@ -21,10 +21,10 @@ export class MatrixView {
     this.#onSelect = onSelect;
   }
 
-  draw(colors: Palette, selected: Selection | null): void {
+  draw(colors: Palette, selected: Selection | null, paperWidth?: number): void {
     const model = this.#model;
     const count = model.nodes.length;
-    const width = Math.max(240, this.element.clientWidth);
+    const width = Math.max(240, paperWidth ?? this.element.clientWidth);
     const longest = Math.max(...model.nodes.map((node) => textWidth(node.name)), 0) + 10;
     const plain = Math.max(2, width / Math.max(1, count));
     const named = plain >= kNamesFrom;
@@ -91,10 +91,9 @@ export class MatrixView {
         counts(link) ? null : this.#rect(x, y, size, `url(#${pattern})`),
       );
       if (size >= kNumbersFrom && link.probability !== null) {
-        const percent = 100 * link.probability;
-        const text =
-          percent > 99 && percent < 100 ? formatNumber(Math.floor(100 * percent) / 100, 4) : formatNumber(percent, 2);
-        const half = textWidth(text, 11) / 2 + 3;
+        const text = formatProbability(link.probability).replace(" %", "");
+        const fontSize = Math.min(11, (11 * (size - 4)) / textWidth(text, 11));
+        const half = textWidth(text, fontSize) / 2 + 3;
         if (!counts(link)) {
           group.append(
             s("rect", { x: x + size / 2 - half, y: y + size / 2 - 8, width: 2 * half, height: 16, rx: 3, fill: color }),
@@ -103,7 +102,13 @@ export class MatrixView {
         group.append(
           s(
             "text",
-            { x: x + size / 2, y: y + size / 2 + 4, "text-anchor": "middle", "font-size": 11, fill: readableOn(color) },
+            {
+              x: x + size / 2,
+              y: y + size / 2 + 4,
+              "text-anchor": "middle",
+              "font-size": fontSize,
+              fill: readableOn(color),
+            },
             text,
           ),
         );

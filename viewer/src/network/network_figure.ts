@@ -21,7 +21,7 @@ import { keyframeText, type Keyframe } from "../scene/keyframes";
 import { listenForKeys } from "../scene/keyboard";
 import type { OrbitState, StandardView } from "../scene/orbit";
 import type { Quality } from "../scene/view3d";
-import { isPrinting, onPaper } from "../paper";
+import { isPrinting, kPaperWidth, onPaper } from "../paper";
 import { onThemeChange, palette } from "../theme";
 import { GraphView, linkLabel } from "./graph_view";
 import { MatrixView } from "./matrix_view";
@@ -503,7 +503,13 @@ class NetworkFigure {
       this.redraw();
     });
     new ResizeObserver(() => this.#layOut()).observe(stage.surface);
-    onPaper(() => this.#drawNow());
+    onPaper(
+      () => {
+        this.#drawNow();
+        this.#drawPlans(kPaperWidth);
+      },
+      () => this.#drawPlans(),
+    );
     let plansWidth = 0;
     new ResizeObserver(() => {
       if (!isPrinting() && this.#graph.element.clientWidth !== plansWidth) {
@@ -527,10 +533,12 @@ class NetworkFigure {
     this.redraw();
   }
 
-  #drawPlans(): void {
+  /** @param paperWidth of both together; not given: as wide as they are shown */
+  #drawPlans(paperWidth?: number): void {
     const colors = palette();
-    this.#graph.draw(colors, this.#view.selected, this.#view.layers.rejected);
-    this.#matrix.draw(colors, this.#view.selected);
+    const part = (share: number) => paperWidth && share * paperWidth;
+    this.#graph.draw(colors, this.#view.selected, this.#view.layers.rejected, part(0.5));
+    this.#matrix.draw(colors, this.#view.selected, part(0.4));
   }
 
   // Drawing: only when something changed, cheaply while it changes, in full once it rests

@@ -635,8 +635,9 @@ function copyOrbit(orbit: OrbitState): OrbitState {
 /** What the alignments' results say: a row for each value that any of them has, a column for each strategy. */
 function summaryTable(section: SceneSection): HTMLElement | null {
   const summaries = section.runs.map((run) => new Map(run.summary));
-  const keys = [...new Set(summaries.flatMap((summary) => [...summary.keys()]))].filter((key) =>
-    summaries.some((summary) => (summary.get(key) ?? null) !== null),
+  // The reason of a verdict is in the answer.
+  const keys = [...new Set(summaries.flatMap((summary) => [...summary.keys()]))].filter(
+    (key) => key !== "reason" && summaries.some((summary) => (summary.get(key) ?? null) !== null),
   );
   if (keys.length === 0) {
     return null;

@@ -193,11 +193,11 @@ std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
 
 void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const {
   PoseDifferences poses = pose_differences(maps_[k], maps_[m], common);
-  options_.log(
-      fmt::format("{} images are both in {} and in {}; their poses differ by {:.3g} and {:.2g} deg "
-                  "(medians)",
-                  common.same.size(), maps_[k].name, maps_[m].name, upper_median(poses.apart),
-                  upper_median(poses.turned_deg)));
+  const auto rounded = [](double value) { return value < 1e-9 ? 0.0 : value; };
+  options_.log(fmt::format(
+      "{} images are both in {} and in {}; their poses differ by {:.3g} and {:.2g}° (medians)",
+      common.same.size(), maps_[k].name, maps_[m].name, rounded(upper_median(poses.apart)),
+      rounded(upper_median(poses.turned_deg))));
 }
 
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.
