@@ -497,7 +497,7 @@ TEST_F(EvaluateAlignmentTest, WithoutATruthEachPoseIsJudged) {
   EXPECT_EQ(right.at("results").at(0).at("target_from_source"),
             saved.at("results").at(0).at("estimate"));
   EXPECT_THAT(answer({"evaluate", "alignment", "right.json", "--csv", "-"}),
-              HasSubstr("confidence,status,probability\nnone,aligned,0.99"));
+              HasSubstr("confidence,status,probability\nbase,aligned,0.99"));
   // Against a truth it need not be judged.
   const Json compared = document({"evaluate", "alignment", "right.json", "--truth", "truth.txt"});
   EXPECT_EQ(compared.at("results").at(0).at("success"), true);

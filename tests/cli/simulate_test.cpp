@@ -189,7 +189,7 @@ TEST_F(SimulateTest, MistakesAreNamedBeforeAnythingIsWritten) {
   expect_refusal({"simulate", "s", "--environment", "cellar"}, kWrongUsage,
                  {"'cellar'", "desk, office, corridor, warehouse, room, kitchen"});
   expect_refusal({"simulate", "s", "--path", "missing.txt"}, kBadInput, {"missing.txt"});
-  expect_refusal({"simulate", "s", "--camera", "missing.yaml"}, kBadInput, {"missing.yaml"});
+  expect_refusal({"simulate", "s", "--camera", "missing.yaml"}, kWrongUsage, {"missing.yaml"});
   expect_refusal({"simulate", "s", "--color-format", "gif"}, kWrongUsage, {"'gif'", "png or jpeg"});
   expect_refusal({"simulate", "s", "--frames", "3", "--duration", "1"}, kWrongUsage,
                  {"--frames", "--duration"});
