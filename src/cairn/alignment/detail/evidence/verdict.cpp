@@ -19,9 +19,11 @@ constexpr double kLeastAgreeing = 0.4;  // of them
 // Matching radii. Matches in a smaller ball may be of one object if both maps have surroundings of which nothing is known.
 // In a larger one, surroundings may also be hidden by each other, but then hardly contradict.
 constexpr double kLargestObject = 17.5;
-// Least number of agreeing descriptor matches outside their largest cluster, if all matches are in a ball that may be one
-// object: the walls around it agree wherever it stands on them, as one of several equal doors.
+// If all matches are in a ball that may be one object: least number of agreeing descriptor matches outside their largest
+// cluster, or most contradicted lines of sight. The walls around one of several equal doors agree wherever it is, but not
+// all that is in front of them.
 constexpr std::size_t kFewestOfObject = 20;
+constexpr double kMostContradictedOfObject = 0.03;
 constexpr double kMuchAround = 0.2;          // of each map's landmarks
 constexpr double kLeastNotHidden = 0.07;     // share of landmarks that agree
 constexpr double kHardlyContradicted = 0.1;  // of those that agree or are contradicted
@@ -62,19 +64,22 @@ std::string open_text(const RegistrationResult& result) {
 }
 
 // Why the matches may be of one object in two places; empty if they are not.
-std::string other_surroundings(const Surroundings& around, const Support& support) {
+std::string other_surroundings(const Surroundings& around, const PlacementCandidate& best) {
   const auto share = [](std::size_t part, std::size_t all) {
     return static_cast<double>(part) / static_cast<double>(all);
   };
   const auto& [agree, in_front, behind] = around.landmarks;
   const std::size_t compared = around.landmarks.total();
   if (around.extent == 0.0) return {};  // not known
-  if (around.extent < kLargestObject && support.agreement &&
-      support.agreement->spread < kFewestOfObject) {
+  const auto& agreement = best.support.agreement;
+  if (around.extent < kLargestObject && agreement && agreement->spread < kFewestOfObject &&
+      best.contradicted.value_or(1.0) > kMostContradictedOfObject) {
     return fmt::format(
-        "all matches are in a ball of {:.3g} matching radii, below the required {:g}, and {} "
-        "descriptor matches outside their largest cluster agree, fewer than {}",
-        around.extent, kLargestObject, support.agreement->spread, kFewestOfObject);
+        "all matches are in a ball of {:.3g} matching radii, below the required {:g}, {} "
+        "descriptor matches outside their largest cluster agree, fewer than {}, and {} of the "
+        "lines of sight contradict it",
+        around.extent, kLargestObject, agreement->spread, kFewestOfObject,
+        best.contradicted ? percent(*best.contradicted) : "an unknown number");
   }
   if (compared < kFewestAround) {
     if (around.extent >= kLargestObject || around.share < kMuchAround) return {};
@@ -219,7 +224,7 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
                       "thing stands twice",
                       like->support.agreement->agreeing, best.support.agreement->agreeing));
     }
-    if (const std::string other = other_surroundings(around, best.support); !other.empty()) {
+    if (const std::string other = other_surroundings(around, best); !other.empty()) {
       return ambiguous("the maps may show two places that share one object: " + other);
     }
     return {Verdict::kAligned, found};

@@ -299,21 +299,26 @@ TEST(Verdict, MatchesOfOneSpotNeedSurroundings) {
   EXPECT_EQ(judgement_with({{.agree = 12}, 17.4, 0.5}).verdict, Verdict::kAligned);
 }
 
-TEST(Verdict, MatchesOfOneSpotNeedDescriptorsThatAgreeElsewhere) {
-  const auto with = [](std::size_t spread, double extent) {
+TEST(Verdict, MatchesOfOneSpotNeedDescriptorsThatAgreeElsewhereOrFreeLinesOfSight) {
+  const auto with = [](std::size_t spread, double extent, std::optional<double> contradicted) {
     PlacementCandidate candidate = judged_candidate(0.9999);
     candidate.support.agreement =
         DescriptorAgreement{.matches = 100, .agreeing = 90, .spread = spread};
+    candidate.contradicted = contradicted;
     // A wall on which a thing stands twice agrees in all.
     return judge(std::vector{candidate}, known_pose(), 3000, 0.99, {{.agree = 300}, extent, 0.5});
   };
-  EXPECT_EQ(with(20, 17.4).verdict, Verdict::kAligned);
-  EXPECT_EQ(with(19, 17.4).verdict, Verdict::kAmbiguous);
-  EXPECT_THAT(with(19, 17.4).reason,
-              HasSubstr("all matches are in a ball of 17.4 matching radii, below the required 17.5, "
-                        "and 19 descriptor matches outside their largest cluster agree, fewer than "
-                        "20"));
-  EXPECT_EQ(with(19, 17.6).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(20, 17.4, 0.05).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(19, 17.4, 0.05).verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(
+      with(19, 17.4, 0.05).reason,
+      HasSubstr("all matches are in a ball of 17.4 matching radii, below the required 17.5, "
+                "19 descriptor matches outside their largest cluster agree, fewer than 20, "
+                "and 5.0 % of the lines of sight contradict it"));
+  EXPECT_EQ(with(19, 17.6, 0.05).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(19, 17.4, 0.03).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(19, 17.4, 0.031).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with(19, 17.4, std::nullopt).verdict, Verdict::kAmbiguous);
 }
 
 }  // namespace
