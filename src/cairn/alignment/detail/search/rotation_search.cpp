@@ -26,7 +26,7 @@ struct Round {
 
 constexpr std::size_t kAnchors = 8;       // of each map; translations are all pairs of them
 constexpr std::size_t kScoutPoints = 48;  // source points that score a translation
-constexpr std::size_t kMostVoxels = 1 << 19;
+constexpr std::size_t kMostVoxels = 1 << 20;
 constexpr float kVoxelsPerScale = 4.0F;
 constexpr std::array<Round, 4> kRounds = {{
     {3072, 0.0, 5, 128},
