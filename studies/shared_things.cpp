@@ -185,13 +185,14 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   if (!result.candidates.empty() && result.candidates.front().support.agreement) {
     spread = result.candidates.front().support.agreement->spread;
   }
-  fmt::print("{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{:.2f},{:.3f},{},{}\n", pair.number,
-             pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
-             pair.target.size(), to_string(*result.verdict), *result.probability,
-             degrees(error.rotation_rad), error.translation, right ? 1 : 0,
-             result.around.landmarks.in_front, result.around.landmarks.agree,
-             result.around.landmarks.behind, result.around.extent, result.around.share, spread,
-             found ? columns_of(*found, pair) : ",,,");
+  fmt::print(
+      "{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{:.2f},{:.3f},{},{}\n",
+      pair.number, pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
+      pair.target.size(), to_string(*result.verdict), *result.probability,
+      degrees(error.rotation_rad), error.translation, right ? 1 : 0,
+      result.around.landmarks.in_front, result.around.landmarks.agree,
+      result.around.landmarks.behind, result.around.extent, result.around.share, spread,
+      found ? columns_of(*found, pair) : ",,,");
   std::fflush(stdout);
 }
 
