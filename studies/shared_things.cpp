@@ -19,6 +19,7 @@
 #include <fmt/format.h>
 
 #include "cairn/alignment/bends.hpp"
+#include "cairn/alignment/detail/evidence/verdict.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
@@ -181,10 +182,8 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   }
   const bool right = pair.same_place() && thing == 0.0 && result.registration.has_pose() &&
                      degrees(error.rotation_rad) <= 5.0 && error.translation <= 0.05;
-  std::size_t spread = 0;
-  if (!result.candidates.empty() && result.candidates.front().support.agreement) {
-    spread = result.candidates.front().support.agreement->spread;
-  }
+  const std::size_t spread =
+      result.candidates.empty() ? 0 : detail::agreement_spread(result.candidates.front().support);
   fmt::print(
       "{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{:.2f},{:.3f},{},{}\n",
       pair.number, pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),

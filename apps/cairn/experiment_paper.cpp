@@ -94,19 +94,19 @@ struct PaperArguments {
     const double seconds = watch.seconds();
 
     const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);
-    write_all(unfinished, results, tables);
+    const std::vector<std::string> findings = paper_findings(results, options.tolerance);
+    write_all(unfinished, results, findings, tables);
     if (!images.empty()) {
       common.console().remark(write_common_view(unfinished, pair, results, images[0], images[1]));
     }
     Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
     if (pair.truth)
       inputs["truth"] = {{"path", truth}, {"target_from_source", to_json(*pair.truth)}};
-    Json json = describe(std::move(inputs), results, tables);
+    const Json json = describe(std::move(inputs), results, findings, tables);
     write_text(unfinished, "experiment.json", to_text(json));
     folder.commit();
     write_document(json, common);
     if (!common.report_path.empty()) {
-      json.erase("tables");
       report::Report report = begin_report("", common);
       set_provenance(report, json);
       add_paper(report,
@@ -120,7 +120,7 @@ struct PaperArguments {
                 common);
       write_report(report, common);
     }
-    print(results, seconds);
+    print(results, findings, seconds);
     return kDone;
   }
 
@@ -134,21 +134,21 @@ struct PaperArguments {
   std::string success_text(const PaperResults& results) const {
     std::string text = fmt::format(
         "\nA run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by "
-        "its "
-        "pose within {:g} degrees and {:g} m.\nThe runs start from {}.\n",
+        "its pose within {:g} degrees and {:g} m.\nThe runs start from {}.\n",
         results.success_score, kPublishedSuccessScore, options.tolerance.rotation_deg,
         options.tolerance.translation_m, start_text(results));
     if (const auto swapped = swapped_truth(results)) text += fmt::format("\n{}.\n", *swapped);
     return text;
   }
 
-  std::string summary(const PaperResults& results, const std::vector<ResultTable>& tables) const {
+  std::string summary(const PaperResults& results, const std::vector<std::string>& findings,
+                      const std::vector<ResultTable>& tables) const {
     return fmt::format("# The paper's experiments on {} and {}\n\n", source, target) +
-           markdown_of(paper_findings(results, options.tolerance), {}) + success_text(results) +
-           markdown_of({}, tables);
+           markdown_of(findings) + success_text(results) + markdown_of(tables);
   }
 
   void write_all(const std::string& folder, const PaperResults& results,
+                 const std::vector<std::string>& findings,
                  const std::vector<ResultTable>& tables) const {
     write_runs(folder, results.runs);
     write_tables(folder, tables);
@@ -160,10 +160,10 @@ struct PaperArguments {
       }
       write_runs(folder, runs, "xy_search_");
     }
-    write_text(folder, "summary.md", summary(results, tables));
+    write_text(folder, "summary.md", summary(results, findings, tables));
   }
 
-  Json describe(Json inputs, const PaperResults& results,
+  Json describe(Json inputs, const PaperResults& results, const std::vector<std::string>& findings,
                 const std::vector<ResultTable>& tables) const {
     Json json = document("experiment", common, std::move(inputs), options_json());
     json["experiment"] = "paper";
@@ -175,18 +175,17 @@ struct PaperArguments {
                    {"pose", results.agreement->pose},
                    {"agrees", results.agreement->agrees}}
             : Json(nullptr);
-    json["findings"] = paper_findings(results, options.tolerance);
+    json["findings"] = findings;
     json["tables"] = Json::array();
     for (const ResultTable& table : tables) json["tables"].push_back(to_json(table));
     return json;
   }
 
-  void print(const PaperResults& results, double seconds) const {
+  void print(const PaperResults& results, const std::vector<std::string>& findings,
+             double seconds) const {
     const Console console = common.console();
     console.print("{}: {} runs in {:.1f} s\n\n", output, results.runs.size(), seconds);
-    for (const std::string& finding : paper_findings(results, options.tolerance)) {
-      console.print("{}\n", finding);
-    }
+    for (const std::string& finding : findings) console.print("{}\n", finding);
     console.print(success_text(results));
     if (const auto swapped = swapped_truth(results)) console.remark(*swapped);
   }

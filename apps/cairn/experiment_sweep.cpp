@@ -78,8 +78,7 @@ void check_simulation([[maybe_unused]] const PairSimulation& simulation) {
 
 std::string summary(const Study& study, const std::vector<std::string>& findings,
                     const std::vector<ResultTable>& tables) {
-  std::string text = fmt::format("# {}\n\n", study.name);
-  return text + markdown_of(findings, tables);
+  return fmt::format("# {}\n\n", study.name) + markdown_of(findings) + markdown_of(tables);
 }
 
 // A pair's paths, which are relative to the study's file, as seen from here.

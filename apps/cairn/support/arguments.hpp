@@ -166,6 +166,7 @@ inline constexpr const char* kCameraHelp =
     "fr1, fr2 or fr3 of the TUM benchmark, a camera file, or \"MODEL width height parameters\"";
 
 /// The camera that `--camera` names: any of kCameraHelp.
+/// @param names of other words that the verb takes, for its suggestion
 CameraFile load_camera(const std::string& text, std::vector<std::string> names = {});
 
 /// "MODEL width height parameters": a camera for maps whose format has none.

@@ -133,10 +133,14 @@ Json to_json(const ResultTable& table) {
           {"rows", std::move(rows)}};
 }
 
-std::string markdown_of(const std::vector<std::string>& findings,
-                        const std::vector<ResultTable>& tables) {
+std::string markdown_of(const std::vector<std::string>& findings) {
   std::string text;
   for (const std::string& finding : findings) text += fmt::format("- {}\n", finding);
+  return text;
+}
+
+std::string markdown_of(const std::vector<ResultTable>& tables) {
+  std::string text;
   for (const ResultTable& table : tables) {
     text += fmt::format("\n## {}\n\n{}\n\n{}", table.name, table.title, table.markdown());
   }

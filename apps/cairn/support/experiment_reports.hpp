@@ -15,9 +15,9 @@ namespace cairn::cli {
 
 Json to_json(const ResultTable& table);
 
-/// The findings as a list, and each table with its name and title, for a summary.
-std::string markdown_of(const std::vector<std::string>& findings,
-                        const std::vector<ResultTable>& tables);
+/// For a summary: findings as a list, and each table with its name and title.
+std::string markdown_of(const std::vector<std::string>& findings);
+std::string markdown_of(const std::vector<ResultTable>& tables);
 
 /// The folder that results go to, which appears when all are written; makes those it is to be in.
 /// @param folder new or empty

@@ -246,8 +246,7 @@ ResultTable paper_durations(const PaperResults& results) {
   return side_by_side(
       results, "durations",
       "Durations. Wall time of each run; the published ones are of unoptimised code that scored "
-      "each "
-      "iteration.",
+      "each iteration.",
       "s", 3, all, [](const PublishedOutcome& outcome) { return Cell(outcome.duration_s); },
       [](const TrialResult& run) { return Cell(run.duration_s); });
 }

@@ -34,8 +34,7 @@ ResultTable strategies(const StudySummary& summary) {
   ResultTable table{
       "strategies",
       "Success by strategy. By the true pose with an interval for which the pair of maps is the "
-      "unit, success by "
-      "the score, iterations, and the median errors of successes.",
+      "unit, success by the score, iterations, and the median errors of successes.",
       {{"strategy"},
        {"runs"},
        {"success", "%", 3},
