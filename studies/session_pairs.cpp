@@ -177,12 +177,14 @@ SessionPart session_part(std::string_view name) {
 }
 
 void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers,
-                           SessionPart part, const std::function<void(const SessionPair&)>& take) {
+                           SessionPart part, const std::function<void(const SessionPair&)>& take,
+                           bool strangers) {
   const std::vector<Session> sessions = read_sessions(folder, part);
   for (std::uint64_t number = numbers.first; number < numbers.end; ++number) {
     Random random = Random(number).fork(static_cast<std::uint64_t>(part));
     const Session& one = sessions[random.index(sessions.size())];
     const bool same = number % 2 == 0;
+    if (same && strangers) continue;
     std::vector<const Session*> others;
     for (const Session& session : sessions) {
       if ((session.place == one.place) == same) others.push_back(&session);

@@ -76,13 +76,15 @@ std::optional<Rigid3> world_from_map(const LandmarkMap& map, const std::map<doub
 /// Share of the smaller cloud's landmarks with a counterpart.
 double overlap(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth);
 
-/// Draws pairs, every other of two different places; a number means the same pair each time. For some
-/// no parts that overlap as wanted are found: these are left out.
+/// Draws pairs, every other (odd number) of two different places; a number means the same pair each time. For
+/// some no parts that overlap as wanted are found: these are left out.
 ///
+/// @param strangers only those of different places
 /// @param folder holds, for each session, PLACE-SEED-SESSION.cairn and PLACE-SEED-SESSION.gt, its ground
 ///               truth (studies/placement_sessions.sh makes them)
 /// @throws Error or std::runtime_error if there are no two sessions
 void for_each_session_pair(const std::filesystem::path& folder, PairNumbers numbers,
-                           SessionPart part, const std::function<void(const SessionPair&)>& take);
+                           SessionPart part, const std::function<void(const SessionPair&)>& take,
+                           bool strangers = false);
 
 }  // namespace cairn::benchmarks

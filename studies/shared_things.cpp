@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the verdict makes of different places in which one thing stands, and of pairs as they are.
-//   cairn_shared_things_benchmark FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]
+//   cairn_shared_things_benchmark FOLDER NUMBERS [fit|choose|test [things|pairs|strangers [deformed|bare]]]
 // FOLDER holds sessions as studies/placement_sessions.sh makes them; NUMBERS is "150" or "150-300". "things" (the
 // default) takes two maps of different places and puts into both what two sessions of a third saw
 // within 0.2 to 0.7 m of a landmark: any pose that is aligned is wrong. "pairs" leaves maps as they are,
-// every other pair of one place. "deformed" frees the scale and judges pairs also up to a smooth deformation, both by
+// every other pair of one place; "strangers" are those of different places. "bare" leaves out descriptors and lines of
+// sight. "deformed" frees the scale and judges pairs also up to a smooth deformation, both by
 // descriptors alone. One CSV row a pair to stdout.
 #include <algorithm>
 #include <array>
@@ -195,18 +196,31 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   std::fflush(stdout);
 }
 
+// The pair as points alone.
+SessionPair without_evidence(SessionPair pair) {
+  for (LandmarkCloud* const cloud : {&pair.source, &pair.target}) {
+    cloud->descriptors.reset();
+    cloud->views.clear();
+  }
+  return pair;
+}
+
 void run(const std::vector<std::string>& words) {
   const std::string& folder = words[0];
   const auto part = benchmarks::session_part(words.size() > 2 ? words[2] : "test");
-  const bool things = words.size() <= 3 || words[3] != "pairs";
+  const bool strangers = words.size() > 3 && words[3] == "strangers";
+  const bool things = words.size() <= 3 || words[3] == "things";
   const bool deformed = words.size() > 4 && words[4] == "deformed";
+  const bool bare = words.size() > 4 && words[4] == "bare";
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
       "rotation_deg,translation_m,right,in_front,agree,behind,extent,around,agreeing,deformed,"
       "deformed_scale,deformed_deg,deformed_m\n");
   benchmarks::for_each_session_pair(
-      folder, benchmarks::pair_numbers(words[1]), part, [&](const SessionPair& pair) {
+      folder, benchmarks::pair_numbers(words[1]), part,
+      [&](const SessionPair& pair) {
+        if (bare) return tell(without_evidence(pair), 0.0, false);
         if (!things) return tell(pair, 0.0, deformed);
         if (pair.same_place()) return;
         Random random = Random(pair.number).fork(99);
@@ -220,12 +234,14 @@ void run(const std::vector<std::string>& words) {
         };
         tell(with, std::min(share((*thing)[0], with.source), share((*thing)[1], with.target)),
              deformed);
-      });
+      },
+      strangers);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return benchmarks::study_main(argc, argv, 2,
-                                "FOLDER NUMBERS [fit|choose|test [things|pairs [deformed]]]", run);
+  return benchmarks::study_main(
+      argc, argv, 2, "FOLDER NUMBERS [fit|choose|test [things|pairs|strangers [deformed|bare]]]",
+      run);
 }

@@ -137,6 +137,9 @@ Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,
 /// Finds or judges any number of poses between two maps as a whole, by the options' search, scale, gravity, limits and
 /// bars; AlignOptions::method and prior have no effect. Work that all of them share is done once, on first
 /// use. Each pose is compared with the candidates of place().
+///
+/// Evenly spread landmarks stand for a dense cloud (PreparedMap::even()). If that does not give an aligned pose, all
+/// landmarks are used too, and the likelier result is returned.
 class PreparedPair {
  public:
   /// @throws Error (misuse) for invalid options
@@ -160,6 +163,10 @@ class PreparedPair {
 
  private:
   class Work;
+  template <class Judge>
+  Alignment likeliest(const Judge& judge) const;
+
+  std::unique_ptr<Work> even_;  // null unless a cloud is dense
   std::unique_ptr<Work> work_;
 };
 

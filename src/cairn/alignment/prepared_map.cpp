@@ -13,7 +13,12 @@ namespace cairn {
 
 PreparedMap::PreparedMap(LandmarkCloud cloud, const PrepareOptions& options, std::string_view name)
     : cloud_(std::make_shared<const detail::PreparedCloud>(std::move(cloud), options.seed,
-                                                           options.executor, name)) {}
+                                                           options.executor, name)) {
+  constexpr std::size_t kDense = 2 * detail::PreparedCloud::kSample;
+  const LandmarkCloud& landmarks = cloud_->landmarks();
+  if (landmarks.size() <= kDense || landmarks.descriptors || !landmarks.views.empty()) return;
+  even_ = std::make_shared<const detail::PreparedCloud>(cloud_->even(options.executor));
+}
 
 PreparedMap::PreparedMap(const LandmarkMap& map, const PrepareOptions& options)
     : PreparedMap(landmark_cloud(map, options.confidence, options.points), options) {

@@ -96,6 +96,9 @@ class PreparedMap {
 
   // For this module.
   const detail::PreparedCloud& cloud() const { return *cloud_; }
+  /// Evenly spread landmarks of a dense cloud, such as a depth camera's: more than 8,192 landmarks without descriptors and
+  /// views. Null for other maps.
+  const std::shared_ptr<const detail::PreparedCloud>& even() const { return even_; }
   /// Null for landmarks without a map. Its landmarks are indices in cloud().
   const std::shared_ptr<const MapImages>& images() const { return images_; }
   /// Null for landmarks without a map.
@@ -103,6 +106,7 @@ class PreparedMap {
 
  private:
   std::shared_ptr<const detail::PreparedCloud> cloud_;
+  std::shared_ptr<const detail::PreparedCloud> even_;
   LengthUnit length_unit_ = LengthUnit::kMetres;
   std::optional<Eigen::Vector3d> gravity_;
   std::shared_ptr<const MapImages> images_;

@@ -9,6 +9,7 @@
 #include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -131,6 +132,89 @@ TEST(PreparedMap, GivesThePlacementThatTheMapGives) {
   EXPECT_EQ(plain.probability, prepared.probability);
   EXPECT_EQ(plain.registration.target_from_source.matrix(),
             prepared.registration.target_from_source.matrix());
+}
+
+// Points on a floor with boxes, drawn anew for each seed, with noise of 5 mm. The near half of the floor's length is drawn
+// nine times as densely, as a camera there would.
+LandmarkCloud scanned_floor(std::size_t count, std::uint64_t seed) {
+  struct Box {
+    Eigen::Vector3d least;
+    Eigen::Vector3d size;
+  };
+  Random scene(3);  // one scene for all seeds
+  std::vector<Box> boxes = {{{0.0, 0.0, -0.1}, {4.0, 3.0, 0.1}}};
+  for (int i = 0; i < 40; ++i) {
+    boxes.push_back({{scene.uniform(0.0, 3.5), scene.uniform(0.0, 2.5), 0.0},
+                     {scene.uniform(0.1, 0.8), scene.uniform(0.1, 0.8), scene.uniform(0.1, 1.5)}});
+  }
+  Random random(seed);
+  LandmarkCloud cloud;
+  while (cloud.size() < count) {
+    // Boxes by their surface; of a box, a point on its top or on a side.
+    const Box& box = boxes[random.uniform() < 0.2 ? 0 : random.index(boxes.size())];
+    Eigen::Vector3d at(random.uniform(), random.uniform(), random.uniform());
+    const std::size_t face = random.index(3);
+    if (face == 2 || &box == &boxes.front()) {
+      at.z() = 1.0;
+    } else {
+      at[static_cast<Eigen::Index>(face)] = random.uniform() < 0.5 ? 0.0 : 1.0;
+    }
+    const Eigen::Vector3d point = box.least + box.size.cwiseProduct(at);
+    if (point.x() > 2.0 && random.uniform() > 1.0 / 9.0) continue;
+    const Eigen::Vector3d noise(random.normal(), random.normal(), random.normal());
+    cloud.positions.push_back(point + 0.005 * noise);
+  }
+  return cloud;
+}
+
+TEST(PreparedMap, SpreadsADenseCloudEvenly) {
+  const LandmarkCloud cloud = scanned_floor(60000, 1);
+  const PreparedMap map(cloud);
+  ASSERT_TRUE(map.even());
+  const PreparedCloud& even = *map.even();
+  EXPECT_LE(even.size(), PreparedCloud::kSample);
+  EXPECT_GE(even.size(), PreparedCloud::kSample * 9 / 10);
+  // Of the floor beside boxes, both halves have one density.
+  double near = 0.0;
+  double far = 0.0;
+  for (std::uint32_t i = 0; i < even.size(); ++i) {
+    const Eigen::Vector3d at = even.landmarks().positions[i] + even.centre();
+    EXPECT_LT((at - cloud.positions[even.as_given(i)]).norm(), 1e-12);
+    (at.x() < 2.0 ? near : far) += 1.0;
+  }
+  EXPECT_GT(far, 0.6 * near);
+}
+
+TEST(PreparedMap, HasNoEvenLandmarksWhereEachCounts) {
+  LandmarkCloud cloud = scanned_floor(10000, 1);
+  EXPECT_TRUE(PreparedMap(cloud).even());
+  LandmarkCloud seen = cloud;
+  seen.views.push_back({Eigen::Vector3d(0.0, 0.0, 5.0), {1, 2, 3}});
+  EXPECT_FALSE(PreparedMap(seen).even());
+  cloud.descriptors = {"user", 1, std::vector<std::uint8_t>(cloud.size(), 7),
+                       std::vector<std::uint8_t>(cloud.size(), 1)};
+  EXPECT_FALSE(PreparedMap(cloud).even());
+  EXPECT_FALSE(PreparedMap(scanned_floor(8000, 1)).even());
+}
+
+// What a surface shows does not depend on how densely it was sampled.
+TEST(PreparedMap, PlacesOneSurfaceHoweverDenselyItWasSampled) {
+  const Rigid3 truth(
+      Eigen::Quaterniond(Eigen::AngleAxisd(2.0, Eigen::Vector3d(1, 2, 3).normalized())),
+      Eigen::Vector3d(0.5, -2.0, 1.0));
+  for (const std::size_t count : {10000, 20000}) {
+    LandmarkCloud source = scanned_floor(count, 11);
+    for (Eigen::Vector3d& position : source.positions) position = truth.inverse() * position;
+    const Alignment placed = place(source, scanned_floor(count, 12));
+    EXPECT_EQ(placed.verdict, Verdict::kAligned) << count << ": " << placed.reason;
+    ASSERT_TRUE(placed.registration.has_pose());
+    const Rigid3& found = placed.registration.target_from_source;
+    double largest = 0.0;
+    for (const Eigen::Vector3d& position : source.positions) {
+      largest = std::max(largest, (found * position - truth * position).norm());
+    }
+    EXPECT_LT(largest, 0.02) << count;
+  }
 }
 
 TEST(PreparedMap, AsksForTheInputOfItsConfidence) {

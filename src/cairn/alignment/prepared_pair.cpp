@@ -55,20 +55,38 @@ double precision(const Finalist& pose) {
 // A placement of the caller's clouds, with the source scaled or the two exchanged if necessary.
 class PreparedPair::Work {
  public:
-  Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options)
+  // @param even whether evenly spread landmarks stand for dense clouds in the search and for the verdict
+  Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options, bool even)
+      : Work(source, target, options, even && source.even() ? *source.even() : source.cloud(),
+             even && target.even() ? *target.even() : target.cloud()) {}
+
+  Alignment place() {
+    return timed(
+        [&](const TimeLimit& time, Alignment& result) { conclude(searched(time), time, result); });
+  }
+  Alignment judge(const Similarity3& pose);
+  Alignment settle(const Similarity3& pose);
+
+ private:
+  struct Placed {
+    Candidates found;
+    std::size_t own = 0;  // index of the placed pose among them
+  };
+
+  Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options,
+       const PreparedCloud& source_cloud, const PreparedCloud& target_cloud)
       : source_(source),
         target_(target),
         callers_(options),
         options_(options),
-        unit_(options.scale
-                  ? std::clamp(likely_scale(source.cloud().scales(), target.cloud().scales()),
-                               options.scale->least, options.scale->most)
-                  : 1.0),
+        unit_(options.scale ? std::clamp(likely_scale(source_cloud.scales(), target_cloud.scales()),
+                                         options.scale->least, options.scale->most)
+                            : 1.0),
         // With a free scale, sizes are not comparable; the cloud with fewer landmarks is probably part of the
         // other.
-        inverted_(options.scale ? source.cloud().size() > target.cloud().size()
-                                : source.cloud().scales().extent > target.cloud().scales().extent) {
-    if (std::min(source.cloud().size(), target.cloud().size()) < kFewestLandmarks) return;
+        inverted_(options.scale ? source_cloud.size() > target_cloud.size()
+                                : source_cloud.scales().extent > target_cloud.scales().extent) {
+    if (std::min(source_cloud.size(), target_cloud.size()) < kFewestLandmarks) return;
     if (inverted_ && options_.gravity) {
       std::swap(options_.gravity->source, options_.gravity->target);
     }
@@ -83,7 +101,7 @@ class PreparedPair::Work {
       if (*equal < options_.scale->least || *equal > options_.scale->most) equal.reset();
       if (equal && *equal != 1.0) scales.push_back(*equal);
     }
-    const PreparedCloud moving = source.cloud().scaled(unit_, options.execution.executor);
+    const PreparedCloud moving = source_cloud.scaled(unit_, options.execution.executor);
     CommonImages common;
     if (source.images() && target.images()) {
       common = cairn::common_images(*source.images(), *target.images());
@@ -95,24 +113,11 @@ class PreparedPair::Work {
     }
     if (inverted_) {
       for (DescriptorMatch& match : identities) std::swap(match.source, match.target);
-      placement_.emplace(target.cloud(), moving, std::move(scales), equal, options_, identities);
+      placement_.emplace(target_cloud, moving, std::move(scales), equal, options_, identities);
     } else {
-      placement_.emplace(moving, target.cloud(), std::move(scales), equal, options_, identities);
+      placement_.emplace(moving, target_cloud, std::move(scales), equal, options_, identities);
     }
   }
-
-  Alignment place() {
-    return timed(
-        [&](const TimeLimit& time, Alignment& result) { conclude(searched(time), time, result); });
-  }
-  Alignment judge(const Similarity3& pose);
-  Alignment settle(const Similarity3& pose);
-
- private:
-  struct Placed {
-    Candidates found;
-    std::size_t own = 0;  // index of the placed pose among them
-  };
 
   template <class Stages>
   Alignment timed(const Stages& stages);
@@ -452,22 +457,38 @@ Alignment PreparedPair::Work::settle(const Similarity3& pose) {
 PreparedPair::PreparedPair(const PreparedMap& source, const PreparedMap& target,
                            const AlignOptions& options) {
   options.validate();
-  work_ = std::make_unique<Work>(source, target, options);
+  AlignOptions each = options;
+  if (source.even() || target.even()) {
+    if (each.time_limit_s) *each.time_limit_s *= 0.5;
+    even_ = std::make_unique<Work>(source, target, each, true);
+  }
+  work_ = std::make_unique<Work>(source, target, each, false);
 }
 PreparedPair::~PreparedPair() = default;
 PreparedPair::PreparedPair(PreparedPair&&) noexcept = default;
 PreparedPair& PreparedPair::operator=(PreparedPair&&) noexcept = default;
 
+template <class Judge>
+Alignment PreparedPair::likeliest(const Judge& judge) const {
+  if (!even_) return judge(*work_);
+  Alignment evenly = judge(*even_);
+  if (evenly.verdict == Verdict::kAligned) return evenly;
+  Alignment all = judge(*work_);
+  const bool is_likelier =
+      all.verdict == Verdict::kAligned || all.probability >= evenly.probability;
+  return is_likelier ? all : evenly;
+}
+
 Alignment PreparedPair::place() {
-  return work_->place();
+  return likeliest([](Work& work) { return work.place(); });
 }
 
 Alignment PreparedPair::judge(const Similarity3& target_from_source) {
-  return work_->judge(target_from_source);
+  return likeliest([&](Work& work) { return work.judge(target_from_source); });
 }
 
 Alignment PreparedPair::settle(const Similarity3& target_from_source) {
-  return work_->settle(target_from_source);
+  return likeliest([&](Work& work) { return work.settle(target_from_source); });
 }
 
 Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <span>
 #include <string_view>
+#include <unordered_set>
 #include <utility>
 
 #include "cairn/alignment/detail/spatial_groups.hpp"
@@ -132,6 +133,38 @@ void dither(std::vector<Eigen::Vector3d>& positions, Random random, const Execut
   }
 }
 
+// The first point in each occupied cell of a grid; empty if there are more than `most` cells.
+std::vector<std::uint32_t> first_in_cells(std::span<const Eigen::Vector3d> points, double edge,
+                                          std::size_t most) {
+  std::unordered_set<std::uint64_t> occupied;
+  std::vector<std::uint32_t> first;
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    const Eigen::Array3d cell = (points[i].array() / edge).floor();
+    const std::string_view bytes(reinterpret_cast<const char*>(cell.data()), sizeof(cell));
+    if (!occupied.insert(hash_of(bytes).low).second) continue;
+    if (first.size() == most) return {};
+    first.push_back(i);
+  }
+  return first;
+}
+
+// Of the finest grid that has at most `most` occupied cells, within 2 %.
+std::vector<std::uint32_t> evenly_spread(std::span<const Eigen::Vector3d> points, double extent,
+                                         std::size_t most) {
+  constexpr double kFinestEdge = 1e-3;  // of the extent
+  constexpr int kRounds = 10;           // of bisection, from three decades
+  double fine = kFinestEdge * extent;
+  double coarse = extent;
+  std::vector<std::uint32_t> rows;
+  for (int round = 0; round < kRounds; ++round) {
+    const double edge = std::sqrt(fine * coarse);
+    std::vector<std::uint32_t> found = first_in_cells(points, edge, most);
+    (found.empty() ? fine : coarse) = edge;
+    if (!found.empty()) rows = std::move(found);
+  }
+  return rows;
+}
+
 std::span<const Eigen::Vector3d> first_of(std::span<const Eigen::Vector3d> points) {
   return points.first(std::min(points.size(), PreparedCloud::kSample));
 }
@@ -201,6 +234,24 @@ PreparedCloud PreparedCloud::scaled_plainly(double scale) const {
 PreparedCloud PreparedCloud::scaled(double scale, const Executor& executor) const {
   if (scale == 1.0) return *this;
   PreparedCloud result = scaled_plainly(scale);
+  result.more_ = std::make_shared<const More>(result.landmarks(), result.tree(), executor);
+  return result;
+}
+
+PreparedCloud PreparedCloud::even(const Executor& executor) const {
+  const std::vector<std::uint32_t> rows = evenly_spread(landmarks().positions, extent(), kSample);
+  LandmarkCloud cloud;
+  std::vector<std::uint32_t> order;
+  for (const std::uint32_t row : rows) {
+    cloud.positions.push_back(landmarks().positions[row]);
+    if (!landmarks().covariances.empty()) cloud.covariances.push_back(landmarks().covariances[row]);
+    if (!landmarks().weights.empty()) cloud.weights.push_back(landmarks().weights[row]);
+    order.push_back(as_given(row));
+  }
+  PreparedCloud result = plain(std::move(cloud));
+  result.centre_ += centre_;
+  result.ignores_covariances_ = ignores_covariances_;
+  result.order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));
   result.more_ = std::make_shared<const More>(result.landmarks(), result.tree(), executor);
   return result;
 }

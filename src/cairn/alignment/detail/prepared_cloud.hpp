@@ -71,6 +71,9 @@ class PreparedCloud {
   PreparedCloud scaled(double scale, const Executor& executor) const;
   /// The same for a refinement alone, as plain().
   PreparedCloud scaled_plainly(double scale) const;
+  /// One landmark, the earliest, in each cell of the finest grid that has at most kSample occupied cells. How densely a
+  /// sensor sampled a surface then matters no more. Without descriptors and views.
+  PreparedCloud even(const Executor& executor) const;
   /// The mirror image, with positions, covariances and weights only.
   PreparedCloud mirrored() const;
 
