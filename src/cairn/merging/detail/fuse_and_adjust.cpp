@@ -11,6 +11,7 @@
 #include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
@@ -69,6 +70,52 @@ LandmarkMap with_uncertain_references(LandmarkMap map,
   return LandmarkMap(std::move(tables));
 }
 
+// The adjusted camera of each of the map's cameras that has a frame.
+std::vector<Camera> adjusted_cameras(const LandmarkMap& map, const LandmarkMap& adjusted,
+                                     std::span<const FrameIndex> frames) {
+  std::vector<Camera> cameras(map.cameras().begin(), map.cameras().end());
+  const auto& before = map.frames().cameras;
+  for (std::uint32_t i = 0; i < before.size(); ++i) {
+    const auto after = adjusted.frames().cameras[frames[i].value];
+    if (!before[i] || !after) continue;
+    cameras[before[i]->value].parameters = adjusted.cameras()[after->value].parameters;
+  }
+  return cameras;
+}
+
+// Where a landmark's lines of sight meet: the least-squares point, with the weights of angles. std::nullopt where depths
+// were measured, which say more, and where the lines are nearly parallel.
+std::optional<Eigen::Vector3d> where_sights_meet(const LandmarkMap& map, LandmarkIndex landmark,
+                                                 const Eigen::Vector3d& about) {
+  constexpr double kLeastParallax = 1e-4;  // mean squared sine of the angles between them
+  const auto seen_by = map.observing_frames(landmark);
+  const auto pixels = map.observed_pixels(landmark);
+  const ObservationTable& observations = map.observations();
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double weights = 0.0;
+  if (map.frames().cameras.empty()) return std::nullopt;
+  for (std::size_t k = 0; k < seen_by.size(); ++k) {
+    const std::size_t row = observations.offsets[landmark.value] + k;
+    if (!observations.depths.empty() && observations.depths[row]) return std::nullopt;
+    const auto camera = map.frames().cameras[seen_by[k].value];
+    if (!camera) return std::nullopt;
+    const auto sight = unproject(map.cameras()[camera->value], pixels[k]);
+    if (!sight) continue;
+    const Rigid3 pose = map.world_from_camera(seen_by[k]);
+    const Eigen::Vector3d direction = pose.quaternion() * *sight;
+    const double weight = 1.0 / (about - pose.translation()).squaredNorm();
+    const Eigen::Matrix3d across =
+        weight * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
+    information += across;
+    sum += across * pose.translation();
+    weights += weight;
+  }
+  const bool is_parallel = symmetric_eigenvalues<3>(information)[0] < kLeastParallax * weights;
+  if (is_parallel || weights == 0.0) return std::nullopt;
+  return information.inverse() * sum;
+}
+
 }  // namespace
 
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
@@ -80,6 +127,7 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
                     in_world.world_from_camera(FrameIndex{i}).inverse());
   }
   MapTables tables = std::move(in_world).tables();
+  tables.cameras = adjusted_cameras(map, adjusted, frames);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     tables.frames.translations[i] = adjusted.frames().translations[frames[i].value];
     tables.frames.quaternions[i] = adjusted.frames().quaternions[frames[i].value];
@@ -95,6 +143,14 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
         rotated_covariance(landmarks.covariances[l], move.rotation());  // NaN where unknown, still
     landmarks.covariances[l] = 0.5 * (turned + turned.transpose());
   }
+  const LandmarkMap posed(std::move(tables));
+  std::vector<Eigen::Vector3d> positions = posed.landmarks().positions;
+  for (std::uint32_t l = 0; l < posed.landmark_count(); ++l) {
+    const auto met = where_sights_meet(posed, LandmarkIndex{l}, positions[l]);
+    if (met) positions[l] = *met;
+  }
+  tables = LandmarkMap(posed).tables();
+  tables.landmarks.positions = std::move(positions);
   return LandmarkMap(std::move(tables));
 }
 

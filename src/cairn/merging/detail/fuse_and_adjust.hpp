@@ -7,8 +7,9 @@
 
 namespace cairn::detail {
 
-/// A map with the keyframe poses of an adjusted map that was made from it. Each landmark and its covariance
-/// move with the keyframe that observed it first, or with the map if none did. Keeps the map's cameras.
+/// A map with the keyframe poses and camera parameters of an adjusted map that was made from it. Each landmark is where
+/// its lines of sight now meet. If depths were measured, or the lines are nearly parallel, it moves with the keyframe that
+/// observed it first instead, or with the map if none did. Covariances turn with that keyframe.
 /// @param world_from_map pose of the map before the adjustment; its scale is applied
 /// @param frames         frame of `adjusted` for each frame of the map
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,

@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/adjustment/adjust.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
@@ -250,6 +251,71 @@ TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {
   EXPECT_EQ(moved.frames().translations, adjusted.frames().translations);
   EXPECT_DOUBLE_EQ(moved.observations().depths[7].value(),
                    maps.source.observations().depths[7].value());
+}
+
+LandmarkMap without_depths(const LandmarkMap& map) {
+  MapTables tables = LandmarkMap(map).tables();
+  tables.observations.depths = {};
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(FuseAndAdjust, MovedLandmarksWithoutDepthsAreWhereTheirSightsMeet) {
+  const LandmarkMap truth = without_depths(
+      synthetic_map({.seed = 4, .landmarks = 300, .frames = 12, .pixel_noise_px = 0.0}));
+  // Positions and focal length are off; poses and cameras come from the adjustment.
+  MapTables tables = LandmarkMap(truth).tables();
+  for (auto& x : tables.landmarks.positions) x += Eigen::Vector3d(0.02, -0.03, 0.04);
+  tables.cameras.front().parameters.front() *= 1.05;
+  const LandmarkMap before(std::move(tables));
+  std::vector<FrameIndex> frames;
+  for (std::uint32_t i = 0; i < before.frame_count(); ++i) frames.push_back(FrameIndex{i});
+  const LandmarkMap moved = moved_with_frames(before, Similarity3(), truth, frames);
+  EXPECT_EQ(moved.cameras()[0].parameters, truth.cameras()[0].parameters);
+  // The synthetic map's positions have noise of their own, its pixels have none: what counts is that these agree.
+  std::size_t met = 0;
+  std::size_t compared = 0;
+  for (std::uint32_t l = 0; l < moved.landmark_count(); ++l) {
+    const auto seen_by = moved.observing_frames(LandmarkIndex{l});
+    const auto pixels = moved.observed_pixels(LandmarkIndex{l});
+    if (seen_by.size() < 3) continue;
+    double most = 0.0;
+    for (std::size_t k = 0; k < seen_by.size(); ++k) {
+      const auto off = reprojection(
+          moved.cameras()[0],
+          moved.world_from_camera(seen_by[k]).inverse() * moved.landmarks().positions[l],
+          pixels[k]);
+      most = std::max(most, off ? off->norm() : 1e3);
+    }
+    ++compared;
+    met += most < 0.05 ? 1 : 0;
+  }
+  EXPECT_GT(compared, 100U);
+  EXPECT_GT(met, compared * 9 / 10);
+}
+
+// A session as it is reconstructed from photographs alone, without covariances.
+LandmarkMap reconstructed(const LandmarkMap& map) {
+  MapTables tables = std::move(adjust(without_depths(map)).map).tables();
+  tables.landmarks.covariances.clear();
+  tables.frames.pose_covariances = {};
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(FuseAndAdjust, AdjustingReconstructionsKeepsTheLandmarksThatTieThemTogether) {
+  const SyntheticPair maps = two_sessions();
+  const LandmarkMap source = reconstructed(maps.source);
+  const LandmarkMap target = reconstructed(maps.target);
+  const std::vector<PlacedMap> placed = in_place(target, source, maps.target_from_source);
+  FusionOptions options;
+  options.matching_rounds = 0;
+  const MergedPlaced once = fuse_and_adjust(placed, options);
+  options.matching_rounds = 2;
+  for (const bool refine : {false, true}) {
+    options.adjustment.refine_intrinsics = refine;
+    const MergedPlaced again = fuse_and_adjust(placed, options);
+    EXPECT_GT(again.maps[1].fused, once.maps[1].fused) << refine;
+    EXPECT_LT(largest_error(maps, again), largest_error(maps, once)) << refine;
+  }
 }
 
 TEST(FuseAndAdjust, RefusesRoundsOutOfRange) {
