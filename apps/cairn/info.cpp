@@ -26,7 +26,6 @@
 #include "cairn/registration/splat_selection.hpp"
 
 #ifdef CAIRN_HAS_BAGS
-#include "cairn/recording/camera_info.hpp"
 #include "cairn/recording/sensor_topics.hpp"
 #endif
 

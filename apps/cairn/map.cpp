@@ -184,8 +184,9 @@ struct MapArguments {
                      "qz qw per line",
                      "FILE");
     command.add_text("--camera", camera,
-                     fmt::format("{} (default: camera.yaml in the sequence's folder, or the "
-                                 "recording's CameraInfo)",
+                     fmt::format("{}; of a stereo sequence the file of both, or LEFT,RIGHT "
+                                 "(default: camera.yaml in the sequence's folder or beside the "
+                                 "recording, or what the sequence brings)",
                                  kCameraHelp),
                      "CAMERA");
     command.add_text("--topics", files.topics,
@@ -295,11 +296,13 @@ struct MapArguments {
       files.depth_units_per_metre = *given->depth_units_per_metre;
     }
     if (depth_units) files.depth_units_per_metre = *depth_units;
+    if (given) files.rig = given->rig;
     with_option_names(
         {SequenceOptions::table, {"SequenceOptions.depth_units_per_metre", "--depth-units"}},
         [&] { files.validate(); });
     std::optional<ImageSequence> opened;
-    with_option_names({{"topics", "--topics"}},
+    const std::string calibration = camera.empty() ? camera_beside().string() : camera;
+    with_option_names({{"topics", "--topics"}, {"rig", calibration}},
                       [&] { opened.emplace(sequence, files, common.console().log()); });
     const ImageSequence& images = *opened;
     files.depth_units_per_metre = images.depth_units_per_metre();
@@ -313,22 +316,26 @@ struct MapArguments {
   }
 
  private:
-  fs::path camera_beside() const { return fs::path(sequence) / "camera.yaml"; }
+  fs::path camera_beside() const {
+    std::error_code ignored;
+    const bool is_folder = fs::is_directory(sequence, ignored);
+    return (is_folder ? fs::path(sequence) : fs::path(sequence).parent_path()) / "camera.yaml";
+  }
 
   std::optional<CameraFile> given_camera() const {
-    if (!camera.empty()) return load_camera(camera);
+    if (!camera.empty()) return load_calibration(camera);
     std::error_code ignored;
     if (!fs::is_regular_file(camera_beside(), ignored)) return std::nullopt;
     FileReader file(camera_beside());
-    return read_camera_file(file);
+    return read_calibration_file(file);
   }
 
   CameraFile camera_of(const ImageSequence& images, const std::optional<CameraFile>& given) const {
     refuse_if(!given && !images.has_camera(), "--camera",
               "not given, and there is no " + camera_beside().string(), kCameraHelp);
-    // A folder of a stereo sequence has its calibration; camera.yaml beside it gives the readout.
+    // A stereo sequence has its calibration; one camera in camera.yaml beside it gives the readout.
     CameraFile file{{}, std::nullopt, given ? given->readout_s : std::nullopt};
-    const bool is_used = given && (!images.is_stereo() || !camera.empty());
+    const bool is_used = given && !given->rig && (!images.is_stereo() || !camera.empty());
     with_option_names({{"camera", "--camera"}}, [&] {
       file.camera = images.camera(is_used ? std::optional(given->camera) : std::nullopt);
     });

@@ -404,6 +404,23 @@ TEST_F(MapCliTest, AStereoSequenceHasItsCameras) {
   EXPECT_LT(error.value().translation.rmse, 0.01);
   expect_refusal({"map", "pair", "-o", "no.map", "--camera", "s/camera.yaml"}, kWrongUsage,
                  {"--camera", "has its calibration"});
+  const std::string chain =
+      "cam0:\n  camera_model: pinhole\n  intrinsics: [262, 262, 159.5, 119.5]\n"
+      "  distortion_model: none\n  resolution: [320, 240]\ncam1:\n  camera_model: pinhole\n"
+      "  intrinsics: [262, 262, 159.5, 119.5]\n  distortion_model: none\n"
+      "  resolution: [320, 240]\n  T_cn_cnm1:\n  - [1, 0, 0, -0.11]\n  - [0, 1, 0, 0]\n"
+      "  - [0, 0, 1, 0]\n  - [0, 0, 0, 1]\n";
+  write("chain.yaml", chain);
+  write("millimetres.yaml", std::string(chain).replace(chain.find("-0.11"), 5, "-110"));
+  write("swapped.yaml", std::string(chain).replace(chain.find("-0.11"), 5, "0.11"));
+  answer({"map", "pair", "-o", "given.map", "--camera", "chain.yaml"});
+  EXPECT_EQ(content("given.map"), content("out.map"));
+  expect_refusal({"map", "pair", "-o", "no.map", "--camera", "millimetres.yaml"}, kBadInput,
+                 {"millimetres.yaml: a baseline of 110 m", "metres"});
+  expect_refusal({"map", "pair", "-o", "no.map", "--camera", "swapped.yaml"}, kBadInput,
+                 {"swapped.yaml: ", "left and right are swapped"});
+  expect_refusal({"map", "s", "-o", "no.map", "--camera", "chain.yaml"}, kWrongUsage,
+                 {"chain.yaml", "RGB-D"});
   fs::rename(path("pair/mav0/cam0/data"), path("pair/mav0/kept"));
   fs::rename(path("pair/mav0/cam1/data"), path("pair/mav0/cam0/data"));
   fs::rename(path("pair/mav0/kept"), path("pair/mav0/cam1/data"));

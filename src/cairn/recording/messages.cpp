@@ -3,6 +3,7 @@
 #include "cairn/recording/messages.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>

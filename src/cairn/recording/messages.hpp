@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/calibration.hpp"
 
 namespace cairn {
 
@@ -37,15 +37,8 @@ struct ImageMessage {
 };
 
 /// sensor_msgs/CameraInfo.
-struct CameraInfo {
+struct CameraInfo : Calibration {
   MessageHeader header;
-  std::uint32_t width = 0;  ///< pixels
-  std::uint32_t height = 0;
-  std::string distortion_model;
-  std::vector<double> distortion;                                     ///< D
-  std::array<double, 9> intrinsics = {};                              ///< K, by rows
-  std::array<double, 9> rectification = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< R, rectified from camera
-  std::array<double, 12> projection = {};                             ///< P of the rectified image
 };
 
 /// One of a tf2_msgs/TFMessage.

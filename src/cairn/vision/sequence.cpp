@@ -42,7 +42,7 @@ ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOp
     depth_units_per_metre_ =
         options.depth_units_per_metre.value_or(detail::RecordedImages::kDepthUnits);
     recorded_ = std::make_shared<detail::RecordedImages>(path, options.topics, log);
-    lists = recorded_->lists();
+    lists = recorded_->lists(!options.rig);
   } else {
     refuse_if(!options.topics.empty(), "topics", "given, but " + path.string() + " has none",
               "a recording");
@@ -53,12 +53,11 @@ ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOp
         type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none,
         path.string(), "neither a folder nor a recording",
         "the folder of a sequence, or a bag, .mcap or .db3 of ROS");
-    lists = detail::read_sequence_lists(path, log);
+    lists = detail::read_sequence_lists(path, !options.rig, log);
   }
-  if (lists.rig) {
-    rectification_ =
-        std::make_shared<detail::Rectification>(*lists.rig, lists.calibration.string());
-  }
+  is_stereo_ = !lists.calibration.empty();
+  refuse_if(options.rig && !is_stereo_, "rig", "given, but " + path.string() + " is RGB-D",
+            "one camera");
   // The two images of a stereo pair are taken at once; what moves in between has another disparity.
   constexpr double kAtOnce = 0.001;
   const double tolerance_s = is_stereo() ? std::min(kAtOnce, options.max_time_difference_s)
@@ -81,6 +80,21 @@ ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOp
           : fmt::format("no pair of images within {} s: the first are from {:.6f} and {:.6f} s",
                         tolerance_s, lists.images[0].timestamp_s, lists.partners[0].timestamp_s),
       "pairs of images that were taken at once");
+  if (is_stereo_) {
+    rectify(options.rig ? *options.rig : *lists.rig,
+            options.rig ? "rig" : lists.calibration.string());
+  }
+}
+
+void ImageSequence::rectify(StereoRig rig, const std::string& source) {
+  if (rig.left.width == 0) {
+    const GrayImage first = image_of<GrayImage>(0);
+    for (Camera* const camera : {&rig.left, &rig.right}) {
+      camera->width = first.width;
+      camera->height = first.height;
+    }
+  }
+  rectification_ = std::make_shared<detail::Rectification>(rig, source);
 }
 
 bool ImageSequence::is_in(const std::filesystem::path& path) {

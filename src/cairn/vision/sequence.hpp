@@ -17,7 +17,7 @@
 #include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/camera.hpp"
+#include "cairn/map/calibration.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn {
@@ -42,6 +42,8 @@ struct SequenceOptions {
   double max_time_difference_s = 0.02;  ///< between a colour image and its depth image; positive
   /// Of a recording: "IMAGE,DEPTH" or "LEFT,RIGHT"; empty: chosen, see choose_topics().
   std::string topics = {};
+  /// Of a stereo sequence, in the place of its own calibration; cameras of size 0 have that of the images.
+  std::optional<StereoRig> rig = {};
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field
@@ -56,7 +58,7 @@ inline constexpr double kTumDepthUnits = 5000.0;
 class ImageSequence {
  public:
   /// @throws Error (input) naming file, line and field if lists or calibration cannot be read, and for a stereo
-  ///        sequence without images taken at the same time (1 ms)
+  ///        sequence without images taken at the same time (1 ms); (misuse) for the rig of another sequence
   explicit ImageSequence(const std::filesystem::path& path, const SequenceOptions& options = {},
                          const LogSink& log = {});
 
@@ -72,7 +74,7 @@ class ImageSequence {
 
   /// Whether camera() needs none: of a stereo sequence and of a recording.
   bool has_camera() const { return is_stereo() || recorded_ != nullptr; }
-  bool is_stereo() const { return rectification_ != nullptr; }
+  bool is_stereo() const { return is_stereo_; }
   /// Of a stereo sequence, from the left camera to the right one; else 0.
   double baseline_m() const;
   /// Units per metre of depth that is stored as whole numbers.
@@ -98,6 +100,7 @@ class ImageSequence {
   ColorImage read_color(std::size_t frame) const;
 
  private:
+  void rectify(StereoRig rig, const std::string& source);
   const SequenceFrame& files_of(std::size_t frame) const;
   template <class ImageOf>
   ImageOf image_of(std::size_t frame) const;
@@ -106,19 +109,13 @@ class ImageSequence {
   void require_rig_size(const ImageOf& image, const std::filesystem::path& file) const;
 
   double depth_units_per_metre_;
+  bool is_stereo_ = false;
   std::shared_ptr<const detail::Rectification> rectification_;  // of a stereo sequence
   std::shared_ptr<const detail::RecordedImages> recorded_;      // of a recording
   std::vector<SequenceFrame> frames_;
   std::vector<std::optional<std::size_t>> partners_;  // of each frame, in their list
   std::size_t frames_without_depth_ = 0;
   std::size_t unused_depth_images_ = 0;
-};
-
-/// Two cameras, rigidly mounted.
-struct StereoRig {
-  Camera left;
-  Camera right;
-  Rigid3 left_from_right;  ///< metres
 };
 
 /// Format of colour images.

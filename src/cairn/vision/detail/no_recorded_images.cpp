@@ -22,7 +22,7 @@ RecordedImages::RecordedImages(const std::filesystem::path& path, const std::str
 RecordedImages::~RecordedImages() = default;
 
 // No object of it is ever there.
-SequenceLists RecordedImages::lists() const {
+SequenceLists RecordedImages::lists(bool) const {
   return {};
 }
 

@@ -22,14 +22,15 @@ class RecordedImages {
   static bool is_at(const std::filesystem::path& path);
 
   /// @param topics see choose_topics()
-  /// @throws Error (input) as Recording and choose_topics(), for a stereo camera that is not calibrated, and for depth
-  ///         by another camera than the images' if nothing says where that is; (misuse) if this build reads no
+  /// @throws Error (input) as Recording and choose_topics(), and for depth by another camera than the images' if nothing
+  ///         says where that is; (misuse) if this build reads no
   ///         recordings
   RecordedImages(const std::filesystem::path& path, const std::string& topics, const LogSink& log);
   ~RecordedImages();
 
   /// Times are those of the messages' headers. Of several images at one time keeps the first.
-  SequenceLists lists() const;
+  /// @param needs_rig whether the calibration of a stereo camera is read, and must be there
+  SequenceLists lists(bool needs_rig) const;
   /// Of the images of an RGB-D camera.
   /// @throws Error (input) if it is not recorded or not calibrated
   Camera camera() const;
