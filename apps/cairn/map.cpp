@@ -228,9 +228,10 @@ struct MapArguments {
         .needs(loops);
     command
         .add_text("--poses", poses,
-                  "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
-                  "estimated, in that world",
-                  "FILE")
+                  "Use these known poses, world_from_camera: a trajectory in TUM format, or a "
+                  "recording's odometry or poses, with the camera's place by tf_static. Only the "
+                  "landmarks are estimated, in that world",
+                  "FILE|topic:NAME[,FRAME]")
         .excludes(pose)
         .excludes(from)
         .excludes(rolling)
@@ -582,7 +583,10 @@ struct MapArguments {
   }
 
   MapAtPoses map_at_given_poses(const ImageSequence& images, const Camera& model) const {
-    const Trajectory given = read_trajectory(poses, common.console().log());
+    constexpr std::string_view kTopic = "topic:";
+    const Trajectory given = poses.starts_with(kTopic)
+                                 ? images.recorded_poses(poses.substr(kTopic.size()))
+                                 : read_trajectory(poses, common.console().log());
     std::optional<MapAtPoses> mapped;
     with_option_names({FeatureOptions::table,
                        MapOptions::table,

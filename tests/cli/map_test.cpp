@@ -12,6 +12,9 @@
 #include <thread>
 #include <vector>
 
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+
 #include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/evaluation/trajectory_evaluation.hpp"
@@ -139,6 +142,60 @@ TEST_F(MapCliTest, SameBytesForAnyNumberOfThreads) {
   EXPECT_EQ(content("a.tum"), content("b.tum"));
 }
 
+// The sequence in two other layouts, whose times are the numbers of the frames, with poses as these state them.
+TEST_F(MapCliTest, LayoutsOfBenchmarksHaveCamerasAndPoses) {
+  const Trajectory truth = trajectory("s/groundtruth.txt");
+  const ImageSequence sequence(path("s"));
+  fs::create_directories(path("icl/rgb"));
+  fs::create_directories(path("icl/depth"));
+  fs::create_directories(path("seven"));
+  std::string associations;
+  std::string poses;
+  for (std::size_t i = 0; i < sequence.frames().size(); ++i) {
+    const SequenceFrame& frame = sequence.frames()[i];
+    const Matrix4d pose = truth.poses()[i].world_from_camera.matrix();
+    fs::copy(frame.color, path(fmt::format("icl/rgb/{}.png", i)));
+    fs::copy(*frame.depth, path(fmt::format("icl/depth/{}.png", i)));
+    associations += fmt::format("{0} depth/{0}.png {0} rgb/{0}.png\n", i);
+    const Eigen::Matrix3d mirror = Eigen::Vector3d(1, -1, 1).asDiagonal();
+    const Eigen::Matrix3d rotation = mirror * pose.topLeftCorner<3, 3>() * mirror;
+    const Eigen::Quaterniond q(rotation);
+    poses += fmt::format("{} {} {} {} {} {} {} {}\n", i, pose(0, 3), -pose(1, 3), pose(2, 3), q.x(),
+                         q.y(), q.z(), q.w());
+    const std::string name = fmt::format("seven/frame-{:06}.", i);
+    write_png(path(name + "color.png"), read_color_image(frame.color));
+    StoredDepthImage depth = read_depth_image(*frame.depth);
+    for (auto& value : depth.values) {
+      value = value == 0 ? 65535 : static_cast<std::uint16_t>(std::lround(value / 5.0));
+    }
+    write_png(path(name + "depth.png"), depth);
+    std::string rows;
+    for (int row = 0; row < 4; ++row) {
+      rows +=
+          fmt::format("{}\t{}\t{}\t{}\t\n", pose(row, 0), pose(row, 1), pose(row, 2), pose(row, 3));
+    }
+    write(name + "pose.txt", rows);
+  }
+  write("icl/associations.txt", associations);
+  write("icl/livingRoom0.gt.freiburg", poses);
+  for (const auto& [folder, stated] :
+       {std::pair{"icl", "icl/livingRoom0.gt.freiburg"}, {"seven", "seven"}}) {
+    answer({"map", folder, "-o", "out.map", "--camera", "s/camera.yaml", "--depth-units",
+            std::string(folder) == "icl" ? "5000" : "1000", "--trajectory", "out.tum",
+            "--start-from", stated});
+    const Trajectory estimate = trajectory("out.tum");
+    ASSERT_EQ(estimate.size(), truth.size());
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      const Rigid3 error =
+          truth.poses()[i].world_from_camera.inverse() * estimate.poses()[i].world_from_camera;
+      EXPECT_LT(error.translation().norm(), 0.02) << folder << i;
+      EXPECT_LT(error.angle(), 0.02) << folder << i;
+    }
+    answer({"map", folder, "-o", "posed.map", "--poses", stated});
+    EXPECT_EQ(read_map(path("posed.map")).frames().timestamps_s.back().value(), truth.size() - 1.0);
+  }
+}
+
 #ifdef CAIRN_HAS_BAGS
 // One map whatever the images are in: the images, times and camera are all that counts.
 TEST_F(MapCliTest, ARecordingGivesTheMapOfTheFolder) {
@@ -172,6 +229,62 @@ TEST_F(MapCliTest, ARecordingGivesTheMapOfTheFolder) {
     EXPECT_EQ(content("bag.map"), of_png) << file;
     fs::remove(path("bag.map"));
   }
+}
+
+// Without foreign data: what is simulated into a recording gives the map of what is simulated into a folder.
+TEST_F(MapCliTest, ASimulatedRecordingGivesTheMapOfTheSimulatedFolder) {
+  write("mm.yaml",
+        "model: PINHOLE\nwidth: 320\nheight: 240\nparameters: [262, 262, 159.5, 119.5]\n"
+        "depth_units_per_metre: 1000\n");
+  const std::vector<std::vector<std::string>> sensors = {
+      {"--color-format", "jpeg"},
+      {"--color-format", "png"},
+      {"--sensor", "stereo", "--baseline", "0.125"}};
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const std::string folder = fmt::format("f{}", i);
+    const std::string recording = folder + ".mcap";
+    for (const std::string& name : {folder, recording}) {
+      std::vector<std::string> words = {"simulate", name, "--camera", "mm.yaml",
+                                        "--frames", "8",  "--rate",   "8"};
+      words.insert(words.end(), sensors[i].begin(), sensors[i].end());
+      answer(words);
+      answer({"map", name, "-o", name + ".map"});
+    }
+    EXPECT_EQ(content(recording + ".map"), content(folder + ".map")) << i;
+    answer({"map", folder, "-o", "a.map", "--poses", folder + "/groundtruth.txt"});
+    answer({"map", recording, "-o", "b.map", "--poses", "topic:/ground_truth,camera"});
+    EXPECT_EQ(content("a.map"), content("b.map")) << i;
+  }
+  expect_refusal({"simulate", "r.mcap", "--camera", "s/camera.yaml"}, kWrongUsage,
+                 {"depth units of a recording"});
+}
+
+// As from a file: the poses count, not where they stand.
+TEST_F(MapCliTest, ARecordingBringsKnownPoses) {
+  const ImageSequence sequence(path("s"));
+  const Camera camera{CameraId{0}, "PINHOLE", 320, 240, {262, 262, 159.5, 119.5}};
+  auto messages = recorded(sequence, camera, "cdr", Recorded::kCompressed);
+  for (const TimedPose& timed : trajectory("s/groundtruth.txt").poses()) {
+    const auto time_ns = 1000 * static_cast<std::uint64_t>(std::llround(1e6 * timed.timestamp_s));
+    const Eigen::Vector3d& t = timed.world_from_camera.translation();
+    const Eigen::Quaterniond q = timed.world_from_camera.quaternion();
+    MessageFields fields("cdr");
+    fields.header(time_ns, "odom").text("/cam/left/image");
+    fields.doubles(std::array{t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
+    messages.push_back({"/odom", "nav_msgs/Odometry", time_ns, fields.bytes()});
+  }
+  write("a.mcap", mcap_bytes(messages));
+  const Json info = document({"info", "a.mcap"});
+  EXPECT_EQ(info.at("pose_topics").at(0).at("name"), "/odom");
+  EXPECT_THAT(answer({"info", "a.mcap"}), HasSubstr("--poses topic:/odom"));
+  answer({"map", "a.mcap", "-o", "topic.map", "--depth-units", "5000", "--poses", "topic:/odom"});
+  answer(
+      {"map", "a.mcap", "-o", "file.map", "--depth-units", "5000", "--poses", "s/groundtruth.txt"});
+  EXPECT_EQ(content("topic.map"), content("file.map"));
+  expect_refusal({"map", "a.mcap", "-o", "no.map", "--poses", "topic:/odom,base"}, kBadInput,
+                 {"/odom", "tf_static does not say"});
+  expect_refusal({"map", "s", "-o", "no.map", "--poses", "topic:/odom"}, kWrongUsage,
+                 {"'/odom' of a folder"});
 }
 #endif
 

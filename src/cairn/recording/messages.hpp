@@ -41,10 +41,11 @@ struct CameraInfo : Calibration {
   MessageHeader header;
 };
 
-/// One of a tf2_msgs/TFMessage.
+/// One of a tf2_msgs/TFMessage, or a message of a pose.
 struct FrameTransform {
+  double stamp_s = 0.0;
   std::string parent;
-  std::string child;
+  std::string child;  ///< empty if the message does not say it
   Rigid3 parent_from_child;
 };
 
@@ -56,5 +57,8 @@ double stamp_of(const MessageBytes& message);
 ImageMessage parse_image(const MessageBytes& message, std::string_view type);
 CameraInfo parse_camera_info(const MessageBytes& message);
 std::vector<FrameTransform> parse_transforms(const MessageBytes& message);
+/// @param type "nav_msgs/Odometry", "geometry_msgs/PoseStamped" or "geometry_msgs/PoseWithCovarianceStamped"; the child
+///        is known of the first alone
+FrameTransform parse_pose(const MessageBytes& message, std::string_view type);
 
 }  // namespace cairn

@@ -184,6 +184,11 @@ std::optional<Rigid3> image_from_partner(const Recording& recording, const Senso
                                         are_rectified, recording.name() + ": a CameraInfo");
     if (stated) return stated;
   }
+  return static_transform(recording, topics.image.frame, topics.depth_or_right.frame);
+}
+
+std::optional<Rigid3> static_transform(const Recording& recording, const std::string& target,
+                                       const std::string& source) {
   std::map<std::string, FrameTransform> parents;
   for (const RecordedMessage& message : recording.messages()) {
     const RecordedTopic& topic = recording.topics()[message.topic];
@@ -192,7 +197,7 @@ std::optional<Rigid3> image_from_partner(const Recording& recording, const Senso
       parents.insert_or_assign(step.child, step);
     }
   }
-  return transform_between(parents, topics.image.frame, topics.depth_or_right.frame);
+  return transform_between(parents, target, source);
 }
 
 }  // namespace cairn

@@ -30,6 +30,10 @@ Camera RecordedImages::camera() const {
   return {};
 }
 
+Trajectory RecordedImages::poses(const std::string&) const {
+  return {};
+}
+
 template <class ImageOf>
 ImageOf RecordedImages::image(std::size_t, const std::filesystem::path&) const {
   return {};

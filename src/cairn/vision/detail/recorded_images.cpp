@@ -14,6 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/recording/messages.hpp"
+#include "cairn/recording/pose_topics.hpp"
 #include "cairn/recording/recording.hpp"
 #include "cairn/recording/sensor_topics.hpp"
 #include "cairn/vision/detail/depth_registration.hpp"
@@ -240,6 +241,7 @@ RecordedImages::~RecordedImages() = default;
 
 SequenceLists RecordedImages::lists(bool needs_rig) const {
   SequenceLists lists{content_->images.entries, content_->partners.entries, std::nullopt, {}};
+  lists.depth_units_per_metre = 1000.0;  // of 16 bits, in ROS (REP 118)
   const SensorTopics& topics = content_->topics;
   if (!topics.is_stereo()) return lists;
   lists.calibration = content_->info_place(topics.depth_or_right);
@@ -256,6 +258,10 @@ SequenceLists RecordedImages::lists(bool needs_rig) const {
 
 Camera RecordedImages::camera() const {
   return content_->camera_of_topic(content_->topics.image);
+}
+
+Trajectory RecordedImages::poses(const std::string& topic) const {
+  return camera_poses(content_->recording, topic, content_->topics.image.frame);
 }
 
 template <class ImageOf>

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "cairn/core/log.hpp"
+#include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/vision/detail/sequence_layouts.hpp"
 #include "cairn/vision/image.hpp"
@@ -16,9 +17,6 @@ namespace cairn::detail {
 /// The images of an RGB-D or stereo camera in a recording of ROS. Knows where they are; reads them one by one.
 class RecordedImages {
  public:
-  /// Of 16-bit depth in ROS (REP 118): millimetres.
-  static constexpr double kDepthUnits = 1000.0;
-
   static bool is_at(const std::filesystem::path& path);
 
   /// @param topics see choose_topics()
@@ -34,6 +32,9 @@ class RecordedImages {
   /// Of the images of an RGB-D camera.
   /// @throws Error (input) if it is not recorded or not calibrated
   Camera camera() const;
+
+  /// Poses of the camera of the images, see camera_poses().
+  Trajectory poses(const std::string& topic) const;
 
   // Images by position in the lists. Thread-safe; names are for errors.
   template <class ImageOf>  // GrayImage or ColorImage

@@ -5,6 +5,7 @@
 #include <array>
 #include <map>
 #include <span>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -48,6 +49,65 @@ SequenceLists read_tum(const fs::path& folder, bool, const LogSink& log) {
     return read_image_list(reader, log);
   };
   return {list("rgb.txt"), list("depth.txt"), std::nullopt, {}};
+}
+
+// ---- ICL-NUIM
+
+// Each image after its time in the lines of associations.txt, in either order.
+SequenceLists read_icl(const fs::path& folder, bool, const LogSink& log) {
+  const std::string name = (folder / "associations.txt").string();
+  std::array<std::string, 2> lists;  // of images and depth, as TUM's, line for line
+  bool are_numbered = true;
+  FileReader reader(name);
+  LineReader lines(reader, log);
+  while (const auto line = lines.next()) {
+    std::istringstream words{std::string(line->substr(0, line->find('#')))};
+    for (std::string time, file; words >> time >> file;) {
+      are_numbered = are_numbered && fs::path(file).stem() == time && parse_unsigned(time);
+      lists[file.starts_with("depth") ? 1 : 0] += time + " " + file;
+    }
+    for (std::string& list : lists) list += '\n';
+  }
+  const auto list = [&](const std::string& text) {
+    MemoryReader in_memory(text, name);
+    return read_image_list(in_memory, log);
+  };
+  SequenceLists result{list(lists[0]), list(lists[1]), std::nullopt, {}};
+  // Recorded sequences have such lists too.
+  if (are_numbered) {
+    result.camera = Camera{CameraId{0}, "PINHOLE", 640, 480, {481.2, 480.0, 319.5, 239.5}};
+  }
+  return result;
+}
+
+// ---- 7-Scenes
+
+SequenceLists read_7_scenes(const fs::path& folder, bool, const LogSink& log) {
+  SequenceLists lists;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    constexpr std::string_view kBefore = "frame-";
+    if (!name.starts_with(kBefore)) continue;
+    const std::size_t digits = name.find('.') - kBefore.size();
+    const auto number = parse_unsigned(std::string_view(name).substr(kBefore.size(), digits));
+    if (!number) continue;
+    const ImageEntry image{static_cast<double>(*number), name};
+    if (name.ends_with(".color.png")) lists.images.push_back(image);
+    if (name.ends_with(".depth.png")) lists.partners.push_back(image);
+  }
+  for (auto* const images : {&lists.images, &lists.partners}) {
+    std::ranges::sort(*images, {}, &ImageEntry::timestamp_s);
+  }
+  lists.camera = Camera{CameraId{0}, "PINHOLE", 640, 480, {585.0, 585.0, 320.0, 240.0}};
+  lists.depth_units_per_metre = 1000.0;
+  lists.unknown_depth = 65535;
+  if (log) {
+    log(folder.string() +
+        ": 7-Scenes is not calibrated: unless a camera is given, it is taken to be the Kinect's "
+        "usual "
+        "one (585, 585, 320, 240), and depth to be of the same pixels as colour");
+  }
+  return lists;
 }
 
 // ---- KITTI odometry
@@ -191,6 +251,8 @@ struct Layout {
 
 const std::array kLayouts = {
     Layout{"TUM RGB-D", {"rgb.txt", "depth.txt"}, {}, &read_tum},
+    Layout{"ICL-NUIM", {"associations.txt", "rgb", "depth"}, {}, &read_icl},
+    Layout{"7-Scenes", {"frame-000000.color.png", "frame-000000.depth.png"}, {}, &read_7_scenes},
     Layout{"KITTI odometry", {"image_0", "image_1", "times.txt"}, {"calib.txt"}, &read_kitti<0>},
     Layout{"KITTI odometry in colour",
            {"image_2", "image_3", "times.txt"},
