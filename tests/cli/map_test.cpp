@@ -460,7 +460,7 @@ TEST_F(MapCliTest, DepthInTheWrongUnitIsRemarkedOn) {
     const CommandResult mini =
         cairn({"map", "s", "-o", "minis", "--mini-map-length", "1m", "--depth-units", units});
     EXPECT_THAT(mini.errors, HasSubstr(said));
-    EXPECT_THAT(mini.errors, HasSubstr("check the depth images' units per metre"));
+    EXPECT_THAT(mini.errors, HasSubstr("check the depth images' units per metre (--depth-units"));
     fs::remove_all(path("minis"));
   }
 }
