@@ -170,9 +170,9 @@ struct MapArguments {
         .add_text(
             "sequence", sequence,
             "Recording of ROS (.bag, .mcap, .db3, or the folder of ROS 2), folder of an RGB-D "
-            "sequence in the layout of TUM (rgb.txt, depth.txt), or of a stereo sequence in that "
-            "of "
-            "KITTI odometry (image_0, image_1, calib.txt, times.txt) or EuRoC (mav0)")
+            "sequence in the layout of TUM (rgb.txt, depth.txt), ICL-NUIM (associations.txt) or "
+            "7-Scenes (frame-000000.color.png), or of a stereo sequence in that of KITTI odometry "
+            "(image_0, image_1, calib.txt, times.txt) or EuRoC (mav0)")
         .required();
     command.add_text(
         "-o,--output", output,
@@ -195,7 +195,7 @@ struct MapArguments {
     add_number(
         command, "--depth-units", depth_units,
         "Depth image units per metre (default: from the camera file, else 5000; of a recording "
-        "1000)");
+        "and of 7-Scenes 1000)");
     const Option rolling =
         add_number(command, "--readout", readout,
                    "Readout time of a rolling shutter, from the first image row to the last, "
@@ -327,6 +327,9 @@ struct MapArguments {
     if (!camera.empty()) return load_calibration(camera);
     std::error_code ignored;
     if (!fs::is_regular_file(camera_beside(), ignored)) return std::nullopt;
+    if (!fs::is_directory(sequence, ignored)) {
+      common.console().remark("{}: the camera is that of {}", sequence, camera_beside().string());
+    }
     FileReader file(camera_beside());
     return read_calibration_file(file);
   }

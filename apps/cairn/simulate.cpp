@@ -303,21 +303,22 @@ struct SimulateArguments {
     write_file(folder, [&](const ByteSink& sink) {
       Ros2RecordingWriter recording(sink);
       const auto poses = simulator.trajectory().poses();
-      const auto stamp_of = [](double time_s, std::string_view frame) {
+      const auto stamp_of = [&](double time_s, std::string_view frame) {
+        refuse_if(!(time_s >= 0.0 && time_s < 0x1p32), path, fmt::format("a pose at {} s", time_s),
+                  "times that ROS can state: 0 to 2^32 s");
         return Ros2RecordingWriter::Stamp{
             1000 * static_cast<std::uint64_t>(std::llround(1e6 * time_s)), frame};
       };
-      const auto start = stamp_of(poses.front().timestamp_s, "camera");
-      recording.add_camera(first + "/camera_info", start, ros_calibration(options.camera));
-      recording.add_camera(second + "/camera_info", start,
-                           ros_calibration(options.camera, options.stereo_baseline_m));
+      const CameraCalibration cameras[] = {
+          ros_calibration(options.camera),
+          ros_calibration(options.camera, options.stereo_baseline_m)};
       const auto encoded = [&](const ColorImage& image) {
         return color_format == "png" ? std::string(image.values.begin(), image.values.end())
                                      : jpeg_bytes(image);
       };
-      const auto add_color = [&](const std::string& camera_name, double time_s,
+      const auto add_color = [&](const std::string& camera_name,
+                                 const Ros2RecordingWriter::Stamp& stamp,
                                  const std::string& bytes) {
-        const auto stamp = stamp_of(time_s, "camera");
         if (color_format == "png") {
           recording.add_image(camera_name + "/image_raw", stamp, options.camera.width,
                               options.camera.height, "bgr8", bytes);
@@ -339,12 +340,15 @@ struct SimulateArguments {
           other.assign(reinterpret_cast<const char*>(depth.values.data()), 2 * depth.values.size());
         }
         return [&, color, other, time_s = frame.timestamp_s] {
-          add_color(first, time_s, color);
+          const auto stamp = stamp_of(time_s, "camera");
+          recording.add_camera(first + "/camera_info", stamp, cameras[0]);
+          recording.add_camera(second + "/camera_info", stamp, cameras[1]);
+          add_color(first, stamp, color);
           if (is_stereo()) {
-            add_color(second, time_s, other);
+            add_color(second, stamp, other);
           } else {
-            recording.add_image(second + "/image_raw", stamp_of(time_s, "camera"),
-                                options.camera.width, options.camera.height, "16UC1", other);
+            recording.add_image(second + "/image_raw", stamp, options.camera.width,
+                                options.camera.height, "16UC1", other);
           }
           recording.add_pose("/ground_truth", stamp_of(time_s, "world"),
                              poses[next++].world_from_camera);

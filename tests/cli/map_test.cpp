@@ -192,7 +192,8 @@ TEST_F(MapCliTest, LayoutsOfBenchmarksHaveCamerasAndPoses) {
       EXPECT_LT(error.angle(), 0.02) << folder << i;
     }
     answer({"map", folder, "-o", "posed.map", "--poses", stated});
-    EXPECT_EQ(read_map(path("posed.map")).frames().timestamps_s.back().value(), truth.size() - 1.0);
+    EXPECT_EQ(read_map(path("posed.map")).frames().timestamps_s.back().value(),
+              static_cast<double>(truth.size() - 1));
   }
 }
 

@@ -125,6 +125,9 @@ CameraYaml::CameraYaml(ByteSource& source) : name_(source.name()) {
       std::string_view value = trimmed(text.substr(colon + 1));
       if (value.starts_with("!!"))
         value = trimmed(value.substr(std::min(value.find(' '), value.size())));
+      const bool is_quoted =
+          value.size() >= 2 && value.front() == value.back() && value.find_first_of("\"'") == 0;
+      if (is_quoted) value = value.substr(1, value.size() - 2);
       const auto [entry, is_new] =
           values_.try_emplace(key, Value{std::string(value), lines.line_number()});
       reject_if(!is_new, place, printable(key) + " stands above already", "each key once");
@@ -153,12 +156,12 @@ std::vector<double> CameraYaml::numbers(std::string_view key) const {
 }
 
 // Kalibr's and EuRoC's form.
-Calibration listed_calibration(const CameraYaml& yaml, const std::string& within,
-                               const std::string& coefficients) {
+CameraCalibration listed_calibration(const CameraYaml& yaml, const std::string& within,
+                                     const std::string& coefficients) {
   const std::string& model = yaml.text(within + "camera_model");
   reject_if(model != "pinhole", yaml.place(within + "camera_model"), printable(model), "pinhole");
   const std::vector<double> k = yaml.numbers(within + "intrinsics", 4);
-  Calibration stated;
+  CameraCalibration stated;
   std::tie(stated.width, stated.height) = yaml.image_sizes(within + "resolution");
   stated.distortion_model = yaml.text(within + "distortion_model");
   if (stated.distortion_model != "none") stated.distortion = yaml.numbers(coefficients, 4);
@@ -167,9 +170,9 @@ Calibration listed_calibration(const CameraYaml& yaml, const std::string& within
 }
 
 // ROS's and OpenCV's form, without the size.
-Calibration calibration_of_matrices(const CameraYaml& yaml, const std::string& camera_matrix,
-                                    const std::string& coefficients) {
-  Calibration stated;
+CameraCalibration calibration_of_matrices(const CameraYaml& yaml, const std::string& camera_matrix,
+                                          const std::string& coefficients) {
+  CameraCalibration stated;
   const auto& k = stated.intrinsics = yaml.matrix<9>(camera_matrix);
   reject_if(k[1] != 0.0 || k[3] != 0.0 || k[6] != 0.0 || k[7] != 0.0 || k[8] != 1.0,
             yaml.place(camera_matrix), "no camera matrix without skew",
@@ -190,7 +193,7 @@ Calibration calibration_of_matrices(const CameraYaml& yaml, const std::string& c
 
 // One camera, and where it is, of EuRoC or ROS.
 struct StatedCamera {
-  Calibration calibration;
+  CameraCalibration calibration;
   std::optional<Rigid3> body_from_camera = {};
 };
 
@@ -201,9 +204,10 @@ StatedCamera read_stated_camera(const CameraYaml& yaml) {
       camera.body_from_camera = yaml.pose("T_BS.data", yaml.matrix<16>("T_BS.data"));
     return camera;
   }
-  Calibration stated = yaml.has("K.data") ? calibration_of_matrices(yaml, "K.data", "D.data")
-                                          : calibration_of_matrices(yaml, "camera_matrix.data",
-                                                                    "distortion_coefficients.data");
+  CameraCalibration stated =
+      yaml.has("K.data")
+          ? calibration_of_matrices(yaml, "K.data", "D.data")
+          : calibration_of_matrices(yaml, "camera_matrix.data", "distortion_coefficients.data");
   stated.width = yaml.image_size("image_width");
   stated.height = yaml.image_size("image_height");
   if (yaml.has("rectification_matrix.data"))
@@ -228,7 +232,7 @@ StereoRig read_kalibr_chain(const CameraYaml& yaml) {
 StereoRig read_opencv_pair(const CameraYaml& yaml, const std::string& matrix) {
   const bool has_size = yaml.has("image_width");
   const auto camera = [&](const std::string& number) {
-    Calibration stated =
+    CameraCalibration stated =
         calibration_of_matrices(yaml, matrix + number + ".data", "D" + number + ".data");
     stated.width = has_size ? yaml.image_size("image_width") : 1;
     stated.height = has_size ? yaml.image_size("image_height") : 1;
@@ -265,7 +269,7 @@ CameraFile read_own_camera(const CameraYaml& yaml) {
 }  // namespace
 
 Camera tum_camera(const std::string& name) {
-  // Calibration published with the benchmark; the images of fr3 are already undistorted.
+  // CameraCalibration published with the benchmark; the images of fr3 are already undistorted.
   const auto camera = [](std::vector<double> parameters) {
     return Camera{CameraId{0}, "FULL_OPENCV", 640, 480, std::move(parameters)};
   };
@@ -292,7 +296,7 @@ std::optional<double> tum_readout_s(const std::string& name) {
 CameraFile read_calibration_file(ByteSource& source) {
   const CameraYaml yaml(source);
   const auto pair = [](StereoRig rig) { return CameraFile{rig.left, {}, {}, rig}; };
-  const auto single = [&](const Calibration& stated) {
+  const auto single = [&](const CameraCalibration& stated) {
     return CameraFile{camera_of(stated, false, yaml.name()), {}, {}, {}};
   };
   if (yaml.has("cam1.intrinsics")) return pair(read_kalibr_chain(yaml));

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "cairn/core/file.hpp"
-#include "cairn/map/calibration.hpp"
+#include "cairn/map/camera_calibration.hpp"
 
 namespace cairn {
 

@@ -136,6 +136,7 @@ TEST(CameraFile, ReadsOneCameraOfOtherPrograms) {
   }
   const std::string fisheye = with(kSensor, "radial-tangential", "equidistant");
   EXPECT_EQ(parsed_camera(fisheye).camera.model, "OPENCV_FISHEYE");
+  EXPECT_EQ(parsed_camera(with(kRosInfo, "plumb_bob", "\"plumb_bob\"")).camera, kDistorted);
   EXPECT_EQ(parsed_camera(with(kSensor, "radial-tangential", "none")).camera.model, "PINHOLE");
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/calibration.hpp"
+#include "cairn/map/camera_calibration.hpp"
 
 namespace cairn {
 
@@ -37,7 +37,7 @@ struct ImageMessage {
 };
 
 /// sensor_msgs/CameraInfo.
-struct CameraInfo : Calibration {
+struct CameraInfo : CameraCalibration {
   MessageHeader header;
 };
 

@@ -17,7 +17,7 @@
 #include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/geometry/trajectory.hpp"
-#include "cairn/map/calibration.hpp"
+#include "cairn/map/camera_calibration.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn {

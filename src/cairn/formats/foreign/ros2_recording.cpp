@@ -107,7 +107,7 @@ void Ros2RecordingWriter::add(const std::string& topic, const std::string& type,
 }
 
 void Ros2RecordingWriter::add_camera(const std::string& topic, const Stamp& stamp,
-                                     const Calibration& calibration) {
+                                     const CameraCalibration& calibration) {
   CdrMessage message(stamp);
   message.number(calibration.height)
       .number(calibration.width)
@@ -154,7 +154,7 @@ void Ros2RecordingWriter::finish() {
   file_->finish();
 }
 
-Calibration ros_calibration(const Camera& camera, double baseline_m) {
+CameraCalibration ros_calibration(const Camera& camera, double baseline_m) {
   constexpr std::pair<std::string_view, std::string_view> kModels[] = {
       {"PINHOLE", "plumb_bob"},
       {"OPENCV", "plumb_bob"},
@@ -166,7 +166,7 @@ Calibration ros_calibration(const Camera& camera, double baseline_m) {
             printable(camera.model) + " in a recording of ROS",
             "PINHOLE, OPENCV, FULL_OPENCV or OPENCV_FISHEYE");
   const std::vector<double>& p = camera.parameters;
-  Calibration stated;
+  CameraCalibration stated;
   stated.width = camera.width;
   stated.height = camera.height;
   stated.distortion_model = known->second;

@@ -9,7 +9,7 @@
 
 #include "cairn/core/file.hpp"
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/calibration.hpp"
+#include "cairn/map/camera_calibration.hpp"
 
 namespace cairn {
 
@@ -31,7 +31,8 @@ class Ros2RecordingWriter {
   };
 
   /// sensor_msgs/CameraInfo.
-  void add_camera(const std::string& topic, const Stamp& stamp, const Calibration& calibration);
+  void add_camera(const std::string& topic, const Stamp& stamp,
+                  const CameraCalibration& calibration);
   /// sensor_msgs/Image without padding.
   /// @param encoding as sensor_msgs/image_encodings, e.g. "bgr8", "16UC1"; numbers are little-endian
   void add_image(const std::string& topic, const Stamp& stamp, std::uint32_t width,
@@ -55,6 +56,6 @@ class Ros2RecordingWriter {
 /// A camera as ROS states it.
 /// @param baseline_m of the right camera of a stereo pair, from the left one
 /// @throws Error (misuse) for a model that ROS does not have
-Calibration ros_calibration(const Camera& camera, double baseline_m = 0.0);
+CameraCalibration ros_calibration(const Camera& camera, double baseline_m = 0.0);
 
 }  // namespace cairn

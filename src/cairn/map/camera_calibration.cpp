@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/map/calibration.hpp"
+#include "cairn/map/camera_calibration.hpp"
 
 #include <algorithm>
 #include <span>
@@ -26,7 +26,8 @@ bool are_zero(std::span<const double> values) {
 
 }  // namespace
 
-Camera camera_of(const Calibration& calibration, bool is_rectified, const std::string& place) {
+Camera camera_of(const CameraCalibration& calibration, bool is_rectified,
+                 const std::string& place) {
   const auto& k = calibration.intrinsics;
   const auto& p = calibration.projection;
   const std::span<const double> d = calibration.distortion;
@@ -63,12 +64,12 @@ Camera camera_of(const Calibration& calibration, bool is_rectified, const std::s
   return camera;
 }
 
-std::optional<Rigid3> left_from_right(const Calibration& left, const Calibration& right,
+std::optional<Rigid3> left_from_right(const CameraCalibration& left, const CameraCalibration& right,
                                       bool are_rectified, const std::string& place) {
-  const auto centre_x = [](const Calibration& camera) {
+  const auto centre_x = [](const CameraCalibration& camera) {
     return camera.projection[0] > 0.0 ? -camera.projection[3] / camera.projection[0] : 0.0;
   };
-  const auto rectified_from = [&](const Calibration& camera) {
+  const auto rectified_from = [&](const CameraCalibration& camera) {
     Matrix4d pose = Matrix4d::Identity();
     pose.topLeftCorner<3, 3>() =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(camera.rectification.data());

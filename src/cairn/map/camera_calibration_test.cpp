@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/map/calibration.hpp"
+#include "cairn/map/camera_calibration.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-Calibration some_calibration() {
-  Calibration stated;
+CameraCalibration some_calibration() {
+  CameraCalibration stated;
   stated.width = 640;
   stated.height = 480;
   stated.distortion_model = "plumb_bob";
@@ -25,7 +25,7 @@ Calibration some_calibration() {
 }
 
 TEST(Calibration, ACameraHasTheModelOfItsCoefficients) {
-  Calibration stated = some_calibration();
+  CameraCalibration stated = some_calibration();
   const Camera expected{
       CameraId{0}, "OPENCV", 640, 480, {500, 510, 320, 240, 0.1, -0.2, 0.001, 0.002}};
   for (const char* const name :
@@ -44,7 +44,7 @@ TEST(Calibration, ACameraHasTheModelOfItsCoefficients) {
 
 // Without coefficients its image is as far from the middle as the angle says, not as its tangent.
 TEST(Calibration, AFisheyeIsNeverAPinhole) {
-  Calibration stated = some_calibration();
+  CameraCalibration stated = some_calibration();
   stated.distortion_model = "equidistant";
   for (const std::vector<double>& coefficients :
        {std::vector<double>{}, std::vector<double>{0, 0, 0, 0}}) {
@@ -56,7 +56,7 @@ TEST(Calibration, AFisheyeIsNeverAPinhole) {
 }
 
 TEST(Calibration, NamesWhatIsWrong) {
-  Calibration stated = some_calibration();
+  CameraCalibration stated = some_calibration();
   const auto refused = [&] {
     return testing::message_of(ErrorKind::kInput, [&] { camera_of(stated, false, "bag: info"); });
   };
@@ -79,7 +79,7 @@ TEST(Calibration, APairIsWhereItsRectificationSays) {
     return Eigen::Matrix3d(pose.rotation());
   };
   const auto with = [](const Eigen::Matrix3d& rectified_from_camera, double p3) {
-    Calibration stated = some_calibration();
+    CameraCalibration stated = some_calibration();
     const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = rectified_from_camera;
     std::copy(rows.data(), rows.data() + 9, stated.rectification.begin());
     stated.projection[3] = p3;
