@@ -178,11 +178,17 @@ TEST_F(MapCliTest, LayoutsOfBenchmarksHaveCamerasAndPoses) {
   }
   write("icl/associations.txt", associations);
   write("icl/livingRoom0.gt.freiburg", poses);
+  expect_refusal({"map", "icl", "-o", "no.map"}, kBadInput, {"expected 640 x 480, as the camera"});
   for (const auto& [folder, stated] :
        {std::pair{"icl", "icl/livingRoom0.gt.freiburg"}, {"seven", "seven"}}) {
-    answer({"map", folder, "-o", "out.map", "--camera", "s/camera.yaml", "--depth-units",
-            std::string(folder) == "icl" ? "5000" : "1000", "--trajectory", "out.tum",
-            "--start-from", stated});
+    const std::string units = std::string(folder) == "icl" ? "5000" : "1000";
+    const auto map = [&](const std::string& output, const std::vector<std::string>& more) {
+      std::vector<std::string> words = {"map",           folder,          "-o", output, "--camera",
+                                        "s/camera.yaml", "--depth-units", units};
+      words.insert(words.end(), more.begin(), more.end());
+      answer(words);
+    };
+    map("out.map", {"--trajectory", "out.tum", "--start-from", stated});
     const Trajectory estimate = trajectory("out.tum");
     ASSERT_EQ(estimate.size(), truth.size());
     for (std::size_t i = 0; i < truth.size(); ++i) {
@@ -191,7 +197,7 @@ TEST_F(MapCliTest, LayoutsOfBenchmarksHaveCamerasAndPoses) {
       EXPECT_LT(error.translation().norm(), 0.02) << folder << i;
       EXPECT_LT(error.angle(), 0.02) << folder << i;
     }
-    answer({"map", folder, "-o", "posed.map", "--poses", stated});
+    map("posed.map", {"--poses", stated});
     EXPECT_EQ(read_map(path("posed.map")).frames().timestamps_s.back().value(),
               static_cast<double>(truth.size() - 1));
   }
