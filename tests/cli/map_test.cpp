@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <regex>
 #include <string>
 #include <thread>
 #include <vector>
@@ -243,6 +244,10 @@ TEST_F(MapCliTest, ASimulatedRecordingGivesTheMapOfTheSimulatedFolder) {
   write("mm.yaml",
         "model: PINHOLE\nwidth: 320\nheight: 240\nparameters: [262, 262, 159.5, 119.5]\n"
         "depth_units_per_metre: 1000\n");
+  // EuRoC's layout names images by nanoseconds, a recording by seconds; the map's UUID depends on the names.
+  const auto unnamed = [&](const std::string& map) {
+    return std::regex_replace(content(map), std::regex("(META uuid|IMAGE \\d+) .*"), "$1");
+  };
   const std::vector<std::vector<std::string>> sensors = {
       {"--color-format", "jpeg"},
       {"--color-format", "png"},
@@ -257,10 +262,14 @@ TEST_F(MapCliTest, ASimulatedRecordingGivesTheMapOfTheSimulatedFolder) {
       answer(words);
       answer({"map", name, "-o", name + ".map"});
     }
-    EXPECT_EQ(content(recording + ".map"), content(folder + ".map")) << i;
+    const bool has_same_names = i < 2;
+    const auto text = [&](const std::string& map) {
+      return has_same_names ? content(map) : unnamed(map);
+    };
+    EXPECT_EQ(text(recording + ".map"), text(folder + ".map")) << i;
     answer({"map", folder, "-o", "a.map", "--poses", folder + "/groundtruth.txt"});
     answer({"map", recording, "-o", "b.map", "--poses", "topic:/ground_truth,camera"});
-    EXPECT_EQ(content("a.map"), content("b.map")) << i;
+    EXPECT_EQ(text("a.map"), text("b.map")) << i;
   }
   expect_refusal({"simulate", "r.mcap", "--camera", "s/camera.yaml"}, kWrongUsage,
                  {"depth units of a recording"});
@@ -271,7 +280,8 @@ TEST_F(MapCliTest, ARecordingBringsKnownPoses) {
   const ImageSequence sequence(path("s"));
   const Camera camera{CameraId{0}, "PINHOLE", 320, 240, {262, 262, 159.5, 119.5}};
   auto messages = recorded(sequence, camera, "cdr", Recorded::kCompressed);
-  for (const TimedPose& timed : trajectory("s/groundtruth.txt").poses()) {
+  const Trajectory truth = trajectory("s/groundtruth.txt");
+  for (const TimedPose& timed : truth.poses()) {
     const auto time_ns = 1000 * static_cast<std::uint64_t>(std::llround(1e6 * timed.timestamp_s));
     const Eigen::Vector3d& t = timed.world_from_camera.translation();
     const Eigen::Quaterniond q = timed.world_from_camera.quaternion();
@@ -281,9 +291,9 @@ TEST_F(MapCliTest, ARecordingBringsKnownPoses) {
     messages.push_back({"/odom", "nav_msgs/Odometry", time_ns, fields.bytes()});
   }
   write("a.mcap", mcap_bytes(messages));
+  EXPECT_THAT(answer({"info", "a.mcap"}), HasSubstr("--poses topic:/odom"));
   const Json info = document({"info", "a.mcap"});
   EXPECT_EQ(info.at("pose_topics").at(0).at("name"), "/odom");
-  EXPECT_THAT(answer({"info", "a.mcap"}), HasSubstr("--poses topic:/odom"));
   answer({"map", "a.mcap", "-o", "topic.map", "--depth-units", "5000", "--poses", "topic:/odom"});
   answer(
       {"map", "a.mcap", "-o", "file.map", "--depth-units", "5000", "--poses", "s/groundtruth.txt"});

@@ -38,7 +38,11 @@ std::vector<PoseTopic> pose_topics(const Recording& recording) {
     const RecordedTopic& topic = recording.topics()[message.topic];
     if (is_known[message.topic] || !has_poses(topic)) continue;
     is_known[message.topic] = true;
-    found.push_back({topic.name, pose_of(recording, message).child});
+    found.push_back({topic.name, ""});
+    try {
+      found.back().body = pose_of(recording, message).child;
+    } catch (const Error&) {  // who uses the topic is told
+    }
   }
   std::ranges::sort(found, {}, &PoseTopic::name);
   return found;

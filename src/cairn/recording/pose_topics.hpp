@@ -12,7 +12,7 @@ namespace cairn {
 /// A topic of poses that can be read: nav_msgs/Odometry, geometry_msgs/PoseStamped or PoseWithCovarianceStamped.
 struct PoseTopic {
   std::string name;
-  std::string body;  ///< frame whose poses they are; empty if the type does not say it
+  std::string body;  ///< frame whose poses they are; empty if the first message does not say it
 };
 
 /// By name.

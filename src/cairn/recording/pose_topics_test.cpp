@@ -79,6 +79,10 @@ TEST_P(PoseTopicsTest, TheCameraIsWhereItIsMountedOnTheBody) {
   EXPECT_EQ(topics[1].name, "/odom");
   EXPECT_EQ(topics[1].body, "base");
   EXPECT_EQ(topics[2].body, "");
+
+  messages.insert(messages.begin(), {"/odom", "nav_msgs/Odometry", 0, "short"});
+  EXPECT_EQ(pose_topics(recording())[1].body, "") << "listed, and refused where it is used";
+  EXPECT_THAT(refused("/odom"), HasSubstr("/odom"));
 }
 
 TEST_P(PoseTopicsTest, WhatIsNotKnownIsRefused) {
