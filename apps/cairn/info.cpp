@@ -26,7 +26,7 @@
 #include "cairn/registration/splat_selection.hpp"
 
 #ifdef CAIRN_HAS_BAGS
-#include "cairn/recording/camera_info.hpp"
+#include "cairn/recording/pose_topics.hpp"
 #include "cairn/recording/sensor_topics.hpp"
 #endif
 
@@ -513,6 +513,7 @@ struct InfoArguments {
         document("info_recording", common, {{"recording", {{"path", input}}}}, Json::object());
     json["topics"] = Json::array();
     json["cameras"] = Json::array();
+    json["pose_topics"] = Json::array();
     console.print("{}\n", input);
     const std::vector<TopicTimes> times = topic_times(recording);
     for (std::size_t i = 0; i < times.size(); ++i) {
@@ -546,6 +547,12 @@ struct InfoArguments {
       const std::string command = fmt::format("cairn map {} -o lab.map", input);
       json["command"] = command;
       console.print("to map it: {}\n", command);
+      for (const PoseTopic& topic : pose_topics(recording)) {
+        json["pose_topics"].push_back({{"name", topic.name}, {"body", text_or_null(topic.body)}});
+        console.print("  at the recorded poses{}: --poses topic:{}{}\n",
+                      topic.body.empty() ? "" : " of " + plain_text(topic.body),
+                      plain_text(topic.name), topic.body.empty() ? ",FRAME" : "");
+      }
     } catch (const Error& error) {
       json["command"] = nullptr;
       console.print("cairn map needs a choice: {}\n", error.what());

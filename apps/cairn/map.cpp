@@ -170,9 +170,9 @@ struct MapArguments {
         .add_text(
             "sequence", sequence,
             "Recording of ROS (.bag, .mcap, .db3, or the folder of ROS 2), folder of an RGB-D "
-            "sequence in the layout of TUM (rgb.txt, depth.txt), or of a stereo sequence in that "
-            "of "
-            "KITTI odometry (image_0, image_1, calib.txt, times.txt) or EuRoC (mav0)")
+            "sequence in the layout of TUM (rgb.txt, depth.txt), ICL-NUIM (associations.txt) or "
+            "7-Scenes (frame-000000.color.png), or of a stereo sequence in that of KITTI odometry "
+            "(image_0, image_1, calib.txt, times.txt) or EuRoC (mav0)")
         .required();
     command.add_text(
         "-o,--output", output,
@@ -184,8 +184,9 @@ struct MapArguments {
                      "qz qw per line",
                      "FILE");
     command.add_text("--camera", camera,
-                     fmt::format("{} (default: camera.yaml in the sequence's folder, or the "
-                                 "recording's CameraInfo)",
+                     fmt::format("{}; of a stereo sequence the file of both, or LEFT,RIGHT "
+                                 "(default: camera.yaml in the sequence's folder or beside the "
+                                 "recording, or what the sequence brings)",
                                  kCameraHelp),
                      "CAMERA");
     command.add_text("--topics", files.topics,
@@ -194,7 +195,7 @@ struct MapArguments {
     add_number(
         command, "--depth-units", depth_units,
         "Depth image units per metre (default: from the camera file, else 5000; of a recording "
-        "1000)");
+        "and of 7-Scenes 1000)");
     const Option rolling =
         add_number(command, "--readout", readout,
                    "Readout time of a rolling shutter, from the first image row to the last, "
@@ -227,9 +228,10 @@ struct MapArguments {
         .needs(loops);
     command
         .add_text("--poses", poses,
-                  "Use these known poses, world_from_camera, in TUM format; only the landmarks are "
-                  "estimated, in that world",
-                  "FILE")
+                  "Use these known poses, world_from_camera: a trajectory in TUM format, or a "
+                  "recording's odometry or poses, with the camera's place by tf_static. Only the "
+                  "landmarks are estimated, in that world",
+                  "FILE|topic:NAME[,FRAME]")
         .excludes(pose)
         .excludes(from)
         .excludes(rolling)
@@ -295,11 +297,13 @@ struct MapArguments {
       files.depth_units_per_metre = *given->depth_units_per_metre;
     }
     if (depth_units) files.depth_units_per_metre = *depth_units;
+    if (given) files.rig = given->rig;
     with_option_names(
         {SequenceOptions::table, {"SequenceOptions.depth_units_per_metre", "--depth-units"}},
         [&] { files.validate(); });
     std::optional<ImageSequence> opened;
-    with_option_names({{"topics", "--topics"}},
+    const std::string calibration = camera.empty() ? camera_beside().string() : camera;
+    with_option_names({{"topics", "--topics"}, {"rig", calibration}},
                       [&] { opened.emplace(sequence, files, common.console().log()); });
     const ImageSequence& images = *opened;
     files.depth_units_per_metre = images.depth_units_per_metre();
@@ -313,22 +317,29 @@ struct MapArguments {
   }
 
  private:
-  fs::path camera_beside() const { return fs::path(sequence) / "camera.yaml"; }
+  fs::path camera_beside() const {
+    std::error_code ignored;
+    const bool is_folder = fs::is_directory(sequence, ignored);
+    return (is_folder ? fs::path(sequence) : fs::path(sequence).parent_path()) / "camera.yaml";
+  }
 
   std::optional<CameraFile> given_camera() const {
-    if (!camera.empty()) return load_camera(camera);
+    if (!camera.empty()) return load_calibration(camera);
     std::error_code ignored;
     if (!fs::is_regular_file(camera_beside(), ignored)) return std::nullopt;
+    if (!fs::is_directory(sequence, ignored)) {
+      common.console().remark("{}: the camera is that of {}", sequence, camera_beside().string());
+    }
     FileReader file(camera_beside());
-    return read_camera_file(file);
+    return read_calibration_file(file);
   }
 
   CameraFile camera_of(const ImageSequence& images, const std::optional<CameraFile>& given) const {
     refuse_if(!given && !images.has_camera(), "--camera",
               "not given, and there is no " + camera_beside().string(), kCameraHelp);
-    // A folder of a stereo sequence has its calibration; camera.yaml beside it gives the readout.
+    // A stereo sequence has its calibration; one camera in camera.yaml beside it gives the readout.
     CameraFile file{{}, std::nullopt, given ? given->readout_s : std::nullopt};
-    const bool is_used = given && (!images.is_stereo() || !camera.empty());
+    const bool is_used = given && !given->rig && (!images.is_stereo() || !camera.empty());
     with_option_names({{"camera", "--camera"}}, [&] {
       file.camera = images.camera(is_used ? std::optional(given->camera) : std::nullopt);
     });
@@ -575,7 +586,10 @@ struct MapArguments {
   }
 
   MapAtPoses map_at_given_poses(const ImageSequence& images, const Camera& model) const {
-    const Trajectory given = read_trajectory(poses, common.console().log());
+    constexpr std::string_view kTopic = "topic:";
+    const Trajectory given = poses.starts_with(kTopic)
+                                 ? images.recorded_poses(poses.substr(kTopic.size()))
+                                 : read_trajectory(poses, common.console().log());
     std::optional<MapAtPoses> mapped;
     with_option_names({FeatureOptions::table,
                        MapOptions::table,

@@ -2,10 +2,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
@@ -14,6 +16,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/formats/camera_file.hpp"
+#include "cairn/formats/foreign/ros2_recording.hpp"
 #include "cairn/formats/trajectory_file.hpp"
 #include "cairn/simulation/environment.hpp"
 #include "cairn/simulation/path.hpp"
@@ -48,6 +51,8 @@ Json things_json(const Scene& scene) {
   return things;
 }
 
+constexpr double kRosDepthUnits = 1000.0;  // REP 118
+
 struct SimulateArguments {
   CommonArguments common;
   std::string folder;
@@ -67,7 +72,11 @@ struct SimulateArguments {
 
   void add_to(const Command& command) {
     common.seed = 1;
-    command.add_text("folder", folder, "Folder for the sequence; created if it does not exist", "")
+    command
+        .add_text("folder", folder,
+                  "Folder for the sequence, created if it does not exist; or a recording of ROS 2, "
+                  "which ends in .mcap",
+                  "")
         .required();
     command.add_text("--environment", environment,
                      fmt::format("Place: {}", fmt::join(environment_names(), ", ")), "NAME");
@@ -89,7 +98,8 @@ struct SimulateArguments {
         fmt::format("{} (default: 640 x 480 pixels, focal length 525, no distortion)", kCameraHelp),
         "CAMERA");
     command.add_text("--sensor", sensor,
-                     "rgbd, in TUM's layout, or stereo, a pair of cameras in EuRoC's layout",
+                     "rgbd, as folder in TUM's layout, or stereo, a pair of cameras, as folder in "
+                     "EuRoC's",
                      "rgbd|stereo");
     add_number(command, "--baseline", baseline_m,
                "Between the cameras of --sensor stereo, metres (default: 0.11)");
@@ -110,11 +120,19 @@ struct SimulateArguments {
   int run() {
     check();
     require_folder_of(common.json_path);
-    refuse_existing();
+    if (is_recording()) {
+      require_folder_of(folder);
+      depth_units_per_metre = kRosDepthUnits;
+    } else {
+      refuse_existing();
+    }
     Json inputs = Json::object();
     if (!camera.empty()) {
       const CameraFile read = load_camera(camera);
       options.camera = read.camera;
+      refuse_if(
+          is_recording() && read.depth_units_per_metre.value_or(kRosDepthUnits) != kRosDepthUnits,
+          camera, "depth units of a recording of ROS", "1000 a metre");
       depth_units_per_metre = read.depth_units_per_metre.value_or(depth_units_per_metre);
       inputs["camera"] = describe_file(camera, common, true);
     }
@@ -123,35 +141,19 @@ struct SimulateArguments {
       inputs["trajectory"] = {{"path", path}, {"hash", hash_file(path)}};
     }
     // Takes the folder before the work, so that two runs into one do not both do it.
-    const ColorFormat format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg;
-    std::optional<SequenceWriter> made;
-    if (is_stereo()) {
-      made.emplace(
-          folder,
-          StereoRig{options.camera, options.camera,
-                    Rigid3(Eigen::Quaterniond::Identity(), {options.stereo_baseline_m, 0.0, 0.0})},
-          format);
-    } else {
-      made.emplace(folder, format, depth_units_per_metre);
-    }
-    SequenceWriter& writer = *made;
+    std::optional<SequenceWriter> writer;
+    if (!is_recording()) make_writer(writer);
     const Stopwatch watch;
     const Executor executor = common.executor();
     Environment place = make_environment(environment_options, executor);
     Trajectory trajectory = make_trajectory(place);
     const RgbdSimulator simulator(std::move(place.scene), std::move(trajectory), options, executor);
     const double ready = watch.seconds();
-    write(simulator, writer);
-    writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
-      write_trajectory(simulator.trajectory(), TrajectoryFormat::kTum, sink);
-    });
-    writer.add_file("camera.yaml", [&](const ByteSink& sink) {
-      const auto readout =
-          options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
-      const auto units = is_stereo() ? std::nullopt : std::optional(depth_units_per_metre);
-      sink(camera_file_text({options.camera, units, readout}));
-    });
-    writer.finish();
+    if (writer) {
+      write_folder(simulator, *writer);
+    } else {
+      write_recording(simulator);
+    }
     const double rendering = watch.seconds() - ready;
 
     const auto& objects = simulator.scene().objects;
@@ -184,6 +186,8 @@ struct SimulateArguments {
   bool path_is_file() const { return path != "sweep" && path != "orbit" && path != "walk"; }
 
   bool is_stereo() const { return options.stereo_baseline_m > 0.0; }
+
+  bool is_recording() const { return std::filesystem::path(folder).extension() == ".mcap"; }
 
   void check_sensor() {
     refuse_if(sensor != "rgbd" && sensor != "stereo", "--sensor", printable(sensor),
@@ -258,7 +262,109 @@ struct SimulateArguments {
     return result;
   }
 
-  void write(const RgbdSimulator& simulator, SequenceWriter& writer) const {
+  void make_writer(std::optional<SequenceWriter>& writer) const {
+    const ColorFormat format = color_format == "png" ? ColorFormat::kPng : ColorFormat::kJpeg;
+    if (!is_stereo()) {
+      writer.emplace(folder, format, depth_units_per_metre);
+      return;
+    }
+    const Rigid3 left_from_right(Eigen::Quaterniond::Identity(),
+                                 {options.stereo_baseline_m, 0.0, 0.0});
+    writer.emplace(folder, StereoRig{options.camera, options.camera, left_from_right}, format);
+  }
+
+  void write_folder(const RgbdSimulator& simulator, SequenceWriter& writer) const {
+    render(simulator, [&](RgbdFrame frame) {
+      const ColorImage color(frame.width, frame.height, std::move(frame.bgr));
+      if (is_stereo()) {
+        writer.add(frame.timestamp_s, color,
+                   ColorImage(frame.width, frame.height, std::move(frame.right_bgr)));
+      } else {
+        writer.add(frame.timestamp_s, color,
+                   DepthImage(frame.width, frame.height, std::move(frame.depth_m)));
+      }
+      return [] {};
+    });
+    writer.add_file("groundtruth.txt", [&](const ByteSink& sink) {
+      write_trajectory(simulator.trajectory(), TrajectoryFormat::kTum, sink);
+    });
+    writer.add_file("camera.yaml", [&](const ByteSink& sink) {
+      const auto readout =
+          options.readout_s > 0.0 ? std::optional(options.readout_s) : std::nullopt;
+      const auto units = is_stereo() ? std::nullopt : std::optional(depth_units_per_metre);
+      sink(camera_file_text({options.camera, units, readout}));
+    });
+    writer.finish();
+  }
+
+  void write_recording(const RgbdSimulator& simulator) const {
+    const std::string first = is_stereo() ? "/camera/left" : "/camera/color";
+    const std::string second = is_stereo() ? "/camera/right" : "/camera/aligned_depth_to_color";
+    write_file(folder, [&](const ByteSink& sink) {
+      Ros2RecordingWriter recording(sink);
+      const auto poses = simulator.trajectory().poses();
+      const auto stamp_of = [&](double time_s, std::string_view frame) {
+        refuse_if(!(time_s >= 0.0 && time_s < 0x1p32), path, fmt::format("a pose at {} s", time_s),
+                  "times that ROS can state: 0 to 2^32 s");
+        return Ros2RecordingWriter::Stamp{
+            1000 * static_cast<std::uint64_t>(std::llround(1e6 * time_s)), frame};
+      };
+      const CameraCalibration cameras[] = {
+          ros_calibration(options.camera),
+          ros_calibration(options.camera, options.stereo_baseline_m)};
+      const auto encoded = [&](const ColorImage& image) {
+        return color_format == "png" ? std::string(image.values.begin(), image.values.end())
+                                     : jpeg_bytes(image);
+      };
+      const auto add_color = [&](const std::string& camera_name,
+                                 const Ros2RecordingWriter::Stamp& stamp,
+                                 const std::string& bytes) {
+        if (color_format == "png") {
+          recording.add_image(camera_name + "/image_raw", stamp, options.camera.width,
+                              options.camera.height, "bgr8", bytes);
+        } else {
+          recording.add_jpeg(camera_name + "/image_raw/compressed", stamp, bytes);
+        }
+      };
+      std::size_t next = 0;
+      render(simulator, [&](RgbdFrame frame) {
+        const std::string color =
+            encoded(ColorImage(frame.width, frame.height, std::move(frame.bgr)));
+        std::string other;
+        if (is_stereo()) {
+          other = encoded(ColorImage(frame.width, frame.height, std::move(frame.right_bgr)));
+        } else {
+          const StoredDepthImage depth =
+              stored_depth(DepthImage(frame.width, frame.height, std::move(frame.depth_m)),
+                           depth_units_per_metre);
+          other.assign(reinterpret_cast<const char*>(depth.values.data()), 2 * depth.values.size());
+        }
+        return [&, color, other, time_s = frame.timestamp_s] {
+          const auto stamp = stamp_of(time_s, "camera");
+          recording.add_camera(first + "/camera_info", stamp, cameras[0]);
+          recording.add_camera(second + "/camera_info", stamp, cameras[1]);
+          add_color(first, stamp, color);
+          if (is_stereo()) {
+            add_color(second, stamp, other);
+          } else {
+            recording.add_image(second + "/image_raw", stamp, options.camera.width,
+                                options.camera.height, "16UC1", other);
+          }
+          recording.add_pose("/ground_truth", stamp_of(time_s, "world"),
+                             poses[next++].world_from_camera);
+        };
+      });
+      recording.finish();
+    });
+    if (options.readout_s > 0.0) {
+      common.console().remark("{}: recordings of ROS do not state a readout: map it with --readout",
+                              folder);
+    }
+  }
+
+  // `take` has each frame on some thread; what it returns is called in the order of time.
+  void render(const RgbdSimulator& simulator,
+              const std::function<std::function<void()>(RgbdFrame)>& take) const {
     const Progress progress = common.console().progress("rendering");
     const auto stop = interrupt_requests();
     const Executor executor = common.executor();
@@ -266,23 +372,16 @@ struct SimulateArguments {
     // A frame each thread: rendering one and compressing another go on side by side.
     const std::size_t batch = 16;
     for (std::size_t begin = 0; begin < count; begin += batch) {
-      executor.for_blocks(std::min(batch, count - begin), 1, [&](std::size_t i, std::size_t) {
-        if (stop.stop_requested()) return;
-        RgbdFrame frame = simulator.frame(begin + i);
-        const ColorImage color(frame.width, frame.height, std::move(frame.bgr));
-        if (is_stereo()) {
-          writer.add(frame.timestamp_s, color,
-                     ColorImage(frame.width, frame.height, std::move(frame.right_bgr)));
-        } else {
-          writer.add(frame.timestamp_s, color,
-                     DepthImage(frame.width, frame.height, std::move(frame.depth_m)));
-        }
+      std::vector<std::function<void()>> finish(std::min(batch, count - begin));
+      executor.for_blocks(finish.size(), 1, [&](std::size_t i, std::size_t) {
+        if (!stop.stop_requested()) finish[i] = take(simulator.frame(begin + i));
       });
       if (stop.stop_requested()) {
         throw Error(ErrorKind::kCancelled, folder, "the simulation was cancelled", "");
       }
+      for (const auto& step : finish) step();
       if (progress) {
-        progress(static_cast<double>(std::min(begin + batch, count)) / static_cast<double>(count));
+        progress(static_cast<double>(begin + finish.size()) / static_cast<double>(count));
       }
     }
   }

@@ -8,9 +8,13 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <regex>
 #include <string>
 #include <thread>
 #include <vector>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
 
 #include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/file.hpp"
@@ -139,6 +143,67 @@ TEST_F(MapCliTest, SameBytesForAnyNumberOfThreads) {
   EXPECT_EQ(content("a.tum"), content("b.tum"));
 }
 
+// The sequence in two other layouts, whose times are the numbers of the frames, with poses as these state them.
+TEST_F(MapCliTest, LayoutsOfBenchmarksHaveCamerasAndPoses) {
+  const Trajectory truth = trajectory("s/groundtruth.txt");
+  const ImageSequence sequence(path("s"));
+  fs::create_directories(path("icl/rgb"));
+  fs::create_directories(path("icl/depth"));
+  fs::create_directories(path("seven"));
+  std::string associations;
+  std::string poses;
+  for (std::size_t i = 0; i < sequence.frames().size(); ++i) {
+    const SequenceFrame& frame = sequence.frames()[i];
+    const Matrix4d pose = truth.poses()[i].world_from_camera.matrix();
+    fs::copy(frame.color, path(fmt::format("icl/rgb/{}.png", i)));
+    fs::copy(*frame.depth, path(fmt::format("icl/depth/{}.png", i)));
+    associations += fmt::format("{0} depth/{0}.png {0} rgb/{0}.png\n", i);
+    const Eigen::Matrix3d mirror = Eigen::Vector3d(1, -1, 1).asDiagonal();
+    const Eigen::Matrix3d rotation = mirror * pose.topLeftCorner<3, 3>() * mirror;
+    const Eigen::Quaterniond q(rotation);
+    poses += fmt::format("{} {} {} {} {} {} {} {}\n", i, pose(0, 3), -pose(1, 3), pose(2, 3), q.x(),
+                         q.y(), q.z(), q.w());
+    const std::string name = fmt::format("seven/frame-{:06}.", i);
+    write_png(path(name + "color.png"), read_color_image(frame.color));
+    StoredDepthImage depth = read_depth_image(*frame.depth);
+    for (auto& value : depth.values) {
+      value = value == 0 ? 65535 : static_cast<std::uint16_t>(std::lround(value / 5.0));
+    }
+    write_png(path(name + "depth.png"), depth);
+    std::string rows;
+    for (int row = 0; row < 4; ++row) {
+      rows +=
+          fmt::format("{}\t{}\t{}\t{}\t\n", pose(row, 0), pose(row, 1), pose(row, 2), pose(row, 3));
+    }
+    write(name + "pose.txt", rows);
+  }
+  write("icl/associations.txt", associations);
+  write("icl/livingRoom0.gt.freiburg", poses);
+  expect_refusal({"map", "icl", "-o", "no.map"}, kBadInput, {"expected 640 x 480, as the camera"});
+  for (const auto& [folder, stated] :
+       {std::pair{"icl", "icl/livingRoom0.gt.freiburg"}, {"seven", "seven"}}) {
+    const std::string units = std::string(folder) == "icl" ? "5000" : "1000";
+    const auto map = [&](const std::string& output, const std::vector<std::string>& more) {
+      std::vector<std::string> words = {"map",           folder,          "-o", output, "--camera",
+                                        "s/camera.yaml", "--depth-units", units};
+      words.insert(words.end(), more.begin(), more.end());
+      answer(words);
+    };
+    map("out.map", {"--trajectory", "out.tum", "--start-from", stated});
+    const Trajectory estimate = trajectory("out.tum");
+    ASSERT_EQ(estimate.size(), truth.size());
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      const Rigid3 error =
+          truth.poses()[i].world_from_camera.inverse() * estimate.poses()[i].world_from_camera;
+      EXPECT_LT(error.translation().norm(), 0.02) << folder << i;
+      EXPECT_LT(error.angle(), 0.02) << folder << i;
+    }
+    map("posed.map", {"--poses", stated});
+    EXPECT_EQ(read_map(path("posed.map")).frames().timestamps_s.back().value(),
+              static_cast<double>(truth.size() - 1));
+  }
+}
+
 #ifdef CAIRN_HAS_BAGS
 // One map whatever the images are in: the images, times and camera are all that counts.
 TEST_F(MapCliTest, ARecordingGivesTheMapOfTheFolder) {
@@ -172,6 +237,71 @@ TEST_F(MapCliTest, ARecordingGivesTheMapOfTheFolder) {
     EXPECT_EQ(content("bag.map"), of_png) << file;
     fs::remove(path("bag.map"));
   }
+}
+
+// Without foreign data: what is simulated into a recording gives the map of what is simulated into a folder.
+TEST_F(MapCliTest, ASimulatedRecordingGivesTheMapOfTheSimulatedFolder) {
+  write("mm.yaml",
+        "model: PINHOLE\nwidth: 320\nheight: 240\nparameters: [262, 262, 159.5, 119.5]\n"
+        "depth_units_per_metre: 1000\n");
+  // EuRoC's layout names images by nanoseconds, a recording by seconds; the map's UUID depends on the names.
+  const auto unnamed = [&](const std::string& map) {
+    return std::regex_replace(content(map), std::regex("(META uuid|IMAGE \\d+) .*"), "$1");
+  };
+  const std::vector<std::vector<std::string>> sensors = {
+      {"--color-format", "jpeg"},
+      {"--color-format", "png"},
+      {"--sensor", "stereo", "--baseline", "0.125"}};
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const std::string folder = fmt::format("f{}", i);
+    const std::string recording = folder + ".mcap";
+    for (const std::string& name : {folder, recording}) {
+      std::vector<std::string> words = {"simulate", name, "--camera", "mm.yaml",
+                                        "--frames", "8",  "--rate",   "8"};
+      words.insert(words.end(), sensors[i].begin(), sensors[i].end());
+      answer(words);
+      answer({"map", name, "-o", name + ".map"});
+    }
+    const bool has_same_names = i < 2;
+    const auto text = [&](const std::string& map) {
+      return has_same_names ? content(map) : unnamed(map);
+    };
+    EXPECT_EQ(text(recording + ".map"), text(folder + ".map")) << i;
+    answer({"map", folder, "-o", "a.map", "--poses", folder + "/groundtruth.txt"});
+    answer({"map", recording, "-o", "b.map", "--poses", "topic:/ground_truth,camera"});
+    EXPECT_EQ(text("a.map"), text("b.map")) << i;
+  }
+  expect_refusal({"simulate", "r.mcap", "--camera", "s/camera.yaml"}, kWrongUsage,
+                 {"depth units of a recording"});
+}
+
+// As from a file: the poses count, not where they stand.
+TEST_F(MapCliTest, ARecordingBringsKnownPoses) {
+  const ImageSequence sequence(path("s"));
+  const Camera camera{CameraId{0}, "PINHOLE", 320, 240, {262, 262, 159.5, 119.5}};
+  auto messages = recorded(sequence, camera, "cdr", Recorded::kCompressed);
+  const Trajectory truth = trajectory("s/groundtruth.txt");
+  for (const TimedPose& timed : truth.poses()) {
+    const auto time_ns = 1000 * static_cast<std::uint64_t>(std::llround(1e6 * timed.timestamp_s));
+    const Eigen::Vector3d& t = timed.world_from_camera.translation();
+    const Eigen::Quaterniond q = timed.world_from_camera.quaternion();
+    MessageFields fields("cdr");
+    fields.header(time_ns, "odom").text("/cam/left/image");
+    fields.doubles(std::array{t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
+    messages.push_back({"/odom", "nav_msgs/Odometry", time_ns, fields.bytes()});
+  }
+  write("a.mcap", mcap_bytes(messages));
+  EXPECT_THAT(answer({"info", "a.mcap"}), HasSubstr("--poses topic:/odom"));
+  const Json info = document({"info", "a.mcap"});
+  EXPECT_EQ(info.at("pose_topics").at(0).at("name"), "/odom");
+  answer({"map", "a.mcap", "-o", "topic.map", "--depth-units", "5000", "--poses", "topic:/odom"});
+  answer(
+      {"map", "a.mcap", "-o", "file.map", "--depth-units", "5000", "--poses", "s/groundtruth.txt"});
+  EXPECT_EQ(content("topic.map"), content("file.map"));
+  expect_refusal({"map", "a.mcap", "-o", "no.map", "--poses", "topic:/odom,base"}, kBadInput,
+                 {"/odom", "tf_static does not say"});
+  expect_refusal({"map", "s", "-o", "no.map", "--poses", "topic:/odom"}, kWrongUsage,
+                 {"'/odom' of a folder"});
 }
 #endif
 
@@ -347,7 +477,7 @@ TEST_F(MapCliTest, DepthInTheWrongUnitIsRemarkedOn) {
     const CommandResult mini =
         cairn({"map", "s", "-o", "minis", "--mini-map-length", "1m", "--depth-units", units});
     EXPECT_THAT(mini.errors, HasSubstr(said));
-    EXPECT_THAT(mini.errors, HasSubstr("check the depth images' units per metre"));
+    EXPECT_THAT(mini.errors, HasSubstr("check the depth images' units per metre (--depth-units"));
     fs::remove_all(path("minis"));
   }
 }
@@ -404,6 +534,23 @@ TEST_F(MapCliTest, AStereoSequenceHasItsCameras) {
   EXPECT_LT(error.value().translation.rmse, 0.01);
   expect_refusal({"map", "pair", "-o", "no.map", "--camera", "s/camera.yaml"}, kWrongUsage,
                  {"--camera", "has its calibration"});
+  const std::string chain =
+      "cam0:\n  camera_model: pinhole\n  intrinsics: [262, 262, 159.5, 119.5]\n"
+      "  distortion_model: none\n  resolution: [320, 240]\ncam1:\n  camera_model: pinhole\n"
+      "  intrinsics: [262, 262, 159.5, 119.5]\n  distortion_model: none\n"
+      "  resolution: [320, 240]\n  T_cn_cnm1:\n  - [1, 0, 0, -0.11]\n  - [0, 1, 0, 0]\n"
+      "  - [0, 0, 1, 0]\n  - [0, 0, 0, 1]\n";
+  write("chain.yaml", chain);
+  write("millimetres.yaml", std::string(chain).replace(chain.find("-0.11"), 5, "-110"));
+  write("swapped.yaml", std::string(chain).replace(chain.find("-0.11"), 5, "0.11"));
+  answer({"map", "pair", "-o", "given.map", "--camera", "chain.yaml"});
+  EXPECT_EQ(content("given.map"), content("out.map"));
+  expect_refusal({"map", "pair", "-o", "no.map", "--camera", "millimetres.yaml"}, kBadInput,
+                 {"millimetres.yaml: a baseline of 110 m", "metres"});
+  expect_refusal({"map", "pair", "-o", "no.map", "--camera", "swapped.yaml"}, kBadInput,
+                 {"swapped.yaml: ", "left and right are swapped"});
+  expect_refusal({"map", "s", "-o", "no.map", "--camera", "chain.yaml"}, kWrongUsage,
+                 {"chain.yaml", "RGB-D"});
   fs::rename(path("pair/mav0/cam0/data"), path("pair/mav0/kept"));
   fs::rename(path("pair/mav0/cam1/data"), path("pair/mav0/cam0/data"));
   fs::rename(path("pair/mav0/kept"), path("pair/mav0/cam1/data"));

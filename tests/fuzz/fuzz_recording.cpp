@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
+#include "cairn/recording/pose_topics.hpp"
 #include "cairn/recording/recording.hpp"
 #include "cairn/vision/sequence.hpp"
 
@@ -22,6 +23,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           if (message.topic >= recording.topics().size()) {
             cairn::testing::abort_because("a topic that is not there");
           }
+        }
+        for (const cairn::PoseTopic& topic : cairn::pose_topics(recording)) {
+          cairn::camera_poses(recording, topic.name + ",camera", "camera");
         }
       },
       path.string());

@@ -334,18 +334,31 @@ std::string confidence_help() {
 }
 
 CameraFile load_camera(const std::string& text, std::vector<std::string> names) {
+  CameraFile file = load_calibration(text, std::move(names));
+  reject_if(file.rig.has_value(), text, "holds a stereo pair", "one camera");
+  return file;
+}
+
+CameraFile load_calibration(const std::string& text, std::vector<std::string> names) {
   if (text == "fr1" || text == "fr2" || text == "fr3") {
     return {tum_camera(text), std::nullopt, tum_readout_s(text)};
   }
   if (text.find_first_of(kBlanks) != std::string::npos) return {parse_camera(text), std::nullopt};
   std::error_code failure;  // the reader explains it
-  if (!std::filesystem::exists(text, failure) && !failure) {
+  const bool is_missing = !std::filesystem::exists(text, failure) && !failure;
+  if (const std::size_t comma = text.find(','); is_missing && comma != std::string::npos) {
+    FileReader left(text.substr(0, comma));
+    FileReader right(text.substr(comma + 1));
+    const StereoRig rig = read_stereo_files(left, right);
+    return {rig.left, std::nullopt, std::nullopt, rig};
+  }
+  if (is_missing) {
     names.insert(names.end(), {"fr1", "fr2", "fr3"});
     throw Error(ErrorKind::kMisuse, "--camera", printable(text) + " is no camera and no file",
                 std::string(kCameraHelp) + did_you_mean(text, names));
   }
   FileReader file(text);
-  return read_camera_file(file);
+  return read_calibration_file(file);
 }
 
 Camera parse_camera(const std::string& text) {

@@ -168,6 +168,8 @@ inline constexpr const char* kCameraHelp =
 /// The camera that `--camera` names: any of kCameraHelp.
 /// @param names of other words that the verb takes, for its suggestion
 CameraFile load_camera(const std::string& text, std::vector<std::string> names = {});
+/// The same, or a stereo pair: one file, or two as LEFT,RIGHT.
+CameraFile load_calibration(const std::string& text, std::vector<std::string> names = {});
 
 /// "MODEL width height parameters": a camera for maps whose format has none.
 Camera parse_camera(const std::string& text);

@@ -2,60 +2,274 @@
 #include "cairn/formats/camera_file.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
+#include <map>
+#include <span>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
 
 namespace cairn {
 namespace {
 
-double parse_positive(std::string_view text, const std::string& place, std::string_view key) {
-  const auto number = parse_number(text);
-  if (!number || *number <= 0.0) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", place, key),
-                printable(text) + " is not a positive number", "a positive number");
-  }
-  return *number;
-}
+// The values of a YAML file of scalars and lists of numbers. A key within another is `outer.inner`.
+class CameraYaml {
+ public:
+  explicit CameraYaml(ByteSource& source);
 
-std::uint32_t parse_size(std::string_view text, const std::string& place, std::string_view key) {
-  constexpr std::uint64_t kLargest = 1 << 16;
-  const auto number = parse_unsigned(text);
-  if (!number || *number == 0 || *number > kLargest) {
-    throw Error(ErrorKind::kInput, fmt::format("{}: {}", place, key),
-                printable(text) + " is no image size", "1 to 65536 pixels");
+  bool has(std::string_view key) const { return values_.contains(key); }
+  std::string place(std::string_view key) const {
+    const auto found = values_.find(key);
+    if (found == values_.end()) return fmt::format("{}: {}", name_, key);
+    return fmt::format("{}:{}: {}", name_, found->second.line, key);
   }
-  return static_cast<std::uint32_t>(*number);
-}
+  const std::string& text(std::string_view key) const {
+    const auto found = values_.find(key);
+    reject_if(found == values_.end(), name_, fmt::format("{} is missing", key),
+              "a camera as Cairn, ROS, EuRoC, Kalibr or OpenCV writes it");
+    return found->second.text;
+  }
+  double positive(std::string_view key) const {
+    const auto number = parse_number(text(key));
+    reject_if(!number || *number <= 0.0, place(key),
+              printable(text(key)) + " is not a positive number", "a positive number");
+    return *number;
+  }
+  std::uint32_t image_size(std::string_view key) const { return image_size(key, text(key)); }
+  // Of a list of width and height.
+  std::pair<std::uint32_t, std::uint32_t> image_sizes(std::string_view key) const {
+    const std::vector<double> sizes = numbers(key, 2);
+    return {image_size(key, fmt::format("{}", sizes[0])),
+            image_size(key, fmt::format("{}", sizes[1]))};
+  }
+  // Rows in brackets, or items, come one after the other.
+  std::vector<double> numbers(std::string_view key) const;
+  std::vector<double> numbers(std::string_view key, std::size_t count) const {
+    std::vector<double> all = numbers(key);
+    reject_if(all.size() != count, place(key), fmt::format("{} numbers", all.size()),
+              fmt::format("{}", count));
+    return all;
+  }
+  template <std::size_t kCount>
+  std::array<double, kCount> matrix(std::string_view key) const {
+    std::array<double, kCount> all;
+    std::ranges::copy(numbers(key, kCount), all.begin());
+    return all;
+  }
+  Rigid3 pose(std::string_view key, const std::array<double, 16>& rows) const {
+    try {
+      return Rigid3::from_matrix(
+          Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rows.data()));
+    } catch (const Error& error) {
+      throw Error(ErrorKind::kInput, place(key), error.what(), "");
+    }
+  }
+  void refuse_other_keys(std::span<const std::string_view> known) const {
+    for (const auto& [key, value] : values_) {
+      reject_if(std::ranges::find(known, key) == known.end(),
+                fmt::format("{}:{}", name_, value.line), printable(key) + " is no key",
+                fmt::format("{}", fmt::join(known, ", ")));
+    }
+  }
+  const std::string& name() const { return name_; }
 
-std::vector<double> parse_list(std::string_view text, const std::string& place) {
-  const auto refuse = [&](std::string_view what) {
-    throw Error(ErrorKind::kInput, place + ": parameters", what, "[number, number, ...]");
+ private:
+  struct Value {
+    std::string text;
+    std::uint64_t line;
   };
-  if (text.size() < 2 || text.front() != '[' || text.back() != ']') refuse("no list in brackets");
-  text = text.substr(1, text.size() - 2);
+
+  std::uint32_t image_size(std::string_view key, const std::string& word) const {
+    constexpr std::uint64_t kLargest = 1 << 16;
+    const auto number = parse_unsigned(word);
+    reject_if(!number || *number == 0 || *number > kLargest, place(key),
+              printable(word) + " is no image size", "1 to 65536 pixels");
+    return static_cast<std::uint32_t>(*number);
+  }
+
+  std::string name_;
+  std::map<std::string, Value, std::less<>> values_;
+};
+
+CameraYaml::CameraYaml(ByteSource& source) : name_(source.name()) {
+  LineReader lines(source);
+  std::vector<std::pair<std::size_t, std::string>> outer;  // indents and keys
+  std::string* list = nullptr;                             // of the last key
+  std::ptrdiff_t open_brackets = 0;
+  while (const auto line = lines.next()) {
+    const std::string_view text = trimmed(line->substr(0, line->find('#')));
+    if (text.empty() || text.starts_with('%') || text == "---" || text == "...") continue;
+    const bool is_item = text == "-" || text.starts_with("- ");
+    if (list != nullptr && (open_brackets > 0 || is_item)) {
+      list->append(1, ' ').append(text);
+    } else {
+      const std::string place = fmt::format("{}:{}", name_, lines.line_number());
+      const std::size_t colon = text.find(':');
+      reject_if(colon == std::string_view::npos, place, printable(text) + " is no key",
+                "lines of key: value");
+      const std::size_t indent = line->find_first_not_of(kBlanks);
+      while (!outer.empty() && outer.back().first >= indent) outer.pop_back();
+      std::string key(trimmed(text.substr(0, colon)));
+      if (!outer.empty()) key = outer.back().second + "." + key;
+      std::string_view value = trimmed(text.substr(colon + 1));
+      if (value.starts_with("!!"))
+        value = trimmed(value.substr(std::min(value.find(' '), value.size())));
+      const bool is_quoted =
+          value.size() >= 2 && value.front() == value.back() && value.find_first_of("\"'") == 0;
+      if (is_quoted) value = value.substr(1, value.size() - 2);
+      const auto [entry, is_new] =
+          values_.try_emplace(key, Value{std::string(value), lines.line_number()});
+      reject_if(!is_new, place, printable(key) + " stands above already", "each key once");
+      list = &entry->second.text;
+      outer.emplace_back(indent, std::move(key));
+    }
+    open_brackets += std::ranges::count(text, '[') - std::ranges::count(text, ']');
+  }
+}
+
+std::vector<double> CameraYaml::numbers(std::string_view key) const {
+  std::string list = text(key);
+  list.erase(0, list.find_first_not_of(' '));
+  const bool is_list = list.starts_with('[') ? list.ends_with(']') : list.starts_with("- ");
+  reject_if(!is_list, place(key), "no list in brackets", "[number, number, ...]");
   std::vector<double> numbers;
-  while (!trimmed(text).empty()) {
-    const std::size_t comma = std::min(text.find(','), text.size());
-    const std::string_view word = trimmed(text.substr(0, comma));
+  std::ranges::replace_if(
+      list, [](char c) { return c == '[' || c == ']' || c == ','; }, ' ');
+  for (const std::string_view word : detail::words_of(list)) {
+    if (word == "-") continue;  // of an item
     const auto number = parse_number(word);
-    if (!number) refuse(printable(word) + " is not a number");
+    reject_if(!number, place(key), printable(word) + " is not a number", "[number, number, ...]");
     numbers.push_back(*number);
-    text.remove_prefix(std::min(comma + 1, text.size()));
   }
   return numbers;
+}
+
+// Kalibr's and EuRoC's form.
+CameraCalibration listed_calibration(const CameraYaml& yaml, const std::string& within,
+                                     const std::string& coefficients) {
+  const std::string& model = yaml.text(within + "camera_model");
+  reject_if(model != "pinhole", yaml.place(within + "camera_model"), printable(model), "pinhole");
+  const std::vector<double> k = yaml.numbers(within + "intrinsics", 4);
+  CameraCalibration stated;
+  std::tie(stated.width, stated.height) = yaml.image_sizes(within + "resolution");
+  stated.distortion_model = yaml.text(within + "distortion_model");
+  if (stated.distortion_model != "none") stated.distortion = yaml.numbers(coefficients, 4);
+  stated.intrinsics = {k[0], 0, k[2], 0, k[1], k[3], 0, 0, 1};
+  return stated;
+}
+
+// ROS's and OpenCV's form, without the size.
+CameraCalibration calibration_of_matrices(const CameraYaml& yaml, const std::string& camera_matrix,
+                                          const std::string& coefficients) {
+  CameraCalibration stated;
+  const auto& k = stated.intrinsics = yaml.matrix<9>(camera_matrix);
+  reject_if(k[1] != 0.0 || k[3] != 0.0 || k[6] != 0.0 || k[7] != 0.0 || k[8] != 1.0,
+            yaml.place(camera_matrix), "no camera matrix without skew",
+            "fx, 0, cx, 0, fy, cy, 0, 0, 1");
+  stated.distortion = yaml.numbers(coefficients);
+  if (yaml.has("distortion_model")) {
+    stated.distortion_model = yaml.text("distortion_model");
+  } else if (yaml.has("fisheye_model") && yaml.text("fisheye_model") == "1") {
+    stated.distortion_model = "equidistant";
+  } else {
+    reject_if(stated.distortion.size() == 4 && !yaml.has("fisheye_model"), yaml.place(coefficients),
+              "4 coefficients, which may be a fisheye's",
+              "a line 'distortion_model: plumb_bob' or 'distortion_model: equidistant'");
+    stated.distortion_model = "rational_polynomial";
+  }
+  return stated;
+}
+
+// One camera, and where it is, of EuRoC or ROS.
+struct StatedCamera {
+  CameraCalibration calibration;
+  std::optional<Rigid3> body_from_camera = {};
+};
+
+StatedCamera read_stated_camera(const CameraYaml& yaml) {
+  if (yaml.has("intrinsics")) {
+    StatedCamera camera{listed_calibration(yaml, "", "distortion_coefficients")};
+    if (yaml.has("T_BS.data"))
+      camera.body_from_camera = yaml.pose("T_BS.data", yaml.matrix<16>("T_BS.data"));
+    return camera;
+  }
+  CameraCalibration stated =
+      yaml.has("K.data")
+          ? calibration_of_matrices(yaml, "K.data", "D.data")
+          : calibration_of_matrices(yaml, "camera_matrix.data", "distortion_coefficients.data");
+  stated.width = yaml.image_size("image_width");
+  stated.height = yaml.image_size("image_height");
+  if (yaml.has("rectification_matrix.data"))
+    stated.rectification = yaml.matrix<9>("rectification_matrix.data");
+  if (yaml.has("projection_matrix.data"))
+    stated.projection = yaml.matrix<12>("projection_matrix.data");
+  return {stated};
+}
+
+StereoRig read_kalibr_chain(const CameraYaml& yaml) {
+  reject_if(yaml.has("cam2.intrinsics"), yaml.place("cam2.intrinsics"), "a third camera",
+            "cam0 and cam1 alone");
+  const auto camera = [&](const std::string& name) {
+    return camera_of(listed_calibration(yaml, name + ".", name + ".distortion_coeffs"), false,
+                     yaml.place(name));
+  };
+  constexpr const char* kPose = "cam1.T_cn_cnm1";
+  const Rigid3 right_from_left = yaml.pose(kPose, yaml.matrix<16>(kPose));
+  return {camera("cam0"), camera("cam1"), right_from_left.inverse()};
+}
+
+StereoRig read_opencv_pair(const CameraYaml& yaml, const std::string& matrix) {
+  const bool has_size = yaml.has("image_width");
+  const auto camera = [&](const std::string& number) {
+    CameraCalibration stated =
+        calibration_of_matrices(yaml, matrix + number + ".data", "D" + number + ".data");
+    stated.width = has_size ? yaml.image_size("image_width") : 1;
+    stated.height = has_size ? yaml.image_size("image_height") : 1;
+    Camera made = camera_of(stated, false, yaml.place(matrix + number));
+    if (!has_size) made.width = made.height = 0;
+    return made;
+  };
+  reject_if(!yaml.has("R.data") || !yaml.has("T.data"), yaml.name(), "R or T is missing",
+            "the extrinsics of stereo_calib in the same file: append them");
+  const auto r = yaml.matrix<9>("R.data");
+  const auto t = yaml.matrix<3>("T.data");
+  const Rigid3 right_from_left = yaml.pose("R.data", {r[0], r[1], r[2], t[0], r[3], r[4], r[5],
+                                                      t[1], r[6], r[7], r[8], t[2], 0, 0, 0, 1});
+  return {camera("1"), camera("2"), right_from_left.inverse()};
+}
+
+CameraFile read_own_camera(const CameraYaml& yaml) {
+  constexpr std::string_view kKeys[] = {"model",      "width",     "height",
+                                        "parameters", "readout_s", "depth_units_per_metre"};
+  yaml.refuse_other_keys(kKeys);
+  CameraFile result;
+  if (yaml.has("model")) result.camera.model = yaml.text("model");
+  if (yaml.has("width")) result.camera.width = yaml.image_size("width");
+  if (yaml.has("height")) result.camera.height = yaml.image_size("height");
+  if (yaml.has("parameters")) result.camera.parameters = yaml.numbers("parameters");
+  if (yaml.has("depth_units_per_metre"))
+    result.depth_units_per_metre = yaml.positive("depth_units_per_metre");
+  if (yaml.has("readout_s")) result.readout_s = yaml.positive("readout_s");
+  const std::string defect = camera_defect(result.camera);
+  reject_if(!defect.empty(), yaml.name(), defect, "a usable camera");
+  return result;
 }
 
 }  // namespace
 
 Camera tum_camera(const std::string& name) {
-  // Calibration published with the benchmark; the images of fr3 are already undistorted.
+  // CameraCalibration published with the benchmark; the images of fr3 are already undistorted.
   const auto camera = [](std::vector<double> parameters) {
     return Camera{CameraId{0}, "FULL_OPENCV", 640, 480, std::move(parameters)};
   };
@@ -79,37 +293,40 @@ std::optional<double> tum_readout_s(const std::string& name) {
   return std::nullopt;
 }
 
-CameraFile read_camera_file(ByteSource& source) {
-  CameraFile result;
-  LineReader lines(source);
-  while (const auto line = lines.next()) {
-    const std::string_view text = trimmed(line->substr(0, line->find('#')));
-    if (text.empty()) continue;
-    const std::string place = fmt::format("{}:{}", source.name(), lines.line_number());
-    const std::size_t colon = text.find(':');
-    const std::string_view key = trimmed(text.substr(0, colon));
-    const std::string_view value =
-        colon == std::string_view::npos ? std::string_view() : trimmed(text.substr(colon + 1));
-    if (key == "model") {
-      result.camera.model = std::string(value);
-    } else if (key == "width") {
-      result.camera.width = parse_size(value, place, key);
-    } else if (key == "height") {
-      result.camera.height = parse_size(value, place, key);
-    } else if (key == "parameters") {
-      result.camera.parameters = parse_list(value, place);
-    } else if (key == "depth_units_per_metre") {
-      result.depth_units_per_metre = parse_positive(value, place, key);
-    } else if (key == "readout_s") {
-      result.readout_s = parse_positive(value, place, key);
-    } else {
-      throw Error(ErrorKind::kInput, place, printable(key) + " is no key",
-                  "model, width, height, parameters, depth_units_per_metre or readout_s");
-    }
+CameraFile read_calibration_file(ByteSource& source) {
+  const CameraYaml yaml(source);
+  const auto pair = [](StereoRig rig) { return CameraFile{rig.left, {}, {}, rig}; };
+  const auto single = [&](const CameraCalibration& stated) {
+    return CameraFile{camera_of(stated, false, yaml.name()), {}, {}, {}};
+  };
+  if (yaml.has("cam1.intrinsics")) return pair(read_kalibr_chain(yaml));
+  if (yaml.has("cam0.intrinsics"))
+    return single(listed_calibration(yaml, "cam0.", "cam0.distortion_coeffs"));
+  for (const char* const matrix : {"M", "K"}) {
+    if (yaml.has(matrix + std::string("1.data"))) return pair(read_opencv_pair(yaml, matrix));
   }
-  const std::string defect = camera_defect(result.camera);
-  if (!defect.empty()) throw Error(ErrorKind::kInput, source.name(), defect, "a usable camera");
-  return result;
+  const bool is_others =
+      yaml.has("intrinsics") || yaml.has("camera_matrix.data") || yaml.has("K.data");
+  return is_others ? single(read_stated_camera(yaml).calibration) : read_own_camera(yaml);
+}
+
+CameraFile read_camera_file(ByteSource& source) {
+  CameraFile file = read_calibration_file(source);
+  reject_if(file.rig.has_value(), source.name(), "holds a stereo pair", "one camera");
+  return file;
+}
+
+StereoRig read_stereo_files(ByteSource& left, ByteSource& right) {
+  const StatedCamera first = read_stated_camera(CameraYaml(left));
+  const StatedCamera second = read_stated_camera(CameraYaml(right));
+  const std::optional<Rigid3> pose =
+      first.body_from_camera && second.body_from_camera
+          ? first.body_from_camera->inverse() * *second.body_from_camera
+          : left_from_right(first.calibration, second.calibration, false, right.name());
+  reject_if(!pose, right.name(), "does not say where the right camera is",
+            "T_BS in both files, or a baseline in projection_matrix");
+  return {camera_of(first.calibration, false, left.name()),
+          camera_of(second.calibration, false, right.name()), *pose};
 }
 
 std::string camera_file_text(const CameraFile& file) {

@@ -64,6 +64,146 @@ TEST(CameraFile, NamesLineAndKeyOfWhatItRefuses) {
               HasSubstr("has 4 parameters"));
 }
 
+// As the programs write them; each beside what their documents say of its numbers.
+constexpr const char* kRosInfo =
+    "image_width: 640\nimage_height: 480\ncamera_name: head\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+    "  data: [500, 0, 320,\n         0., 510.0, 240,\n         0, 0, 1]\n"
+    "distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
+    "  data: [0.1, -2.0e-01, 0.001, 0.002, 0]\nrectification_matrix:\n  rows: 3\n  cols: 3\n"
+    "  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nprojection_matrix:\n  rows: 3\n  cols: 4\n"
+    "  data: [505, 0, 321, 0, 0, 505, 241, 0, 0, 0, 1, 0]\n";
+constexpr const char* kSensor =
+    "#General sensor definitions.\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n"
+    "  data: [0.0, -1.0, 0.0, 0.1,\n         1.0, 0.0, 0.0, 0.2,\n         0.0, 0.0, 1.0, 0.3,\n"
+    "         0.0, 0.0, 0.0, 1.0]\nrate_hz: 20\nresolution: [640, 480]\ncamera_model: pinhole\n"
+    "intrinsics: [500, 510, 320, 240] #fu, fv, cu, cv\ndistortion_model: radial-tangential\n"
+    "distortion_coefficients: [0.1, -0.2, 0.001, 0.002]\n";
+constexpr const char* kChain =
+    "cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n"
+    "  distortion_coeffs: [0.1, -0.2, 0.001, 0.002]\n  distortion_model: radtan\n"
+    "  intrinsics: [500, 510, 320, 240]\n  resolution: [640, 480]\n  rostopic: /cam0/image_raw\n"
+    "cam1:\n  T_cn_cnm1:\n  - [0.8, 0.0, 0.6, -0.07]\n  - [0.0, 1.0, 0.0, 0.01]\n"
+    "  - [-0.6, 0.0, 0.8, 0.02]\n  - [0.0, 0.0, 0.0, 1.0]\n  cam_overlaps: [0]\n"
+    "  camera_model: pinhole\n  distortion_coeffs: [0.1, 0.2, 0.3, 0.4]\n"
+    "  distortion_model: equidistant\n  intrinsics: [400, 410, 300, 200]\n"
+    "  resolution: [640, 480]\n  rostopic: /cam1/image_raw\n";
+constexpr const char* kOpenCvPair =
+    "%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+    "   data: [ 500., 0., 320., 0., 510., 240., 0., 0., 1. ]\nD1: !!opencv-matrix\n   rows: 1\n"
+    "   cols: 5\n   dt: d\n   data: [ 1.0000000000000001e-01, -2.0e-01, 0.001,\n       0.002, 0. "
+    "]\n"
+    "M2: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+    "   data: [ 400., 0., 300., 0., 410., 200., 0., 0., 1. ]\nD2: !!opencv-matrix\n   rows: 1\n"
+    "   cols: 5\n   dt: d\n   data: [ 0., 0., 0., 0., 0. ]\n"
+    "%YAML:1.0\n---\nR: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+    "   data: [ 0.8, 0., 0.6, 0., 1., 0., -0.6, 0., 0.8 ]\nT: !!opencv-matrix\n   rows: 3\n"
+    "   cols: 1\n   dt: d\n   data: [ -0.07, 0.01, 0.02 ]\n";
+
+std::string with(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);
+}
+
+CameraFile parsed_calibration(std::string_view text) {
+  MemoryReader reader(text, "calib.yaml");
+  return read_calibration_file(reader);
+}
+
+StereoRig parsed_pair(std::string_view left, std::string_view right) {
+  MemoryReader left_reader(left, "left.yaml");
+  MemoryReader right_reader(right, "right.yaml");
+  return read_stereo_files(left_reader, right_reader);
+}
+
+std::string calibration_refusal(std::string_view text) {
+  return testing::refusal(ErrorKind::kInput, [&] { parsed_calibration(text); });
+}
+
+const Camera kDistorted{
+    CameraId{0}, "OPENCV", 640, 480, {500, 510, 320, 240, 0.1, -0.2, 0.001, 0.002}};
+
+TEST(CameraFile, ReadsOneCameraOfOtherPrograms) {
+  const std::string chain(kChain);
+  const std::string opencv =
+      "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\nK: !!opencv-matrix\n   data: "
+      "[ 500., 0., 320., 0., 510., 240., 0., 0., 1. ]\nD: !!opencv-matrix\n   data: [ 0.1, -0.2,\n"
+      "       0.001, 0.002, 0. ]\n";
+  const std::string items = with(kRosInfo, "[0.1, -2.0e-01, 0.001, 0.002, 0]",
+                                 "\n  - 0.1\n  - -0.2\n  - 0.001\n  - 0.002\n  - 0");
+  for (const std::string& text : {std::string(kRosInfo), items, std::string(kSensor),
+                                  chain.substr(0, chain.find("cam1:")), opencv}) {
+    EXPECT_EQ(parsed_camera(text).camera, kDistorted) << text;
+    EXPECT_FALSE(parsed_calibration(text).rig);
+  }
+  const std::string fisheye = with(kSensor, "radial-tangential", "equidistant");
+  EXPECT_EQ(parsed_camera(fisheye).camera.model, "OPENCV_FISHEYE");
+  EXPECT_EQ(parsed_camera(with(kRosInfo, "plumb_bob", "\"plumb_bob\"")).camera, kDistorted);
+  EXPECT_EQ(parsed_camera(with(kSensor, "radial-tangential", "none")).camera.model, "PINHOLE");
+}
+
+// Kalibr's T_cn_cnm1 takes points from cam0 to cam1, and OpenCV's R and T from the first camera to the second.
+TEST(CameraFile, APairSeesAPointWhereItsProgramSays) {
+  const Eigen::Vector3d in_left(0.4, -0.3, 2.0);
+  const Eigen::Vector3d in_right(0.8 * 0.4 + 0.6 * 2.0 - 0.07, -0.3 + 0.01,
+                                 -0.6 * 0.4 + 0.8 * 2.0 + 0.02);
+  const std::string with_k = with(with(kOpenCvPair, "M1", "K1"), "M2", "K2");
+  const std::string sized = std::string(kOpenCvPair) + "image_width: 640\nimage_height: 480\n";
+  for (const std::string& text : {std::string(kChain), std::string(kOpenCvPair), with_k, sized}) {
+    const CameraFile file = parsed_calibration(text);
+    ASSERT_TRUE(file.rig);
+    EXPECT_LT((file.rig->left_from_right * in_right - in_left).norm(), 1e-12) << text;
+    EXPECT_EQ(file.rig->left.parameters, kDistorted.parameters);
+    EXPECT_EQ(file.rig->right.parameters[0], 400);
+    EXPECT_EQ(file.rig->right.parameters.size(), text == kChain ? 8U : 4U);
+  }
+  EXPECT_EQ(parsed_calibration(sized).rig->right.width, 640U);
+  EXPECT_EQ(parsed_calibration(kOpenCvPair).rig->right.width, 0U) << "not stated";
+  EXPECT_THAT(camera_refusal(kChain), HasSubstr("camera.yaml: holds a stereo pair"));
+}
+
+TEST(CameraFile, APairOfFilesSaysWhereItsCamerasAre) {
+  // Both turned by 90 degrees about z on the body, so that the body's y is the left camera's x.
+  const StereoRig euroc = parsed_pair(kSensor, with(kSensor, "0.2,", "0.32,"));
+  EXPECT_LT((euroc.left_from_right.translation() - Eigen::Vector3d(0.12, 0, 0)).norm(), 1e-12);
+  EXPECT_EQ(euroc.left, kDistorted);
+  const StereoRig ros = parsed_pair(kRosInfo, with(kRosInfo, "321, 0,", "321, -60.6,"));
+  EXPECT_LT((ros.left_from_right.translation() - Eigen::Vector3d(0.12, 0, 0)).norm(), 1e-12);
+  EXPECT_EQ(ros.right, kDistorted);
+  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { parsed_pair(kRosInfo, kRosInfo); }),
+              HasSubstr("right.yaml: does not say where the right camera is"));
+}
+
+TEST(CameraFile, NamesWhatIsWrongInFilesOfOtherPrograms) {
+  const auto refused = [](const char* text, const std::string& from, const std::string& to) {
+    return calibration_refusal(with(text, from, to));
+  };
+  EXPECT_THAT(refused(kRosInfo, "image_width: 640\n", ""), HasSubstr("image_width is missing"));
+  EXPECT_THAT(refused(kRosInfo, "640", "640.5"), HasSubstr("calib.yaml:1: image_width: '640.5'"));
+  EXPECT_THAT(refused(kRosInfo, "plumb_bob", "fov"), HasSubstr("distortion model 'fov'"));
+  EXPECT_THAT(refused(kRosInfo, "[500, 0,", "[500, 3,"),
+              HasSubstr("calib.yaml:7: camera_matrix.data: no camera matrix without skew"));
+  EXPECT_THAT(refused(kRosInfo, "[500, 0,", "[0, 0,"), HasSubstr("was not calibrated"));
+  EXPECT_THAT(refused(kRosInfo, "0, 0, 1]\ndis", "0, 0, 1, 2]\ndis"), HasSubstr("10 numbers"));
+  EXPECT_THAT(refused(kRosInfo, "-2.0e-01", "nan"), HasSubstr("'nan' is not a number"));
+  EXPECT_THAT(refused(kRosInfo, "camera_name", "image_width"), HasSubstr("stands above already"));
+  EXPECT_THAT(refused(kSensor, "resolution", "size"), HasSubstr("resolution is missing"));
+  EXPECT_THAT(refused(kSensor, "pinhole", "omni"),
+              HasSubstr("camera_model: 'omni'; expected pinhole"));
+  EXPECT_THAT(refused(kSensor, "[500, 510, 320, 240]", "[50]"), HasSubstr("intrinsics: 1 numbers"));
+  EXPECT_THAT(refused(kSensor, "0.0, 1.0]", "0.0, 2.0]"), HasSubstr("T_BS.data: "));
+  EXPECT_THAT(refused(kChain, "0.8, 0.0, 0.6, -0.07", "0.8, 0.0, 0.7, -0.07"),
+              HasSubstr("calib.yaml:10: cam1.T_cn_cnm1: "));
+  EXPECT_THAT(calibration_refusal(std::string(kChain) + "cam2:\n  intrinsics: [1, 1, 1, 1]\n"),
+              HasSubstr("a third camera"));
+  const std::string pair(kOpenCvPair);
+  EXPECT_THAT(calibration_refusal(pair.substr(0, pair.find("R:"))),
+              HasSubstr("R or T is missing; expected the extrinsics of stereo_calib"));
+  EXPECT_THAT(refused(kOpenCvPair, "0.002, 0. ]", "0.002 ]"),
+              HasSubstr("D1.data: 4 coefficients, which may be a fisheye's"));
+  EXPECT_EQ(parsed_calibration("fisheye_model: 1\n" + with(kOpenCvPair, "0.002, 0. ]", "0.002 ]"))
+                .rig->left.model,
+            "OPENCV_FISHEYE");
+}
+
 TEST(TumCamera, KnowsTheThreeAndNoOther) {
   EXPECT_EQ(camera_defect(tum_camera("fr1")), "");
   EXPECT_EQ(camera_defect(tum_camera("fr3")), "");

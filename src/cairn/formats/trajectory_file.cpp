@@ -7,6 +7,8 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <system_error>
@@ -504,6 +506,53 @@ std::vector<double> read_times(const std::filesystem::path& path, const LogSink&
   return times;
 }
 
+// The number of a pose's file in 7-Scenes' folders, "frame-000012.pose.txt".
+std::optional<std::uint64_t> number_of_pose_file(const std::string& name) {
+  constexpr std::string_view kBefore = "frame-";
+  constexpr std::string_view kAfter = ".pose.txt";
+  if (!name.starts_with(kBefore) || !name.ends_with(kAfter)) return std::nullopt;
+  return parse_unsigned(
+      std::string_view(name).substr(kBefore.size(), name.size() - kBefore.size() - kAfter.size()));
+}
+
+// A file for each pose, of a 4 x 4 matrix.
+Trajectory read_pose_files(const std::filesystem::path& folder, const LogSink& log) {
+  std::map<std::uint64_t, std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const auto number = number_of_pose_file(entry.path().filename().string());
+    if (number) files.emplace(*number, entry.path());
+  }
+  reject_if(files.empty(), folder.string(), "no poses", "files frame-000000.pose.txt, as 7-Scenes");
+  std::vector<TimedPose> poses;
+  for (const auto& [number, file] : files) {
+    const std::string name = file.string();
+    std::string text = read_file(file);
+    std::ranges::replace(text, '\n', ' ');
+    const Record record(detail::words_of(text), name, "the 16 numbers of a 4 x 4 matrix");
+    record.require_fields(16, 16);
+    if (!has_unknown(record.words()))
+      poses.push_back({static_cast<double>(number), kitti_pose(record)});
+  }
+  if (const std::size_t unknown = files.size() - poses.size(); unknown > 0 && log) {
+    log({fmt::format("{}: {} of {} poses left out: {}", folder.string(), unknown, files.size(),
+                     kUnknownPoses),
+         RemarkKind::kLoss});
+  }
+  return Trajectory(std::move(poses));
+}
+
+// ICL-NUIM's world and cameras have y up, which is left-handed; its images have their first row at the top.
+Trajectory with_y_down(const Trajectory& y_up) {
+  std::vector<TimedPose> poses;
+  for (const TimedPose& pose : y_up.poses()) {
+    const Eigen::Quaterniond q = pose.world_from_camera.quaternion();
+    const Eigen::Vector3d& t = pose.world_from_camera.translation();
+    poses.push_back({pose.timestamp_s, Rigid3(Eigen::Quaterniond(q.w(), -q.x(), q.y(), -q.z()),
+                                              {t.x(), -t.y(), t.z()})});
+  }
+  return Trajectory(std::move(poses));
+}
+
 // Reads a long beginning, because long comments may precede the first record.
 TrajectoryFormat format_of(ByteSource& source) {
   constexpr std::size_t kBeginning = std::size_t{1} << 16;
@@ -661,15 +710,19 @@ Trajectory read_trajectory(ByteSource& source, std::span<const double> times, co
 }
 
 Trajectory read_trajectory(const std::filesystem::path& path, const LogSink& log) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return read_pose_files(path, log);
   FileReader file(path);
   std::vector<double> times;
   const auto beside = path.parent_path() / "times.txt";
-  std::error_code ignored;
   if (format_of(file) == TrajectoryFormat::kKitti &&
       std::filesystem::is_regular_file(beside, ignored)) {
     times = read_times(beside, log);
   }
-  return read_trajectory(file, times, log);
+  const Trajectory read = read_trajectory(file, times, log);
+  if (!path.filename().string().ends_with(".gt.freiburg")) return read;
+  if (log) log(path.string() + ": poses of ICL-NUIM, whose y points up; turned to y down");
+  return with_y_down(read);
 }
 
 void write_trajectory(const Trajectory& trajectory, TrajectoryFormat format, const ByteSink& sink) {

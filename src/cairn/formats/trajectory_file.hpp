@@ -37,7 +37,9 @@ std::optional<TrajectoryFormat> recognised_trajectory(std::string_view beginning
 Trajectory read_trajectory(ByteSource& source, std::span<const double> times = {},
                            const LogSink& log = {});
 
-/// The same from a file. A KITTI trajectory takes the times from `times.txt` in its folder, if it exists.
+/// The same from a file. A KITTI trajectory takes the times from `times.txt` in its folder, if it exists. Of a folder the
+/// poses of 7-Scenes, `frame-000012.pose.txt` at 12 s. The poses of ICL-NUIM, `*.gt.freiburg`, have y up and are brought to
+/// cameras with y down; a remark says so.
 Trajectory read_trajectory(const std::filesystem::path& path, const LogSink& log = {});
 
 /// Writes a trajectory; numbers are the shortest decimals that parse back, EuRoC's times whole nanoseconds.

@@ -374,5 +374,45 @@ TEST(ForeignTrajectory, OfRealUsersIsRead) {
               HasSubstr("248 of 249 poses have the time of another pose"));
 }
 
+TEST(Trajectory7Scenes, IsAFileForEachPose) {
+  const testing::TemporaryFolder folder;
+  folder.write("frame-000012.pose.txt",
+               "0\t-1\t0\t1.5\t\n1\t0\t0\t-2\t\n0\t0\t1\t3e-001\t\n0\t0\t0\t1\t\n");
+  folder.write("frame-000002.pose.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  folder.write("frame-000003.pose.txt", "nan 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+  testing::Remarks remarks;
+  const Trajectory read = read_trajectory(folder.path(), remarks.sink());
+  ASSERT_EQ(read.size(), 2U);
+  EXPECT_EQ(read.poses()[1].timestamp_s, 12.0);
+  EXPECT_LT((read.poses()[1].world_from_camera * Eigen::Vector3d(1, 2, 3) -
+             Eigen::Vector3d(-0.5, -1, 3.3))
+                .norm(),
+            1e-12);
+  EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("1 of 3 poses left out")));
+  folder.write("frame-000003.pose.txt", "1 0 0 0\n");
+  EXPECT_THAT(testing::message_of(ErrorKind::kInput, [&] { read_trajectory(folder.path()); }),
+              HasSubstr("frame-000003.pose.txt: 4 fields"));
+  const testing::TemporaryFolder empty;
+  EXPECT_THAT(testing::message_of(ErrorKind::kInput, [&] { read_trajectory(empty.path()); }),
+              HasSubstr("no poses"));
+}
+
+// A point at (x, y, z) of a camera with y down is at (x, -y, z) of one with y up; so it is in the two worlds.
+TEST(TrajectoryIcl, IsBroughtToCamerasWithYDown) {
+  const testing::TemporaryFolder folder;
+  const char* const pose = "7 0.1 0.2 0.3 0.18257419 0.36514837 0.54772256 0.73029674\n";
+  folder.write("livingRoom1.gt.freiburg", pose);
+  folder.write("other.txt", pose);
+  testing::Remarks remarks;
+  const Rigid3 down = read_trajectory(folder / "livingRoom1.gt.freiburg", remarks.sink())
+                          .poses()[0]
+                          .world_from_camera;
+  const Rigid3 up = read_trajectory(folder / "other.txt").poses()[0].world_from_camera;
+  const Eigen::DiagonalMatrix<double, 3> mirror(1.0, -1.0, 1.0);
+  const Eigen::Vector3d x(0.4, -0.7, 2.0);
+  EXPECT_LT((down * x - mirror * (up * (mirror * x))).norm(), 1e-12);
+  EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("ICL-NUIM, whose y points up")));
+}
+
 }  // namespace
 }  // namespace cairn

@@ -3,6 +3,7 @@
 #include "cairn/recording/messages.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -83,6 +84,19 @@ class MessageCursor {
     return header;
   }
 
+  // Translation and quaternion x y z w.
+  Rigid3 pose() {
+    std::array<double, 3> translation = {};
+    std::array<double, 4> xyzw = {};
+    doubles(translation, "translation");
+    doubles(xyzw, "rotation");
+    const Eigen::Quaterniond rotation(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
+    constexpr double kTolerance = 1e-3;
+    reject_if(!(std::abs(rotation.norm() - 1.0) <= kTolerance), place("rotation"),
+              fmt::format("a quaternion of norm {}", rotation.norm()), "of norm 1");
+    return {rotation, Eigen::Vector3d(translation[0], translation[1], translation[2])};
+  }
+
   std::string place(std::string_view field) const {
     return fmt::format("{}: byte {}: {}", name_, at_, field);
   }
@@ -151,22 +165,18 @@ std::vector<FrameTransform> parse_transforms(const MessageBytes& message) {
   const std::size_t count = cursor.count(kLeast, "transforms");
   std::vector<FrameTransform> transforms;
   for (std::size_t i = 0; i < count; ++i) {
-    FrameTransform transform;
-    transform.parent = cursor.header().frame;
-    transform.child = cursor.text("child_frame_id");
-    std::array<double, 3> translation = {};
-    std::array<double, 4> xyzw = {};
-    cursor.doubles(translation, "translation");
-    cursor.doubles(xyzw, "rotation");
-    const Eigen::Quaterniond rotation(xyzw[3], xyzw[0], xyzw[1], xyzw[2]);
-    constexpr double kTolerance = 1e-3;
-    reject_if(!(std::abs(rotation.norm() - 1.0) <= kTolerance), cursor.place("rotation"),
-              fmt::format("a quaternion of norm {}", rotation.norm()), "of norm 1");
-    transform.parent_from_child =
-        Rigid3(rotation, Eigen::Vector3d(translation[0], translation[1], translation[2]));
-    transforms.push_back(std::move(transform));
+    const MessageHeader header = cursor.header();
+    const std::string child = cursor.text("child_frame_id");
+    transforms.push_back({header.stamp_s, header.frame, child, cursor.pose()});
   }
   return transforms;
+}
+
+FrameTransform parse_pose(const MessageBytes& message, std::string_view type) {
+  MessageCursor cursor(message);
+  const MessageHeader header = cursor.header();
+  const std::string child = type == "nav_msgs/Odometry" ? cursor.text("child_frame_id") : "";
+  return {header.stamp_s, header.frame, child, cursor.pose()};
 }
 
 }  // namespace cairn

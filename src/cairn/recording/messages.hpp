@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/camera_calibration.hpp"
 
 namespace cairn {
 
@@ -37,21 +37,15 @@ struct ImageMessage {
 };
 
 /// sensor_msgs/CameraInfo.
-struct CameraInfo {
+struct CameraInfo : CameraCalibration {
   MessageHeader header;
-  std::uint32_t width = 0;  ///< pixels
-  std::uint32_t height = 0;
-  std::string distortion_model;
-  std::vector<double> distortion;                                     ///< D
-  std::array<double, 9> intrinsics = {};                              ///< K, by rows
-  std::array<double, 9> rectification = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< R, rectified from camera
-  std::array<double, 12> projection = {};                             ///< P of the rectified image
 };
 
-/// One of a tf2_msgs/TFMessage.
+/// One of a tf2_msgs/TFMessage, or a message of a pose.
 struct FrameTransform {
+  double stamp_s = 0.0;
   std::string parent;
-  std::string child;
+  std::string child;  ///< empty if the message does not say it
   Rigid3 parent_from_child;
 };
 
@@ -63,5 +57,8 @@ double stamp_of(const MessageBytes& message);
 ImageMessage parse_image(const MessageBytes& message, std::string_view type);
 CameraInfo parse_camera_info(const MessageBytes& message);
 std::vector<FrameTransform> parse_transforms(const MessageBytes& message);
+/// @param type "nav_msgs/Odometry", "geometry_msgs/PoseStamped" or "geometry_msgs/PoseWithCovarianceStamped"; the child
+///        is known of the first alone
+FrameTransform parse_pose(const MessageBytes& message, std::string_view type);
 
 }  // namespace cairn

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/recording/camera_info.hpp"
 
 #include "support/recordings.hpp"
 #include "support/refusal.hpp"
@@ -121,35 +120,6 @@ TEST(Messages, OtherEncodingsAreRefused) {
                                     stamp_of({parameters, "cdr", "m"});
                                   }),
               HasSubstr("expected plain CDR"));
-}
-
-TEST(CameraOfInfo, HasTheModelOfItsCoefficients) {
-  CameraInfo info = some_info();
-  EXPECT_EQ(
-      camera_of(info, false, "m"),
-      (Camera{CameraId{0}, "OPENCV", 640, 480, {500, 510, 320, 240, 0.1, -0.2, 0.001, 0.002}}));
-  EXPECT_EQ(camera_of(info, true, "m"),
-            (Camera{CameraId{0}, "PINHOLE", 640, 480, {505, 505, 321, 241}}));
-  info.distortion[4] = 0.3;
-  EXPECT_EQ(camera_of(info, false, "m").model, "FULL_OPENCV");
-  EXPECT_EQ(camera_of(info, false, "m").parameters[8], 0.3);
-  info.distortion_model = "equidistant";
-  info.distortion = {0.1, 0.2, 0.3, 0.4};
-  EXPECT_EQ(camera_of(info, false, "m").model, "OPENCV_FISHEYE");
-  info.distortion = {0, 0, 0, 0};
-  EXPECT_EQ(camera_of(info, false, "m").model, "PINHOLE");
-}
-
-TEST(CameraOfInfo, NamesWhatIsWrong) {
-  CameraInfo info = some_info();
-  const auto refused = [&] {
-    return testing::message_of(ErrorKind::kInput, [&] { camera_of(info, false, "bag: info"); });
-  };
-  info.distortion_model = "inverse_brown_conrady";
-  EXPECT_THAT(refused(), HasSubstr("bag: info: distortion model 'inverse_brown_conrady'"));
-  info = some_info();
-  info.intrinsics = {};
-  EXPECT_THAT(refused(), HasSubstr("was not calibrated"));
 }
 
 }  // namespace

@@ -128,6 +128,22 @@ TEST_F(RecordingTest, AMissingEndIsALoss) {
   EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("the end of the recording is missing; the 10")));
 }
 
+TEST_F(RecordingTest, AnEmptyBagIsWhole) {
+  const auto empty = [](std::uint64_t index) {
+    const std::string position = testing::little_endian(index);
+    return "#ROSBAG V2.0\n" +
+           testing::detail::bag_record({{"op", "\3"}, {"index_pos", position}}, "padding");
+  };
+  const std::uint64_t size = empty(0).size();
+  const auto refused = [&](std::uint64_t index) {
+    return testing::message_of(ErrorKind::kInput, [&] { open("a.bag", empty(index)); });
+  };
+  EXPECT_THAT(refused(size), HasSubstr("holds no messages"));
+  EXPECT_THAT(remarks.texts, IsEmpty());
+  EXPECT_THAT(refused(0), HasSubstr("holds no messages"));
+  EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("the end of the recording is missing")));
+}
+
 // The other chunks are read.
 TEST_F(RecordingTest, ADamagedChunkIsNamed) {
   for (const bool is_indexed : {true, false}) {

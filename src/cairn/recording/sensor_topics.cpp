@@ -178,27 +178,17 @@ SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTo
 }
 
 std::optional<Rigid3> image_from_partner(const Recording& recording, const SensorTopics& topics) {
-  const CameraInfo& left = *topics.image.info;
-  const CameraInfo& right = *topics.depth_or_right.info;
-  const auto rotation_of = [&](const CameraInfo& info) {
-    Matrix4d pose = Matrix4d::Identity();
-    pose.topLeftCorner<3, 3>() =
-        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(info.rectification.data());
-    try {
-      return Rigid3::from_matrix(pose);
-    } catch (const Error& error) {
-      throw Error(ErrorKind::kInput, recording.name() + ": R of a CameraInfo", error.what(), "");
-    }
-  };
-  const auto centre_x = [](const CameraInfo& info) {
-    return info.projection[0] > 0.0 ? -info.projection[3] / info.projection[0] : 0.0;
-  };
-  const double baseline = centre_x(right) - centre_x(left);
-  if (topics.is_stereo() && baseline != 0.0) {
-    const Rigid3 step(Eigen::Quaterniond::Identity(), Eigen::Vector3d(baseline, 0.0, 0.0));
+  if (topics.is_stereo()) {
     const bool are_rectified = is_rectified_topic(recording.topics()[topics.image.topic].name);
-    return are_rectified ? step : rotation_of(left).inverse() * step * rotation_of(right);
+    const auto stated = left_from_right(*topics.image.info, *topics.depth_or_right.info,
+                                        are_rectified, recording.name() + ": a CameraInfo");
+    if (stated) return stated;
   }
+  return static_transform(recording, topics.image.frame, topics.depth_or_right.frame);
+}
+
+std::optional<Rigid3> static_transform(const Recording& recording, const std::string& target,
+                                       const std::string& source) {
   std::map<std::string, FrameTransform> parents;
   for (const RecordedMessage& message : recording.messages()) {
     const RecordedTopic& topic = recording.topics()[message.topic];
@@ -207,7 +197,7 @@ std::optional<Rigid3> image_from_partner(const Recording& recording, const Senso
       parents.insert_or_assign(step.child, step);
     }
   }
-  return transform_between(parents, topics.image.frame, topics.depth_or_right.frame);
+  return transform_between(parents, target, source);
 }
 
 }  // namespace cairn

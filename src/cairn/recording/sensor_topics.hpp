@@ -43,6 +43,10 @@ SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTo
 /// @throws Error (input) for an R that is no rotation
 std::optional<Rigid3> image_from_partner(const Recording& recording, const SensorTopics& topics);
 
+/// The transform between two frames by /tf_static; of a frame to itself the identity. std::nullopt if it is not stated.
+std::optional<Rigid3> static_transform(const Recording& recording, const std::string& target,
+                                       const std::string& source);
+
 /// Whether the name says that the images are rectified, as image_proc names them.
 bool is_rectified_topic(const std::string& name);
 

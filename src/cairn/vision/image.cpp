@@ -467,6 +467,17 @@ DepthImage metric_depth(const StoredDepthImage& stored, double units_per_metre) 
   return depth;
 }
 
+StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre) {
+  constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
+  StoredDepthImage stored(depth_m.width, depth_m.height);
+  for (std::size_t i = 0; i < stored.values.size(); ++i) {
+    const double units = depth_m.values[i] * units_per_metre + 0.5;
+    // Depths beyond the format's range become 0 (no reading), as for a real camera.
+    if (units > 0.0 && units < kMost + 1.0) stored.values[i] = static_cast<std::uint16_t>(units);
+  }
+  return stored;
+}
+
 std::uint8_t gray_of(std::uint8_t blue, std::uint8_t green, std::uint8_t red) {
   // 0.299, 0.587 and the rest, of 2^15, and not rounded: as png_set_rgb_to_gray() has it.
   constexpr unsigned kRed = 9797;

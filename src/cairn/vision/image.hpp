@@ -75,6 +75,9 @@ ImageOf decode_image(std::string_view bytes, const std::filesystem::path& name);
 /// Depth from whole numbers; 0, no reading, stays 0.
 DepthImage metric_depth(const StoredDepthImage& stored, double units_per_metre);
 
+/// The nearest whole numbers; 0 beyond 16 bits, as of a real camera.
+StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre);
+
 /// The grey that PNG's readers make of a colour.
 std::uint8_t gray_of(std::uint8_t blue, std::uint8_t green, std::uint8_t red);
 

@@ -161,7 +161,7 @@ class Mapping {
     const bool near = middle < kLeast;
     options_->log(fmt::format(
         "{} {:.3g} m, where depth cameras measure {} to {} m: check the depth images' units per "
-        "metre (1000 for millimetres), on which all lengths depend",
+        "metre (--depth-units; 1000 for millimetres), on which all lengths depend",
         near ? "half of all depths are below" : "the depth images reach", near ? middle : reach,
         kLeast, most));
   }

@@ -34,15 +34,12 @@ void SequenceOptions::validate() const {
 }
 
 ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOptions& options,
-                             const LogSink& log)
-    : depth_units_per_metre_(options.depth_units_per_metre.value_or(kTumDepthUnits)) {
+                             const LogSink& log) {
   options.validate();
   detail::SequenceLists lists;
   if (detail::RecordedImages::is_at(path)) {
-    depth_units_per_metre_ =
-        options.depth_units_per_metre.value_or(detail::RecordedImages::kDepthUnits);
     recorded_ = std::make_shared<detail::RecordedImages>(path, options.topics, log);
-    lists = recorded_->lists();
+    lists = recorded_->lists(!options.rig);
   } else {
     refuse_if(!options.topics.empty(), "topics", "given, but " + path.string() + " has none",
               "a recording");
@@ -53,12 +50,14 @@ ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOp
         type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none,
         path.string(), "neither a folder nor a recording",
         "the folder of a sequence, or a bag, .mcap or .db3 of ROS");
-    lists = detail::read_sequence_lists(path, log);
+    lists = detail::read_sequence_lists(path, !options.rig, log);
   }
-  if (lists.rig) {
-    rectification_ =
-        std::make_shared<detail::Rectification>(*lists.rig, lists.calibration.string());
-  }
+  depth_units_per_metre_ = options.depth_units_per_metre.value_or(lists.depth_units_per_metre);
+  camera_ = lists.camera;
+  unknown_depth_ = lists.unknown_depth;
+  is_stereo_ = !lists.calibration.empty();
+  refuse_if(options.rig && !is_stereo_, "rig", "given, but " + path.string() + " is RGB-D",
+            "one camera");
   // The two images of a stereo pair are taken at once; what moves in between has another disparity.
   constexpr double kAtOnce = 0.001;
   const double tolerance_s = is_stereo() ? std::min(kAtOnce, options.max_time_difference_s)
@@ -81,6 +80,21 @@ ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOp
           : fmt::format("no pair of images within {} s: the first are from {:.6f} and {:.6f} s",
                         tolerance_s, lists.images[0].timestamp_s, lists.partners[0].timestamp_s),
       "pairs of images that were taken at once");
+  if (is_stereo_) {
+    rectify(options.rig ? *options.rig : *lists.rig,
+            options.rig ? "rig" : lists.calibration.string());
+  }
+}
+
+void ImageSequence::rectify(StereoRig rig, const std::string& source) {
+  if (rig.left.width == 0) {
+    const GrayImage first = image_of<GrayImage>(0);
+    for (Camera* const camera : {&rig.left, &rig.right}) {
+      camera->width = first.width;
+      camera->height = first.height;
+    }
+  }
+  rectification_ = std::make_shared<detail::Rectification>(rig, source);
 }
 
 bool ImageSequence::is_in(const std::filesystem::path& path) {
@@ -94,12 +108,24 @@ double ImageSequence::baseline_m() const {
 Camera ImageSequence::camera(const std::optional<Camera>& given) const {
   if (!rectification_) {
     if (!given && recorded_) return recorded_->camera();
-    refuse_if(!given, "camera", "not given", "the camera of an RGB-D sequence");
-    return *given;
+    const std::optional<Camera>& known = given ? given : camera_;
+    refuse_if(!known, "camera", "not given", "the camera of an RGB-D sequence");
+    return *known;
   }
   refuse_if(given.has_value(), "camera", "given, but the stereo sequence has its calibration",
             "no camera");
   return rectification_->camera();
+}
+
+Trajectory ImageSequence::recorded_poses(const std::string& topic) const {
+  refuse_if(!recorded_, "topic", printable(topic) + " of a folder", "a recording");
+  const Trajectory recorded = recorded_->poses(topic);
+  if (!rectification_) return recorded;
+  std::vector<TimedPose> poses(recorded.poses().begin(), recorded.poses().end());
+  for (TimedPose& pose : poses) {
+    pose.world_from_camera = pose.world_from_camera * rectification_->left_from_rectified();
+  }
+  return Trajectory(std::move(poses));
 }
 
 const SequenceFrame& ImageSequence::files_of(std::size_t frame) const {
@@ -118,7 +144,9 @@ ImageOf ImageSequence::image_of(std::size_t frame) const {
 DepthImage ImageSequence::depth_of(std::size_t frame) const {
   const std::filesystem::path& file = *frames_[frame].depth;
   if (recorded_) return recorded_->depth(*partners_[frame], file, depth_units_per_metre_);
-  return metric_depth(read_depth_image(file), depth_units_per_metre_);
+  StoredDepthImage stored = read_depth_image(file);
+  if (unknown_depth_) std::ranges::replace(stored.values, *unknown_depth_, std::uint16_t{0});
+  return metric_depth(stored, depth_units_per_metre_);
 }
 
 ImageSequence::Images ImageSequence::read(std::size_t frame) const {

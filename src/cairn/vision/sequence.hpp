@@ -16,8 +16,8 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
-#include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/camera.hpp"
+#include "cairn/geometry/trajectory.hpp"
+#include "cairn/map/camera_calibration.hpp"
 #include "cairn/vision/image.hpp"
 
 namespace cairn {
@@ -37,11 +37,14 @@ struct SequenceFrame {
 };
 
 struct SequenceOptions {
-  /// Of depth that is stored as whole numbers; positive. std::nullopt: 5000 of TUM's layout, 1000 of a recording.
+  /// Of depth that is stored as whole numbers; positive. std::nullopt: 5000 of TUM's layout and ICL-NUIM, 1000 of
+  /// 7-Scenes and a recording.
   std::optional<double> depth_units_per_metre = {};
   double max_time_difference_s = 0.02;  ///< between a colour image and its depth image; positive
   /// Of a recording: "IMAGE,DEPTH" or "LEFT,RIGHT"; empty: chosen, see choose_topics().
   std::string topics = {};
+  /// Of a stereo sequence, in the place of its own calibration; cameras of size 0 have that of the images.
+  std::optional<StereoRig> rig = {};
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field
@@ -51,12 +54,12 @@ struct SequenceOptions {
 /// Units of TUM's depth images per metre.
 inline constexpr double kTumDepthUnits = 5000.0;
 
-/// An RGB-D or stereo sequence on disk, in the layout of the TUM RGB-D benchmark, KITTI odometry or EuRoC, or a
-/// Recording of ROS, which it detects. Holds the lists; reads images one by one, and rectifies those of a stereo pair.
+/// An RGB-D or stereo sequence on disk, in the layout of the TUM RGB-D benchmark, ICL-NUIM, 7-Scenes, KITTI odometry or
+/// EuRoC, or a Recording of ROS, which it detects. Holds the lists; reads images one by one, and rectifies those of a stereo pair.
 class ImageSequence {
  public:
   /// @throws Error (input) naming file, line and field if lists or calibration cannot be read, and for a stereo
-  ///        sequence without images taken at the same time (1 ms)
+  ///        sequence without images taken at the same time (1 ms); (misuse) for the rig of another sequence
   explicit ImageSequence(const std::filesystem::path& path, const SequenceOptions& options = {},
                          const LogSink& log = {});
 
@@ -70,18 +73,22 @@ class ImageSequence {
   /// The same of right images.
   std::size_t unused_depth_images() const { return unused_depth_images_; }
 
-  /// Whether camera() needs none: of a stereo sequence and of a recording.
-  bool has_camera() const { return is_stereo() || recorded_ != nullptr; }
-  bool is_stereo() const { return rectification_ != nullptr; }
+  /// Whether camera() needs none: of a stereo sequence, a recording, and layouts of one known camera.
+  bool has_camera() const { return is_stereo() || recorded_ != nullptr || camera_.has_value(); }
+  bool is_stereo() const { return is_stereo_; }
   /// Of a stereo sequence, from the left camera to the right one; else 0.
   double baseline_m() const;
   /// Units per metre of depth that is stored as whole numbers.
   double depth_units_per_metre() const { return depth_units_per_metre_; }
-  /// The camera of the images that read() returns: of a stereo sequence its own, else the given one or, of a recording,
-  /// the recorded one.
+  /// The camera of the images that read() returns: of a stereo sequence its own, else the given one or that of the
+  /// recording or layout.
   /// @throws Error (misuse) if none is there, or a stereo sequence is given another; (input) for a recorded camera that
   ///         is not calibrated
   Camera camera(const std::optional<Camera>& given) const;
+
+  /// Poses of the camera of the images that read() returns, from a topic of a recording: see camera_poses().
+  /// @throws Error as camera_poses(); (misuse) if it is no recording
+  Trajectory recorded_poses(const std::string& topic) const;
 
   /// Images of one frame.
   struct Images {
@@ -98,6 +105,7 @@ class ImageSequence {
   ColorImage read_color(std::size_t frame) const;
 
  private:
+  void rectify(StereoRig rig, const std::string& source);
   const SequenceFrame& files_of(std::size_t frame) const;
   template <class ImageOf>
   ImageOf image_of(std::size_t frame) const;
@@ -105,20 +113,16 @@ class ImageSequence {
   template <class ImageOf>
   void require_rig_size(const ImageOf& image, const std::filesystem::path& file) const;
 
-  double depth_units_per_metre_;
+  double depth_units_per_metre_ = kTumDepthUnits;
+  bool is_stereo_ = false;
+  std::optional<Camera> camera_;                                // of the layout
+  std::optional<std::uint16_t> unknown_depth_;                  // besides 0
   std::shared_ptr<const detail::Rectification> rectification_;  // of a stereo sequence
   std::shared_ptr<const detail::RecordedImages> recorded_;      // of a recording
   std::vector<SequenceFrame> frames_;
   std::vector<std::optional<std::size_t>> partners_;  // of each frame, in their list
   std::size_t frames_without_depth_ = 0;
   std::size_t unused_depth_images_ = 0;
-};
-
-/// Two cameras, rigidly mounted.
-struct StereoRig {
-  Camera left;
-  Camera right;
-  Rigid3 left_from_right;  ///< metres
 };
 
 /// Format of colour images.

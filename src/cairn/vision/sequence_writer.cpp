@@ -3,7 +3,6 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <limits>
 #include <ranges>
 #include <string_view>
 #include <system_error>
@@ -40,17 +39,6 @@ constexpr std::array<std::string_view, 6> kFolders = {
 
 std::string_view ending_of(ColorFormat format) {
   return format == ColorFormat::kPng ? ".png" : ".jpg";
-}
-
-StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre) {
-  constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
-  StoredDepthImage stored(depth_m.width, depth_m.height);
-  for (std::size_t i = 0; i < stored.values.size(); ++i) {
-    const double units = depth_m.values[i] * units_per_metre + 0.5;
-    // Depths beyond the format's range become 0 (no reading), as for a real camera.
-    if (units > 0.0 && units < kMost + 1.0) stored.values[i] = static_cast<std::uint16_t>(units);
-  }
-  return stored;
 }
 
 }  // namespace

@@ -32,6 +32,7 @@ class RosbagSource final : public ChunkedSource {
  private:
   enum Operation : std::uint8_t {
     kMessageData = 0x02,
+    kBagHeader = 0x03,
     kIndexData = 0x04,
     kChunkData = 0x05,
     kChunkInfo = 0x06,
@@ -88,6 +89,11 @@ class RosbagSource final : public ChunkedSource {
     record.end = record.begin + size;
     record.code = field<std::uint8_t>(stretch, record, "op");
     record.kind = kind_of(record.code);
+    // A whole bag without messages is its header, which says that the index would begin behind it.
+    if (record.code == kBagHeader && bag_field(record.head, "index_pos") &&
+        field<std::uint64_t>(stretch, record, "index_pos") == stretch.size()) {
+      record.kind = RecordKind::kEnd;
+    }
     return record;
   }
 

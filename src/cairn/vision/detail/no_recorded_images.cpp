@@ -22,11 +22,15 @@ RecordedImages::RecordedImages(const std::filesystem::path& path, const std::str
 RecordedImages::~RecordedImages() = default;
 
 // No object of it is ever there.
-SequenceLists RecordedImages::lists() const {
+SequenceLists RecordedImages::lists(bool) const {
   return {};
 }
 
 Camera RecordedImages::camera() const {
+  return {};
+}
+
+Trajectory RecordedImages::poses(const std::string&) const {
   return {};
 }
 

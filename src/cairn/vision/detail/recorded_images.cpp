@@ -13,8 +13,8 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/recording/camera_info.hpp"
 #include "cairn/recording/messages.hpp"
+#include "cairn/recording/pose_topics.hpp"
 #include "cairn/recording/recording.hpp"
 #include "cairn/recording/sensor_topics.hpp"
 #include "cairn/vision/detail/depth_registration.hpp"
@@ -181,9 +181,7 @@ struct RecordedImages::Content {
                        recording.topics()[topic.topic].name);
   }
   const CameraInfo& info_of(const ImageTopic& topic) const {
-    reject_if(!topic.info, info_place(topic), "is missing",
-              topics.is_stereo() ? "one, which says where the cameras are"
-                                 : "one, or the camera given by --camera");
+    reject_if(!topic.info, info_place(topic), "is missing", "one, or the camera given by --camera");
     return *topic.info;
   }
   Camera camera_of_topic(const ImageTopic& topic) const {
@@ -241,10 +239,13 @@ RecordedImages::RecordedImages(const std::filesystem::path& path, const std::str
 
 RecordedImages::~RecordedImages() = default;
 
-SequenceLists RecordedImages::lists() const {
+SequenceLists RecordedImages::lists(bool needs_rig) const {
   SequenceLists lists{content_->images.entries, content_->partners.entries, std::nullopt, {}};
+  lists.depth_units_per_metre = 1000.0;  // of 16 bits, in ROS (REP 118)
   const SensorTopics& topics = content_->topics;
   if (!topics.is_stereo()) return lists;
+  lists.calibration = content_->info_place(topics.depth_or_right);
+  if (!needs_rig) return lists;
   const Camera left = content_->camera_of_topic(topics.image);
   const Camera right = content_->camera_of_topic(topics.depth_or_right);
   const auto pose = image_from_partner(content_->recording, topics);
@@ -252,12 +253,15 @@ SequenceLists RecordedImages::lists() const {
             "neither CameraInfo nor tf_static say where the right camera is",
             "a baseline in P of the right CameraInfo");
   lists.rig = StereoRig{left, right, *pose};
-  lists.calibration = content_->info_place(topics.depth_or_right);
   return lists;
 }
 
 Camera RecordedImages::camera() const {
   return content_->camera_of_topic(content_->topics.image);
+}
+
+Trajectory RecordedImages::poses(const std::string& topic) const {
+  return camera_poses(content_->recording, topic, content_->topics.image.frame);
 }
 
 template <class ImageOf>

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "cairn/core/log.hpp"
+#include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/vision/detail/sequence_layouts.hpp"
 #include "cairn/vision/image.hpp"
@@ -16,23 +17,24 @@ namespace cairn::detail {
 /// The images of an RGB-D or stereo camera in a recording of ROS. Knows where they are; reads them one by one.
 class RecordedImages {
  public:
-  /// Of 16-bit depth in ROS (REP 118): millimetres.
-  static constexpr double kDepthUnits = 1000.0;
-
   static bool is_at(const std::filesystem::path& path);
 
   /// @param topics see choose_topics()
-  /// @throws Error (input) as Recording and choose_topics(), for a stereo camera that is not calibrated, and for depth
-  ///         by another camera than the images' if nothing says where that is; (misuse) if this build reads no
+  /// @throws Error (input) as Recording and choose_topics(), and for depth by another camera than the images' if nothing
+  ///         says where that is; (misuse) if this build reads no
   ///         recordings
   RecordedImages(const std::filesystem::path& path, const std::string& topics, const LogSink& log);
   ~RecordedImages();
 
   /// Times are those of the messages' headers. Of several images at one time keeps the first.
-  SequenceLists lists() const;
+  /// @param needs_rig whether the calibration of a stereo camera is read, and must be there
+  SequenceLists lists(bool needs_rig) const;
   /// Of the images of an RGB-D camera.
   /// @throws Error (input) if it is not recorded or not calibrated
   Camera camera() const;
+
+  /// Poses of the camera of the images, see camera_poses().
+  Trajectory poses(const std::string& topic) const;
 
   // Images by position in the lists. Thread-safe; names are for errors.
   template <class ImageOf>  // GrayImage or ColorImage

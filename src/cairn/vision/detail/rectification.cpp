@@ -62,6 +62,7 @@ Rectification::Rectification(const StereoRig& rig, const std::string& source) {
                                    .cross(left_from_rectified.col(0))
                                    .normalized();
   left_from_rectified.col(2) = left_from_rectified.col(0).cross(left_from_rectified.col(1));
+  left_from_rectified_ = Rigid3(left_from_rectified, Eigen::Vector3d::Zero());
   const Eigen::Matrix3d right_from_rectified = left_from_right.transpose() * left_from_rectified;
 
   const Intrinsics original = intrinsics(rig.left);

@@ -24,6 +24,8 @@ class Rectification {
   /// Of both images.
   const Camera& camera() const { return camera_; }
   double baseline_m() const { return baseline_m_; }
+  /// A rotation.
+  const Rigid3& left_from_rectified() const { return left_from_rectified_; }
 
   /// @param image of the rig's size
   template <class ImageOf>
@@ -45,6 +47,7 @@ class Rectification {
 
   Camera camera_;
   double baseline_m_ = 0.0;
+  Rigid3 left_from_rectified_;
   Places left_;
   Places right_;
 };

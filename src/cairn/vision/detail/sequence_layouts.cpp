@@ -5,6 +5,7 @@
 #include <array>
 #include <map>
 #include <span>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -16,6 +17,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/camera_file.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -41,12 +43,71 @@ std::vector<double> numbers_in(std::string_view text, const std::string& place) 
 
 // ---- TUM RGB-D
 
-SequenceLists read_tum(const fs::path& folder, const LogSink& log) {
+SequenceLists read_tum(const fs::path& folder, bool, const LogSink& log) {
   const auto list = [&](const char* name) {
     FileReader reader(folder / name);
     return read_image_list(reader, log);
   };
   return {list("rgb.txt"), list("depth.txt"), std::nullopt, {}};
+}
+
+// ---- ICL-NUIM
+
+// Each image after its time in the lines of associations.txt, in either order.
+SequenceLists read_icl(const fs::path& folder, bool, const LogSink& log) {
+  const std::string name = (folder / "associations.txt").string();
+  std::array<std::string, 2> lists;  // of images and depth, as TUM's, line for line
+  bool are_numbered = true;
+  FileReader reader(name);
+  LineReader lines(reader, log);
+  while (const auto line = lines.next()) {
+    std::istringstream words{std::string(line->substr(0, line->find('#')))};
+    for (std::string time, file; words >> time >> file;) {
+      are_numbered = are_numbered && fs::path(file).stem() == time && parse_unsigned(time);
+      lists[file.starts_with("depth") ? 1 : 0] += time + " " + file;
+    }
+    for (std::string& list : lists) list += '\n';
+  }
+  const auto list = [&](const std::string& text) {
+    MemoryReader in_memory(text, name);
+    return read_image_list(in_memory, log);
+  };
+  SequenceLists result{list(lists[0]), list(lists[1]), std::nullopt, {}};
+  // Recorded sequences have such lists too.
+  if (are_numbered) {
+    result.camera = Camera{CameraId{0}, "PINHOLE", 640, 480, {481.2, 480.0, 319.5, 239.5}};
+  }
+  return result;
+}
+
+// ---- 7-Scenes
+
+SequenceLists read_7_scenes(const fs::path& folder, bool, const LogSink& log) {
+  SequenceLists lists;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    constexpr std::string_view kBefore = "frame-";
+    if (!name.starts_with(kBefore)) continue;
+    const std::size_t digits = name.find('.') - kBefore.size();
+    const auto number = parse_unsigned(std::string_view(name).substr(kBefore.size(), digits));
+    if (!number) continue;
+    const ImageEntry image{static_cast<double>(*number), name};
+    if (name.ends_with(".color.png")) lists.images.push_back(image);
+    if (name.ends_with(".depth.png")) lists.partners.push_back(image);
+  }
+  for (auto* const images : {&lists.images, &lists.partners}) {
+    std::ranges::sort(*images, {}, &ImageEntry::timestamp_s);
+  }
+  lists.camera = Camera{CameraId{0}, "PINHOLE", 640, 480, {585.0, 585.0, 320.0, 240.0}};
+  lists.depth_units_per_metre = 1000.0;
+  lists.unknown_depth = 65535;
+  if (log) {
+    log(folder.string() +
+        ": 7-Scenes is not calibrated: unless a camera is given, it is taken to be the Kinect's "
+        "usual "
+        "one (585, 585, 320, 240), and depth to be of the same pixels as colour");
+  }
+  return lists;
 }
 
 // ---- KITTI odometry
@@ -71,22 +132,30 @@ ProjectionMatrices read_projections(const fs::path& file) {
   return projections;
 }
 
-// The camera of a matrix fx 0 cx tx, 0 fy cy 0, 0 0 1 0, and the place of its centre on the common x axis.
+// The camera of a matrix fx 0 cx tx, 0 fy cy 0, 0 0 1 0, without its size, and the place of its centre on the common x
+// axis.
 std::pair<Camera, double> projection_camera(const ProjectionMatrices& projections,
-                                            const std::string& name, const GrayImage& image,
-                                            const fs::path& file) {
+                                            const std::string& name, const fs::path& file) {
   const auto found = projections.find(name);
   reject_if(found == projections.end(), file.string(), name + " is missing",
             "a line '" + name + ": ' and 12 numbers");
   const std::vector<double>& p = found->second;
-  const Camera camera{CameraId{0}, "PINHOLE", image.width, image.height, {p[0], p[5], p[2], p[6]}};
   reject_if(!(p[0] > 0.0), fmt::format("{}: {}", file.string(), name),
             fmt::format("a focal length of {}", p[0]), "a positive number of pixels");
-  return {camera, -p[3] / p[0]};
+  return {Camera{CameraId{0}, "PINHOLE", 0, 0, {p[0], p[5], p[2], p[6]}}, -p[3] / p[0]};
+}
+
+StereoRig read_kitti_rig(const fs::path& file, int left) {
+  const ProjectionMatrices projections = read_projections(file);
+  const auto [left_camera, left_x] = projection_camera(projections, fmt::format("P{}", left), file);
+  const auto [right_camera, right_x] =
+      projection_camera(projections, fmt::format("P{}", left + 1), file);
+  return {left_camera, right_camera,
+          Rigid3(Eigen::Quaterniond::Identity(), {right_x - left_x, 0.0, 0.0})};
 }
 
 template <int kLeft>
-SequenceLists read_kitti(const fs::path& folder, const LogSink& log) {
+SequenceLists read_kitti(const fs::path& folder, bool needs_rig, const LogSink& log) {
   const fs::path left = fmt::format("image_{}", kLeft);
   const fs::path right = fmt::format("image_{}", kLeft + 1);
   const fs::path calibration = folder / "calib.txt";
@@ -110,15 +179,7 @@ SequenceLists read_kitti(const fs::path& folder, const LogSink& log) {
   reject_if(lists.images.empty(), times.string(), "no times", "a line for each image");
   reject_if(exists_in(folder, left / file_at(lists.images.size())), times.string(),
             fmt::format("{} times for more images", lists.images.size()), "a line for each image");
-  const GrayImage first = read_gray_image(folder / lists.images.front().file);
-  const ProjectionMatrices projections = read_projections(calibration);
-  const auto [left_camera, left_x] =
-      projection_camera(projections, fmt::format("P{}", kLeft), first, calibration);
-  const auto [right_camera, right_x] =
-      projection_camera(projections, fmt::format("P{}", kLeft + 1), first, calibration);
-  lists.rig =
-      StereoRig{left_camera, right_camera,
-                Rigid3(Eigen::Matrix3d(Eigen::Matrix3d::Identity()), {right_x - left_x, 0.0, 0.0})};
+  if (needs_rig) lists.rig = read_kitti_rig(calibration, kLeft);
   lists.calibration = calibration;
   if (log && lists.partners.size() < lists.images.size()) {
     log(fmt::format("{}: {} of {} images are missing", (folder / right).string(),
@@ -128,86 +189,6 @@ SequenceLists read_kitti(const fs::path& folder, const LogSink& log) {
 }
 
 // ---- EuRoC
-
-// The values of a YAML file of scalars and lists of numbers: what is between a key and the next, by the innermost key.
-std::map<std::string, std::string, std::less<>> yaml_values(const fs::path& file) {
-  std::map<std::string, std::string, std::less<>> values;
-  FileReader reader(file);
-  LineReader lines(reader);
-  std::string* open = nullptr;  // a list that goes on
-  while (const auto line = lines.next()) {
-    const std::string_view text = trimmed(line->substr(0, line->find('#')));
-    const std::size_t colon = text.find(':');
-    if (open != nullptr) {
-      *open += fmt::format(" {}", text);
-    } else if (colon != std::string_view::npos) {
-      const auto [entry, is_new] =
-          values.insert_or_assign(std::string(trimmed(text.substr(0, colon))),
-                                  std::string(trimmed(text.substr(colon + 1))));
-      open = &entry->second;
-    }
-    if (open != nullptr && (!open->starts_with('[') || open->ends_with(']'))) open = nullptr;
-  }
-  return values;
-}
-
-// What EuRoC's layout calls the distortion of our models.
-constexpr std::pair<std::string_view, std::string_view> kEurocModels[] = {
-    {"radial-tangential", "OPENCV"}, {"equidistant", "OPENCV_FISHEYE"}, {"none", "PINHOLE"}};
-
-struct BodyCamera {
-  Camera camera;
-  Rigid3 body_from_camera;
-};
-
-BodyCamera read_euroc_camera(const fs::path& file) {
-  const auto values = yaml_values(file);
-  const auto value_of = [&](std::string_view key) -> const std::string& {
-    const auto found = values.find(key);
-    reject_if(found == values.end(), file.string(), fmt::format("{} is missing", key),
-              "a camera's sensor.yaml in EuRoC's layout");
-    return found->second;
-  };
-  const auto list_of = [&](std::string_view key, std::size_t count) {
-    std::string_view text = value_of(key);
-    const std::string place = fmt::format("{}: {}", file.string(), key);
-    reject_if(!text.starts_with('[') || !text.ends_with(']'), place, printable(text),
-              "a list in brackets");
-    std::vector<double> numbers = numbers_in(text.substr(1, text.size() - 2), place);
-    reject_if(numbers.size() != count, place, fmt::format("{} numbers", numbers.size()),
-              fmt::format("{}", count));
-    return numbers;
-  };
-  BodyCamera result;
-  const std::vector<double> size = list_of("resolution", 2);
-  const auto side = [&](double pixels) {
-    reject_if(!(pixels >= 1.0 && pixels <= 65536.0), file.string() + ": resolution",
-              fmt::format("{}", pixels), "1 to 65536 pixels");
-    return static_cast<std::uint32_t>(pixels);
-  };
-  const std::string& model = value_of("camera_model");
-  reject_if(model != "pinhole", file.string() + ": camera_model", printable(model), "pinhole");
-  const std::string& distortion = value_of("distortion_model");
-  const auto* const known =
-      std::find_if(std::begin(kEurocModels), std::end(kEurocModels),
-                   [&](const auto& entry) { return entry.first == distortion; });
-  reject_if(known == std::end(kEurocModels), file.string() + ": distortion_model",
-            printable(distortion), "radial-tangential, equidistant or none");
-  result.camera = {CameraId{0}, std::string(known->second), side(size[0]), side(size[1]),
-                   list_of("intrinsics", 4)};
-  if (known->second != "PINHOLE") {
-    for (const double k : list_of("distortion_coefficients", 4))
-      result.camera.parameters.push_back(k);
-  }
-  const std::vector<double> pose = list_of("data", 16);
-  try {
-    result.body_from_camera = Rigid3::from_matrix(
-        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(pose.data()));
-  } catch (const Error& error) {
-    throw Error(ErrorKind::kInput, file.string() + ": T_BS", error.what(), "");
-  }
-  return result;
-}
 
 // Lines `nanoseconds,file`.
 std::vector<ImageEntry> read_euroc_list(const fs::path& folder, const std::string& camera) {
@@ -238,24 +219,25 @@ std::vector<ImageEntry> read_euroc_list(const fs::path& folder, const std::strin
   return entries;
 }
 
-SequenceLists read_euroc_in(const fs::path& part, const fs::path& folder) {
+SequenceLists read_euroc_in(const fs::path& part, const fs::path& folder, bool needs_rig) {
   SequenceLists lists;
-  const BodyCamera left = read_euroc_camera(folder / part / "cam0" / "sensor.yaml");
-  const BodyCamera right = read_euroc_camera(folder / part / "cam1" / "sensor.yaml");
-  lists.rig = StereoRig{left.camera, right.camera,
-                        left.body_from_camera.inverse() * right.body_from_camera};
   lists.calibration = folder / part / "cam1" / "sensor.yaml";
+  if (needs_rig) {
+    FileReader left(folder / part / "cam0" / "sensor.yaml");
+    FileReader right(lists.calibration);
+    lists.rig = read_stereo_files(left, right);
+  }
   lists.images = read_euroc_list(folder, (part / "cam0").string());
   lists.partners = read_euroc_list(folder, (part / "cam1").string());
   return lists;
 }
 
-SequenceLists read_euroc(const fs::path& folder, const LogSink&) {
-  return read_euroc_in("mav0", folder);
+SequenceLists read_euroc(const fs::path& folder, bool needs_rig, const LogSink&) {
+  return read_euroc_in("mav0", folder, needs_rig);
 }
 
-SequenceLists read_mav0(const fs::path& folder, const LogSink&) {
-  return read_euroc_in("", folder);
+SequenceLists read_mav0(const fs::path& folder, bool needs_rig, const LogSink&) {
+  return read_euroc_in("", folder, needs_rig);
 }
 
 // ---- all
@@ -263,31 +245,37 @@ SequenceLists read_mav0(const fs::path& folder, const LogSink&) {
 struct Layout {
   std::string_view name;
   std::vector<const char*> files;
-  SequenceLists (*read)(const fs::path& folder, const LogSink& log);
+  std::vector<const char*> calibration;  // not needed where a rig is given
+  SequenceLists (*read)(const fs::path& folder, bool needs_rig, const LogSink& log);
 };
 
 const std::array kLayouts = {
-    Layout{"TUM RGB-D", {"rgb.txt", "depth.txt"}, &read_tum},
-    Layout{"KITTI odometry", {"image_0", "image_1", "calib.txt", "times.txt"}, &read_kitti<0>},
+    Layout{"TUM RGB-D", {"rgb.txt", "depth.txt"}, {}, &read_tum},
+    Layout{"ICL-NUIM", {"associations.txt", "rgb", "depth"}, {}, &read_icl},
+    Layout{"7-Scenes", {"frame-000000.color.png", "frame-000000.depth.png"}, {}, &read_7_scenes},
+    Layout{"KITTI odometry", {"image_0", "image_1", "times.txt"}, {"calib.txt"}, &read_kitti<0>},
     Layout{"KITTI odometry in colour",
-           {"image_2", "image_3", "calib.txt", "times.txt"},
+           {"image_2", "image_3", "times.txt"},
+           {"calib.txt"},
            &read_kitti<2>},
     Layout{"EuRoC",
-           {"mav0/cam0/data.csv", "mav0/cam0/sensor.yaml", "mav0/cam1/data.csv",
-            "mav0/cam1/sensor.yaml"},
+           {"mav0/cam0/data.csv", "mav0/cam1/data.csv"},
+           {"mav0/cam0/sensor.yaml", "mav0/cam1/sensor.yaml"},
            &read_euroc},
     Layout{"EuRoC's mav0",
-           {"cam0/data.csv", "cam0/sensor.yaml", "cam1/data.csv", "cam1/sensor.yaml"},
+           {"cam0/data.csv", "cam1/data.csv"},
+           {"cam0/sensor.yaml", "cam1/sensor.yaml"},
            &read_mav0}};
 
 }  // namespace
 
 std::string euroc_camera_text(const Camera& camera, const Rigid3& body_from_camera) {
-  const auto* const known =
-      std::find_if(std::begin(kEurocModels), std::end(kEurocModels),
-                   [&](const auto& entry) { return entry.second == camera.model; });
-  refuse_if(known == std::end(kEurocModels), "camera",
-            printable(camera.model) + " in EuRoC's layout", "PINHOLE, OPENCV or OPENCV_FISHEYE");
+  const std::string_view distortion = camera.model == "PINHOLE"          ? "none"
+                                      : camera.model == "OPENCV"         ? "radial-tangential"
+                                      : camera.model == "OPENCV_FISHEYE" ? "equidistant"
+                                                                         : "";
+  refuse_if(distortion.empty(), "camera", printable(camera.model) + " in EuRoC's layout",
+            "PINHOLE, OPENCV or OPENCV_FISHEYE");
   const Matrix4d pose = body_from_camera.matrix();
   const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> rows = pose;
   const std::span numbers(camera.parameters);
@@ -296,7 +284,7 @@ std::string euroc_camera_text(const Camera& camera, const Rigid3& body_from_came
       "camera_model: pinhole\nintrinsics: [{}]\ndistortion_model: {}\n"
       "distortion_coefficients: [{}]\n",
       fmt::join(rows.data(), rows.data() + 16, ", "), camera.width, camera.height,
-      fmt::join(numbers.first(4), ", "), known->first, fmt::join(numbers.subspan(4), ", "));
+      fmt::join(numbers.first(4), ", "), distortion, fmt::join(numbers.subspan(4), ", "));
 }
 
 bool has_sequence_files(const fs::path& folder) {
@@ -306,24 +294,26 @@ bool has_sequence_files(const fs::path& folder) {
   });
 }
 
-SequenceLists read_sequence_lists(const fs::path& folder, const LogSink& log) {
+SequenceLists read_sequence_lists(const fs::path& folder, bool needs_rig, const LogSink& log) {
   std::string layouts;
   std::string missing;
   std::size_t most = 0;
   for (const Layout& layout : kLayouts) {
+    std::vector<const char*> files = layout.files;
+    if (needs_rig) files.insert(files.end(), layout.calibration.begin(), layout.calibration.end());
     std::vector<std::string_view> absent;
-    for (const char* const file : layout.files) {
+    for (const char* const file : files) {
       if (!exists_in(folder, file)) absent.push_back(file);
     }
-    if (absent.empty()) return layout.read(folder, log);
+    if (absent.empty()) return layout.read(folder, needs_rig, log);
     // The layout of which most is there is the one that was meant.
-    if (layout.files.size() - absent.size() > most) {
-      most = layout.files.size() - absent.size();
+    if (files.size() - absent.size() > most) {
+      most = files.size() - absent.size();
       missing = fmt::format("{} is missing of a sequence in the layout of {}", absent.front(),
                             layout.name);
     }
     layouts += fmt::format("{}{} ({})", layouts.empty() ? "" : "; or ", layout.name,
-                           fmt::join(layout.files, ", "));
+                           fmt::join(files, ", "));
   }
   // A name that the system refuses is another mistake than a folder without a sequence.
   std::error_code refused;

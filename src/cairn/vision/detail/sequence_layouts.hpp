@@ -14,10 +14,16 @@ namespace cairn::detail {
 
 /// The images of a recorded sequence, each list in the order of time.
 struct SequenceLists {
-  std::vector<ImageEntry> images;     ///< in colour, or of the left camera
-  std::vector<ImageEntry> partners;   ///< of depth, or of the right camera
-  std::optional<StereoRig> rig;       ///< of a stereo sequence
-  std::filesystem::path calibration;  ///< the file of the rig
+  std::vector<ImageEntry> images;    ///< in colour, or of the left camera
+  std::vector<ImageEntry> partners;  ///< of depth, or of the right camera
+  std::optional<StereoRig>
+      rig;  ///< of a stereo sequence; cameras of size 0 have that of the images
+  std::filesystem::path
+      calibration;  ///< of a stereo sequence where its rig is, for messages; else empty
+  /// Of an RGB-D sequence whose layout has one.
+  std::optional<Camera> camera = {};
+  double depth_units_per_metre = kTumDepthUnits;
+  std::optional<std::uint16_t> unknown_depth = {};  ///< besides 0, as stored
 };
 
 /// A camera as a sensor.yaml of EuRoC's layout.
@@ -28,9 +34,12 @@ std::string euroc_camera_text(const Camera& camera, const Rigid3& body_from_came
 bool has_sequence_files(const std::filesystem::path& folder);
 
 /// Reads the lists and the calibration of a sequence, in the first of the layouts whose files are there: TUM RGB-D,
-/// KITTI odometry (grey or colour pair), EuRoC.
+/// ICL-NUIM, 7-Scenes, KITTI odometry (grey or colour pair), EuRoC. The times of the second and third are the numbers of
+/// the frames.
+/// @param needs_rig whether the calibration of a stereo sequence is read, and must be there
 /// @throws Error (input) naming file, line and field of what cannot be read; for a folder in none of the layouts, what
 ///         each of them wants
-SequenceLists read_sequence_lists(const std::filesystem::path& folder, const LogSink& log);
+SequenceLists read_sequence_lists(const std::filesystem::path& folder, bool needs_rig,
+                                  const LogSink& log);
 
 }  // namespace cairn::detail
