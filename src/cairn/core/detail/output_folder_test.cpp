@@ -43,8 +43,8 @@ void write(const fs::path& path, const std::string& text) {
   write_file(path, [&](const ByteSink& sink) { sink(text); });
 }
 
-std::string refusal(const fs::path& folder) {
-  return testing::refusal(ErrorKind::kStorage, [&] { OutputFolder output(folder); });
+std::string refusal(const fs::path& folder, ErrorKind kind = ErrorKind::kStorage) {
+  return testing::refusal(kind, [&] { OutputFolder output(folder); });
 }
 
 // Fills a folder in a process that is killed before it commits.
@@ -218,8 +218,9 @@ TEST(OutputFolder, RefusesWhatIsInTheWay) {
   const TemporaryFolder folder;
   fs::create_directory(folder / "full");
   folder.write("full/a", "mine");
-  EXPECT_THAT(refusal(folder / "full"), HasSubstr("full: cannot be written: the folder is not "
-                                                  "empty; expected a new or an empty folder"));
+  EXPECT_THAT(refusal(folder / "full", ErrorKind::kMisuse),
+              HasSubstr("full: cannot be written: the folder is not "
+                        "empty; expected a new or an empty folder"));
   EXPECT_THAT(refusal(folder / "full/a"),
               EndsWith("cannot be written: it is a file; expected a new or an empty folder"));
   EXPECT_THAT(refusal(folder / "no/where"),
