@@ -2,6 +2,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -245,8 +246,8 @@ struct DemoArguments {
   int run() {
     const Rigid3 offset = parse_pose(displacement, "--displacement");
     check();
-    std::optional<detail::OutputFolder> folder;
-    if (!save.empty()) folder.emplace(result_folder(save));
+    std::unique_ptr<detail::OutputFolder> folder;
+    if (!save.empty()) folder.reset(new detail::OutputFolder(result_folder(save)));
     require_outputs(common);
     const DemoPair pair = make_pair();
     common.console().print(pair.story);  // before the alignments, which take a while
