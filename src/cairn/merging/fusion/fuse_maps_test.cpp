@@ -496,7 +496,8 @@ TEST(FuseMaps, TellsImagesOfOneNameApartByTheirMaps) {
   tables.info.control_points = {{"nail", 47.0, 8.0, 400.0, {{"frame_1.jpg", {1.0, 2.0}}}}};
   const LandmarkMap second(std::move(tables));
   // Its name is what the first map's are to be.
-  const LandmarkMap third = with_image_names(pair.source, "day one/frame_{}.jpg");
+  const LandmarkMap third = with_image_names(
+      synthetic_map({.seed = 9, .landmarks = 300, .frames = 3}), "day one/frame_{}.jpg");
   std::vector<PlacedMap> maps = {{&first, "day one", {}},
                                  {&second, "b", pair.target_from_source},
                                  {&third, "c", pair.target_from_source}};
