@@ -247,8 +247,8 @@ void Fusion::add(std::size_t m) {
 // Pairs of a map's landmarks and fused ones that keypoints of common images show replace what the association says of
 // these. A few are wrong, where a track jumps to another point.
 AssociationResult Fusion::with_identities(std::size_t m, AssociationResult association) const {
-  constexpr double kTimesMedian = 4.0;  // largest distance
-  constexpr double kRounding = 1e-6;  // of the poses of one map's copies
+  constexpr double kTimesMedian = 4.0;           // largest distance
+  constexpr double kRounding = 1e-6;             // of the poses of one map's copies
   constexpr std::size_t kFewest = 12;            // for an estimate of the deviation
   constexpr double kMedianOfChiSquared = 2.366;  // with three degrees of freedom
   std::map<std::uint32_t, Association> by_second;
