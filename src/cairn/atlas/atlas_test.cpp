@@ -385,7 +385,7 @@ TEST_F(AtlasTest, DoesNotUndoPosesThatALaterOptimisationKept) {
   again().link_manually(c, d, step(), covariance());
   again().update_poses();
   EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().undo(optimised); }),
-              HasSubstr("undo the later commands first, those of commits 8, 7"));
+              HasSubstr("undo the later commands first, those of commits 9, 8, 7"));
   EXPECT_EQ(atlas().state().poses.size(), 4U);
 }
 
