@@ -2,6 +2,7 @@
 #include "cairn/alignment/align.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <exception>
 #include <list>
@@ -22,6 +23,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/map/folds.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/icp.hpp"
 #include "cairn/registration/point_set.hpp"
@@ -363,10 +365,6 @@ struct AlignArguments {
 
     LoadedMap source_map = load_map(source, common);
     LoadedMap target_map = load_map(target, common);
-    if (source_map.map.landmarks().positions == target_map.map.landmarks().positions) {
-      common.console().remark("{} and {} are one map: that they align shows nothing", source,
-                              target);
-    }
     complete_options();
     with_scale =
         scale_range(options, source_map.map.info().length_unit, target_map.map.info().length_unit)
@@ -391,7 +389,8 @@ struct AlignArguments {
         align_by_all(source_map.map, target_map.map, strategies, traced, true_pose, common);
     const std::vector<StrategyResult>& results = shown.results;
 
-    write_answer(results.front().alignment, source_map, target_map, unit);
+    const Folds folds = folds_of(results.front().alignment, source_map, target_map);
+    write_answer(results.front().alignment, source_map, target_map, unit, folds.of_source);
     Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
     if (true_pose) {
       inputs["truth"] = {{"path", truth},
@@ -405,8 +404,10 @@ struct AlignArguments {
       json["results"].push_back(
           to_json(one, options.trace ? HistoryDetail::kMatches : HistoryDetail::kNone));
     }
+    json["folds"] = folds.json;
     write_document(json, common);
     print(source_map, target_map, results, unit);
+    common.console().print(folds.text);
     if (!common.report_path.empty()) write_report(make_report(shown, json), common);
     const bool all_answered = std::all_of(
         results.begin(), results.end(), [](const auto& one) { return has_answer(one.alignment); });
@@ -455,12 +456,43 @@ struct AlignArguments {
     return align_pairs(pairs, options, gravity, options_json(parse_strategies("base")), common);
   }
 
+  // What each map shows to be folded in the other, at a trusted pose.
+  struct Folds {
+    std::vector<FrameIndex> of_source;
+    Json json = Json::array();
+    std::string text;
+  };
+
+  Folds folds_of(const Alignment& alignment, const LoadedMap& source_map,
+                 const LoadedMap& target_map) const {
+    Folds result;
+    if (!has_answer(alignment)) return result;
+    const std::array<MapInWorld, 2> maps = {MapInWorld{&source_map.map, *alignment.estimate},
+                                            MapInWorld{&target_map.map, Similarity3()}};
+    const std::array<std::string, 2> paths = {source_map.path, target_map.path};
+    const auto folds = find_folds(maps);
+    for (const std::size_t i : {0U, 1U}) {
+      if (!folds[i]) continue;
+      Json json = fold_json(*folds[i], *maps[i].map, paths[1 - i]);
+      json["map"] = to_string(i == 0 ? MapRole::kSource : MapRole::kTarget);
+      result.json.push_back(std::move(json));
+      result.text += "\n" + fold_text(*folds[i], *maps[i].map, paths[i], paths[1 - i]);
+      if (i == 0 && !output.empty()) result.text += "; they are left out of " + output;
+      result.text += "\n";
+    }
+    if (folds[0]) result.of_source = folds[0]->frames;
+    return result;
+  }
+
   // Writes the map and the pose that are asked for, if the pose is aligned.
   void write_answer(const Alignment& first, const LoadedMap& source_map,
-                    const LoadedMap& target_map, LengthUnit unit) const {
+                    const LoadedMap& target_map, LengthUnit unit,
+                    const std::vector<FrameIndex>& folded) const {
     if (has_answer(first)) {
       if (!output.empty()) {
-        LandmarkMap aligned = transformed(source_map.map, *first.estimate);
+        LandmarkMap aligned =
+            transformed(folded.empty() ? source_map.map : without_frames(source_map.map, folded),
+                        *first.estimate);
         if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
         // The frame is the target's now, and so is what is known of its place on the Earth.
         if (const auto& georeference = target_map.map.info().georeference) {

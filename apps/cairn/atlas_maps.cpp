@@ -194,9 +194,10 @@ struct LinkArguments : AtlasArguments {
       links.back().erase("id");
       links.back().erase("agrees");
       if (!link.connects()) return;
-      console.print("{} <- {} {}\n", state.nodes.at(link.target).name,
+      console.print("{} <- {} {}{}\n", state.nodes.at(link.target).name,
                     state.nodes.at(link.source).name,
-                    probability_text(link.probability.value_or(0.0)));
+                    probability_text(link.probability.value_or(0.0)),
+                    link.repeats ? ", no independent evidence: " + link.reason : "");
     };
     const AtlasLinkResult result = atlas.link(options);
     Json used = options_of(LinkOptions::table, &options.links);

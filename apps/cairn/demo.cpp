@@ -2,9 +2,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -27,6 +27,7 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
+#include "support/experiment_reports.hpp"
 #include "support/interrupt.hpp"
 #include "support/reports.hpp"
 
@@ -197,15 +198,6 @@ Rigid3 displaced(const Rigid3& truth, const Rigid3& displacement, const Landmark
   return to_centre * displacement * to_centre.inverse() * truth;
 }
 
-void make_folder(const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) {
-    throw Error(ErrorKind::kStorage, "--save", folder + " cannot be created: " + error.message(),
-                "a folder");
-  }
-}
-
 struct DemoArguments {
   CommonArguments common;
   std::string displacement = "0.15 -0.1 0.05 3 -4 15";
@@ -231,12 +223,14 @@ struct DemoArguments {
         "Displacement of the initial pose from the true one: \"x y z roll pitch yaw\", metres "
         "and degrees",
         "POSE");
-    command.add_text("--save", save,
-                     kCanSimulate
-                         ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
-                           "trajectories (.tum) to FOLDER"
-                         : "Write source.map, target.map, truth.txt and initial.txt to FOLDER",
-                     "FOLDER");
+    command.add_text(
+        "--save", save,
+        kCanSimulate
+            ? "Write source.map, target.map, truth.txt, initial.txt and the cameras' "
+              "trajectories (.tum) to FOLDER, which is new or empty"
+            : "Write source.map, target.map, truth.txt and initial.txt to FOLDER, which is new "
+              "or empty",
+        "FOLDER");
     common.add_report_to(command, "the verdict, the maps in 3D at each iteration, and charts");
     common.add_to(command);
     common.add_threads_to(command);
@@ -252,7 +246,8 @@ struct DemoArguments {
   int run() {
     const Rigid3 offset = parse_pose(displacement, "--displacement");
     check();
-    if (!save.empty()) make_folder(save);  // where the document may go, too
+    std::unique_ptr<detail::OutputFolder> folder;
+    if (!save.empty()) folder.reset(new detail::OutputFolder(result_folder(save)));
     require_outputs(common);
     const DemoPair pair = make_pair();
     common.console().print(pair.story);  // before the alignments, which take a while
@@ -272,7 +267,10 @@ struct DemoArguments {
     alignments.push_back(std::move(searched.front()));
 
     std::string saved;
-    if (!save.empty()) saved = save_to_folder(pair, options.initial);
+    if (folder) {
+      saved = save_to_folder(pair, options.initial, folder->unfinished());
+      folder->commit();
+    }
     Json json = document("demo", common, Json::object(), options_json(), kAlignmentVersion);
     json.update(pair.description);
     json["truth"] = to_json(pair.target_from_source);
@@ -333,8 +331,8 @@ struct DemoArguments {
     return report;
   }
 
-  std::string save_to_folder(const DemoPair& pair, const Rigid3& initial) const {
-    const std::filesystem::path folder = save;
+  std::string save_to_folder(const DemoPair& pair, const Rigid3& initial,
+                             const std::filesystem::path& folder) const {
     std::string names = "source.map target.map truth.txt initial.txt";
     save_map(pair.source, folder / "source.map", common);
     save_map(pair.target, folder / "target.map", common);

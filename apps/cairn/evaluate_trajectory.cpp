@@ -204,11 +204,24 @@ struct EvaluateTrajectoryArguments {
     write_document(json, common);
     write_rows(rows_of(evaluation, estimated.trajectory, true_one.trajectory), common);
     print(estimated, true_one, evaluation);
+    remark_turned(evaluation);
     if (found) print_hand_eye(*found, after);
     return kDone;
   }
 
  private:
+  // Short paths have one shape: positions of another recording may fit.
+  void remark_turned(const TrajectoryEvaluation& evaluation) const {
+    constexpr double kTurned = 90.0;  // degrees
+    const double turned = degrees(evaluation.absolute->rotation_rad.median);
+    if (turned <= kTurned || hand_eye) return;
+    common.console().remark(
+        "the orientations differ from the truth's by {:.0f} deg (median), however well the "
+        "positions "
+        "fit: the truth is of another recording, or of another body than the camera (--hand-eye)",
+        turned);
+  }
+
   Json describe(const LoadedTrajectory& loaded) const {
     Json json = describe_file(loaded.path, common);
     json["poses"] = loaded.trajectory.size();

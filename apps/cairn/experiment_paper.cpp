@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -25,12 +26,10 @@
 namespace cairn::cli {
 namespace {
 
-// What is to be said of the truth if its inverse fits poses.
+// What is to be said of the truth if its inverse fits.
 std::optional<std::string> swapped_truth(const PaperResults& results) {
-  const auto swapped = std::count_if(results.runs.begin(), results.runs.end(),
-                                     [](const TrialResult& run) { return run.fits_inverse; });
-  if (swapped == 0) return std::nullopt;
-  return swapped_truth_text(fmt::format("{} of {} poses", swapped, results.runs.size()));
+  if (!results.fits_inverse) return std::nullopt;
+  return swapped_truth_text("the maps better");
 }
 
 struct PaperArguments {
@@ -131,6 +130,15 @@ struct PaperArguments {
     return json;
   }
 
+  // Whether no run that starts at the true pose ends there, with matches at any distance.
+  bool fails_in_place(const PaperResults& results) const {
+    return results.has_truth && std::isinf(options.align.max_distance) &&
+           std::none_of(results.runs.begin(), results.runs.end(), [&](const TrialResult& run) {
+             return run.trial.initial == Displacement{} && run.error &&
+                    options.tolerance.holds(*run.error);
+           });
+  }
+
   std::string success_text(const PaperResults& results) const {
     std::string text = fmt::format(
         "\nA run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by "
@@ -187,7 +195,13 @@ struct PaperArguments {
     console.print("{}: {} runs in {:.1f} s\n\n", output, results.runs.size(), seconds);
     for (const std::string& finding : findings) console.print("{}\n", finding);
     console.print(success_text(results));
-    if (const auto swapped = swapped_truth(results)) console.remark(*swapped);
+    if (const auto swapped = swapped_truth(results)) {
+      console.remark(*swapped);
+    } else if (fails_in_place(results)) {
+      console.print(
+          "  hint: No run ends at the true pose, even without displacement. Where the maps overlap "
+          "in part, --max-distance keeps landmarks of one map alone from pulling.\n");
+    }
   }
 };
 

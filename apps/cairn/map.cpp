@@ -278,7 +278,7 @@ struct MapArguments {
       parse_length(mini_map_length);
       std::error_code ignored;
       if (fs::exists(output, ignored)) {
-        throw Error(ErrorKind::kStorage, output, "exists already", "the name of a new folder");
+        throw Error(ErrorKind::kMisuse, output, "exists already", "the name of a new folder");
       }
       require_folder_of(output);
     }
@@ -647,7 +647,8 @@ struct MapArguments {
 
 void add_map(const Command& program) {
   add_verb<MapArguments>(program, "map",
-                         "Build a landmark map and the camera's trajectory from an RGB-D sequence");
+                         "Build a landmark map and the camera's trajectory from an RGB-D or stereo "
+                         "sequence or a recording of ROS");
 }
 
 }  // namespace cairn::cli

@@ -57,6 +57,11 @@ std::string answer_of(std::span<const MergeInput> maps, const MergeResult& resul
                                  result.placed(), maps.size(), frame, with_commas(before),
                                  with_commas(result.map->landmark_count()));
   if (!left_out.empty()) text += fmt::format(" Left out: {}.", fmt::join(left_out, ", "));
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (!result.maps[i].fold) continue;
+    text += fmt::format(" {} is folded: {} of its {} images are left out.", maps[i].name,
+                        result.maps[i].fold->frames.size(), maps[i].map->frame_count());
+  }
   return text;
 }
 
@@ -76,6 +81,9 @@ void add_merge(report::Report& report, std::span<const MergeInput> maps,
       node.frame_from_map = *merged.world_from_map;
     }
     if (merged.fusion) node.fused = merged.fusion->fused;
+    if (merged.fold) {
+      node.reason = fold_text(*merged.fold, map, maps[i].name, maps[merged.fold->other].name);
+    }
     node.landmarks = map.landmark_count();
     node.keyframes = map.frame_count();
     node.centre = node_extent(map.landmarks().positions).centre;
@@ -284,18 +292,9 @@ struct MergeMapsArguments {
  private:
   std::vector<ListedMap> listed() const {
     std::vector<ListedMap> maps = listed_maps(paths);
-    for (std::size_t i = 0; i < maps.size(); ++i) {
-      const std::string& file = maps[i].file;
-      refuse_if(is_same_file(file, output), "--output", output + " is one of the maps",
+    for (const ListedMap& map : maps) {
+      refuse_if(is_same_file(map.file, output), "--output", output + " is one of the maps",
                 "another file");
-      for (std::size_t j = 0; j < i; ++j) {
-        const std::string& other = maps[j].file;
-        if (!is_same_file(file, other)) continue;
-        throw Error(
-            ErrorKind::kMisuse, "maps",
-            other + (file == other ? " is given twice" : " and " + file + " are the same file"),
-            "each map once; a repeated map would count as independent evidence");
-      }
     }
     refuse_if(maps.size() < 2, "maps", fmt::format("{} given", maps.size()), "at least two maps");
     return maps;

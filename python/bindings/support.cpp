@@ -48,7 +48,9 @@ py::array checked_array(py::handle value, std::string_view name,
                         const std::vector<py::ssize_t>& shape, std::string_view kinds,
                         std::string_view what, Masked masked = Masked::kRefused) {
   py::array array = py::array::ensure(value);
-  if (!array) {
+  // NumPy makes an array of everything, of a path and of None, too.
+  const bool is_kind = array && kinds.find(array.dtype().kind()) != std::string_view::npos;
+  if (!array || (!is_kind && array.ndim() == 0)) {
     PyErr_Clear();
     throw py::type_error(fmt::format("{}: {} is no array; expected {} of shape {}", name,
                                      type_name(value), what, shape_text(shape)));
@@ -56,7 +58,7 @@ py::array checked_array(py::handle value, std::string_view name,
   std::vector<py::ssize_t> found(array.shape(), array.shape() + array.ndim());
   const bool empty = array.size() == 0;
   // NumPy makes [] an array of floats.
-  if (kinds.find(array.dtype().kind()) == std::string_view::npos && !empty) {
+  if (!is_kind && !empty) {
     throw py::type_error(fmt::format("{}: array of {}; expected {}", name,
                                      py::str(array.dtype()).cast<std::string>(), what));
   }

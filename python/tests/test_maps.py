@@ -328,6 +328,11 @@ class Operations(unittest.TestCase):
         np.testing.assert_allclose(moved.positions, m.positions @ turn[:3, :3].T + turn[:3, 3], atol=1e-12)
         np.testing.assert_allclose(moved.covariances[0], np.diag([2.0, 1.0, 3.0]), atol=1e-12)
 
+    def test_what_is_no_array_is_named(self):
+        for what, name in [(None, "NoneType"), ("a/path", "str")]:
+            with self.assertRaisesRegex(TypeError, f"new_from_old: {name} is no array; expected real numbers of shape"):
+                full_map().transformed(what)
+
     def test_with_column_and_unit(self):
         m = full_map().with_column("mine", [1, 2, 3]).with_length_unit("free")
         np.testing.assert_array_equal(m.columns["mine"], [1, 2, 3])

@@ -194,13 +194,27 @@ TEST_F(AlignTest, SavedResultServesAsInitialPoseAndAsTruth) {
   EXPECT_LT(again.at("results").at(0).at("error").at("translation"), 1e-6);
 }
 
-TEST_F(AlignTest, RemarksThatBothMapsAreOne) {
+TEST_F(AlignTest, SaysThatBothMapsAreOne) {
   write_pair();
   answer({"convert", "source.map", "copy.cairn"});
+  answer({"convert", "source.map", "part.map", "--frames", "2:30"});
+  const auto result = [&](const char* target, const Words& more) {
+    Words words = {"align", "source.map", target, "--quiet"};
+    words.insert(words.end(), more.begin(), more.end());
+    return document(words).at("results").at(0);
+  };
   for (const char* const same : {"source.map", "copy.cairn"}) {
-    EXPECT_THAT(cairn({"align", "source.map", same}).errors, HasSubstr("are one map")) << same;
+    for (const Words& how : {Words{}, Words{"--method", "icp"}, Words{"--no-verdict"}}) {
+      const Json one = result(same, how);
+      EXPECT_EQ(one.at("one_map"), true) << same;
+      EXPECT_THAT(one.at("reason").get<std::string>(), HasSubstr("are one map")) << same;
+    }
   }
-  EXPECT_THAT(cairn({"align", "source.map", "target.map"}).errors, Not(HasSubstr("are one map")));
+  EXPECT_EQ(result("target.map", {}).at("one_map"), false);
+  EXPECT_EQ(result("target.map", {}).at("common_images"), 0);
+  const Json part = result("part.map", {});
+  EXPECT_GT(part.at("common_images"), 5);
+  EXPECT_THAT(part.at("reason").get<std::string>(), HasSubstr("images are in both maps"));
 }
 
 TEST_F(AlignTest, OutputLiesOnTheTarget) {

@@ -316,6 +316,17 @@ TEST_F(AtlasCliTest, MergesRealMiniMapsAsMergeDoesInAnyOrder) {
 }
 #endif
 
+TEST_F(AtlasCliTest, SaysWhichLinksAreNoIndependentEvidence) {
+  write_pair(900);
+  answer({"convert", "target.map", "part.map", "--frames", "0:12"});
+  answer(atlas({"init"}));
+  answer(atlas({"add", "target.map", "source.map", "part.map"}));
+  const std::string text = answer(atlas({"link"}));
+  EXPECT_THAT(text, ContainsRegex("target <- part >?99\\.[0-9]+ %, no independent evidence: .*12 "
+                                  "images are in both maps"));
+  EXPECT_THAT(text, ContainsRegex("target <- source >?99\\.[0-9]+ %\n"));
+}
+
 TEST_F(AtlasCliTest, KeepsTheLinksOfARunsOdometry) {
   const Similarity3 first_from_second = write_mini_maps("run");
   answer(atlas({"init"}));
@@ -344,7 +355,9 @@ TEST_F(AtlasCliTest, RefusesWhatCannotBe) {
   expect_refusal(atlas({"show"}), kBadInput, {"town.atlas", "no such file", "atlas init"});
   expect_refusal({"atlas", "rename"}, kWrongUsage, {"expected one of", "init"});
   fill_small(2);
-  expect_refusal(atlas({"init"}), kSystemError, {"town.atlas", "exists already"});
+  expect_refusal(atlas({"init"}), kWrongUsage, {"town.atlas", "exists already"});
+  expect_refusal({"atlas", "init", "town.atlas"}, kWrongUsage,
+                 {"not expected: town.atlas (the atlas is named by --atlas)"});
   expect_refusal({"atlas", "show", "--atlas", "1.map"}, kBadInput, {"1.map", "no SQLite database"});
   expect_refusal(atlas({"path", "1", "kitchen"}), kWrongUsage, {"no map 'kitchen'", "1, 2"});
   expect_refusal(atlas({"merge", "-o", "a.map"}), kWrongUsage, {"no two maps are in one frame"});

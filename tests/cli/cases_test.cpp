@@ -169,12 +169,16 @@ INSTANTIATE_TEST_SUITE_P(
              "--truth", "deformation_false_refusal/truth_fta_ftb.txt"},
             0,
             "aligned"},
+        UserCase{{"merge", "merge_common_images/0", "merge_common_images/1", "-o", "m/"},
+                 0,
+                 "merge_common_images/1 is folded: 7 of its 26 images are elsewhere in "
+                 "merge_common_images/0, 1.39 away and turned by 105 deg: '61.jpg', '65.jpg', "
+                 "'67.jpg', '69.jpg', '70.jpg', '72.jpg', '74.jpg'"},
         UserCase{
-            {"merge", "merge_common_images/0", "merge_common_images/1", "-o", "m/"},
+            {"align", "merge_common_images/1", "merge_common_images/0", "-o", "fold.ply"},
             0,
-            "merge_common_images/1 is folded: 7 of its 26 images are elsewhere in "
-            "merge_common_images/0, 1.39 away and turned by 105 deg; left out: '61.jpg', '65.jpg', "
-            "'67.jpg', '69.jpg', '70.jpg', '72.jpg', '74.jpg'"},
+            "1.39 away and turned by 105 deg: '61.jpg', '65.jpg', '67.jpg', '69.jpg', '70.jpg', "
+            "'72.jpg', '74.jpg'; they are left out of fold.ply"},
         reads("merge_common_images/1",
               "7 images ('61.jpg', '65.jpg', '67.jpg', '69.jpg', '70.jpg', "
               "'72.jpg', '74.jpg') are where others are"),

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <filesystem>
 #include <string>
 
 #include "cli.hpp"
@@ -101,8 +102,17 @@ TEST_F(DemoTest, SeedDecidesTheScene) {
 
 TEST_F(DemoTest, FolderThatCannotBeMadeIsNamed) {
   write("file", "");
-  expect_refusal({"demo", "--save", "file"}, kSystemError, {"--save", "file"});
-  expect_refusal({"demo", "--save", "file/below"}, kSystemError, {"--save", "file/below"});
+  expect_refusal({"demo", "--save", "file"}, kWrongUsage, {"file"});
+  expect_refusal({"demo", "--save", "file/below"}, kSystemError, {"file/below"});
+}
+
+TEST_F(DemoTest, OverwritesAndMixesNothing) {
+  std::filesystem::create_directory(path("desk"));
+  write("desk/truth.txt", "mine");
+  expect_refusal({"demo", "--synthetic", "--save", "desk"}, kWrongUsage,
+                 {"desk", "the folder is not empty"});
+  EXPECT_EQ(content("desk/truth.txt"), "mine");
+  EXPECT_FALSE(std::filesystem::exists(path("desk/source.map")));
 }
 
 // A sanitizer makes the frames take twenty times as long.

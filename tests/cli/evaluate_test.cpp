@@ -222,6 +222,19 @@ TEST_F(EvaluateTrajectoryTest, AlignmentDecidesWhatCounts) {
   EXPECT_NEAR(document(evaluate({"--alignment", "sim3"})).at("scale").get<double>(), 0.5, 0.01);
 }
 
+TEST_F(EvaluateTrajectoryTest, RemarksThatOrientationsAreTurnedWhereverPositionsFit) {
+  const Walk both = write_walk();
+  EXPECT_THAT(cairn(evaluate()).errors, IsEmpty());
+  std::vector<TimedPose> turned(both.estimate.poses().begin(), both.estimate.poses().end());
+  for (TimedPose& pose : turned) {
+    pose.world_from_camera =
+        pose.world_from_camera * Rigid3::from_roll_pitch_yaw({0, 0, 0}, 2.0, 0, 0);
+  }
+  write_trajectory("estimate.txt", Trajectory(std::move(turned)));
+  EXPECT_THAT(cairn(evaluate()).errors,
+              HasSubstr("the orientations differ from the truth's by 11"));
+}
+
 TEST_F(EvaluateTrajectoryTest, CsvHasARowForEachComparedPose) {
   write_walk();
   const Json json = document(evaluate({"--csv", "errors.csv"}));

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 #include <thread>
+#include <tuple>
 
 #include "cairn/core/detail/csv.hpp"
 #include "cairn/experiments/run.hpp"
@@ -64,17 +65,30 @@ TEST_F(ExperimentTest, PaperSaysFromWhereItStarts) {
   EXPECT_EQ(Json::parse(content("r/experiment.json"))["options"]["start"], "as_read");
 }
 
-// Near enough to its inverse that runs reach the right pose.
+// The moved one is near enough to its inverse that runs of a study reach the right pose.
 TEST_F(ExperimentTest, SaysThatTheTruthIsOfSwappedMaps) {
   const Rigid3 moved = Rigid3::from_roll_pitch_yaw({0.2, 0.1, 0}, 0, 0, 0.1);
   write_map(transformed(read_map(path("source.map")), moved), path("moved.map"));
   write("swapped.txt", matrix_text(moved));
-  const CommandResult paper = cairn(
-      {"experiment", "paper", "moved.map", "target.map", "--truth", "swapped.txt", "-o", "r"});
-  EXPECT_EQ(paper.exit_code, kDone);
-  for (const std::string& text : {paper.output, paper.errors, content("r/summary.md")}) {
-    EXPECT_THAT(text, HasSubstr("the inverse of the truth fits"));
+  const Rigid3 far = Rigid3::from_roll_pitch_yaw({2.0, 1.0, 0}, 0, 0, 1.0);
+  write_map(transformed(read_map(path("source.map")), far), path("far.map"));
+  for (const auto& [map, truth, is_swapped] : {std::tuple{"moved.map", moved, true},
+                                               {"far.map", far, true},
+                                               {"far.map", far.inverse(), false}}) {
+    write("truth_of.txt", matrix_text(truth));
+    const std::string folder = std::string(map) + (is_swapped ? "_swapped" : "_right");
+    const CommandResult paper =
+        cairn({"experiment", "paper", map, "target.map", "--truth", "truth_of.txt", "-o", folder});
+    EXPECT_EQ(paper.exit_code, kDone);
+    for (const std::string& text : {paper.output, paper.errors, content(folder + "/summary.md")}) {
+      EXPECT_EQ(text.find("the inverse of the truth fits the maps better") != text.npos,
+                is_swapped);
+    }
   }
+  write("truth_of.txt", matrix_text(Rigid3::from_roll_pitch_yaw({-3.0, 2.0, 0}, 0, 0, 2.5)));
+  EXPECT_THAT(answer({"experiment", "paper", "far.map", "target.map", "--truth", "truth_of.txt",
+                      "-o", "wrong"}),
+              HasSubstr("hint: No run ends at the true pose, even without displacement"));
   write("study.yaml",
         "name: s\npairs: [{name: a, source: moved.map, target: target.map, truth: swapped.txt}]\n"
         "initial_poses: {count: 5}\nstrategies: [base]\n");
@@ -119,7 +133,7 @@ TEST_F(ExperimentTest, PaperOverwritesNothing) {
   write("full/notes.txt", "");
   std::filesystem::create_directory(path("full"));
   write("full/notes.txt", "mine");
-  expect_refusal({"experiment", "paper", "source.map", "target.map", "-o", "full"}, kSystemError,
+  expect_refusal({"experiment", "paper", "source.map", "target.map", "-o", "full"}, kWrongUsage,
                  {"full", "is not empty", "a new or an empty folder"});
   EXPECT_EQ(content("full/notes.txt"), "mine");
 }

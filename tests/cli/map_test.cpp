@@ -424,7 +424,7 @@ TEST_F(MapCliTest, MiniMapsComeAsAFolderWithAnIndex) {
   }
   FileReader g2o_file(path("minis/pose_graph.g2o"));
   EXPECT_EQ(pose_graph(read_g2o(g2o_file)).links.size(), 2U);
-  expect_refusal({"map", "s", "-o", "minis", "--mini-map-length", "6f"}, kSystemError,
+  expect_refusal({"map", "s", "-o", "minis", "--mini-map-length", "6f"}, kWrongUsage,
                  {"minis", "exists already"});
 }
 

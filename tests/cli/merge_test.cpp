@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -238,7 +239,7 @@ TEST_F(MergeTest, RefusesWhatCannotBeMerged) {
   expect_refusal({"merge", "target.map", "source.map"}, kWrongUsage, {"--output"});
   expect_refusal({"merge", "target.map", "-o", "a.map"}, kWrongUsage, {"at least two maps"});
   expect_refusal({"merge", "target.map", "./target.map", "-o", "a.map"}, kWrongUsage,
-                 {"are the same file"});
+                 {"are one map", "would count as independent evidence"});
   expect_refusal({"merge", "target.map", "source.map", "-o", "source.map"}, kWrongUsage,
                  {"source.map is one of the maps"});
   expect_refusal({"merge", "target.map", "source.map", "-o", "a.foo"}, kWrongUsage,
@@ -250,6 +251,30 @@ TEST_F(MergeTest, RefusesWhatCannotBeMerged) {
   expect_refusal({"merge", "target.map", "empty", "-o", "a.map"}, kBadInput,
                  {"empty", "no map in a known format"});
   EXPECT_FALSE(fs::exists(path("a.map")));
+}
+
+TEST_F(MergeTest, CountsAMapAndWhatWasMadeOfItOnce) {
+  const SyntheticPair pair = write_pair(900);
+  answer({"convert", "target.map", "copy.cairn"});
+  expect_refusal({"merge", "target.map", "copy.cairn", "source.map", "-o", "a.map"}, kWrongUsage,
+                 {"target and copy are one map"});
+  answer({"convert", "target.map", "part.map", "--frames", "0:12"});
+  answer({"align", "target.map", "source.map", "-o", "moved.map"});
+  answer({"merge", "target.map", "source.map", "-o", "both.map"});
+  for (const char* const related : {"part.map", "moved.map", "both.map"}) {
+    const CommandResult result = cairn({"merge", "target.map", related, "-o", "a.map"});
+    EXPECT_EQ(result.exit_code, kDone) << related;
+    EXPECT_THAT(result.errors, HasSubstr("and count once")) << related;
+    const std::size_t frames = read_map(path(related)).frame_count();
+    EXPECT_EQ(read_map(path("a.map")).frame_count(), std::max<std::size_t>(frames, 20)) << related;
+    const std::size_t once =
+        pair.target.observation_count() +
+        (related == std::string("both.map") ? pair.source.observation_count() : 0);
+    const std::size_t merged = read_map(path("a.map")).observation_count();
+    EXPECT_GE(merged, once) << related;
+    // A few landmarks that the larger map moved are not recognised.
+    EXPECT_LT(static_cast<double>(merged), 1.005 * static_cast<double>(once)) << related;
+  }
 }
 
 // The commands of docs/guide.md, "Merge maps".

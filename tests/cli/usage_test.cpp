@@ -192,6 +192,8 @@ TEST_F(UsageTest, MissingArgumentIsNamed) {
 
 TEST_F(UsageTest, SurplusArgumentIsNamed) {
   expect_refusal({"align", "a.map", "b.map", "c.map"}, kWrongUsage, {"not expected: c.map"});
+  expect_refusal({"align", "a.map", "b.map", "--threads", "-1"}, kWrongUsage,
+                 {"--threads: '-1'; expected a whole number, 0 or more"});
 }
 
 TEST_F(UsageTest, UnquotedPoseIsExplained) {

@@ -111,7 +111,7 @@ function rowFigure(table: Table, title: string, fileName: string): HTMLElement {
         const text = cellText(row[index], column);
         return h(
           "div",
-          null,
+          { class: text.length > kLongestEntry ? "wide" : null },
           h("dt", null, name),
           h(
             "dd",

@@ -697,6 +697,14 @@ test("what is switched off looks off, not disabled", async () => {
   });
 });
 
+test("a sentence of a single row has the width of the whole list", async () => {
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
+    const widths = await page.locator(".row-facts").evaluate((list) => [...list.children].map((item) => item.clientWidth / list.clientWidth));
+    assert.equal(widths.filter((width) => width > 0.9).length, 1);
+    assert.ok(widths.filter((width) => width < 0.3).length > 5);
+  });
+});
+
 test("the answer comes first: verdict in words, probability, reason, pose, deviations", async () => {
   await withReport(sampleFile("answer"), {}, async ({ page }) => {
     const answer = page.locator(".answer");

@@ -491,7 +491,7 @@ export function answerSample() {
     sections: [
       answer,
       scene("scene", "Alignment", null, runs, truth),
-      { kind: "table", id: "numbers", title: "Numbers", text: null, columns, rows: [row("robust")], best: null },
+      { kind: "table", id: "numbers", title: "Numbers", text: null, columns: [...columns, { name: "Reason", unit: null, type: "text", digits: null }], rows: [[...row("robust"), "the best pose matches 78.4 % of 3171 landmarks one to one, no other pose was found"]], best: null },
       { kind: "table", id: "strategies", title: "Strategies", text: null, columns, rows: names.map(row), best: [null, null, null, null, null, "low", "low", "low", "high", "high", null] },
       { kind: "table", id: "files", title: "Files", text: null, columns: [{ name: "File", unit: null, type: "text", digits: null }, { name: "Content hash", unit: null, type: "text", digits: null }, { name: "Observations", unit: null, type: "number", digits: 0 }],
         rows: [["/srv/robots/2026-11-26/warehouse-north/session-0042/maps/later.map", "xxh3:8f1c0e7a55d2b3904cc1f0e2a7b6d915", 123456], ["earlier.map", "xxh3:17aa90be4f02c1d8730e5b6cd2f8a344", 98765]], best: null },

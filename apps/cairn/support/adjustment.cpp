@@ -30,17 +30,6 @@ std::string bend_text(const std::optional<MapBend>& bend, const std::string& nam
   return fmt::format("; {} was bent by {:.1f} deg, mended", name, degrees(bend->rotation_rad));
 }
 
-Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other) {
-  Json images = Json::array();
-  for (const FrameIndex frame : fold.frames) {
-    images.push_back(printable(map.frames().image_names[frame.value]));
-  }
-  return {{"images", std::move(images)},
-          {"shown_by", other},
-          {"apart", fold.apart},
-          {"turned_deg", fold.turned_deg}};
-}
-
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment) {
   if (!adjustment) return nullptr;
   return {{"converged", adjustment->converged},

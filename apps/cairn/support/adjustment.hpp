@@ -19,10 +19,6 @@ Json bend_json(const std::optional<MapBend>& bend);
 /// "; NAME was bent by 2.1 deg, mended"; empty where the map was not straightened.
 std::string bend_text(const std::optional<MapBend>& bend, const std::string& name);
 
-/// @param map whose frames those of the fold are
-/// @param other name of the map that shows the fold
-Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other);
-
 /// null where the map was not adjusted
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment);
 

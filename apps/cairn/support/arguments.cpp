@@ -202,7 +202,7 @@ double parse_real(const std::string& word, const std::string& option) {
 std::uint64_t parse_whole(const std::string& word, const std::string& option,
                           std::uint64_t largest) {
   const auto number = parse_unsigned(word);
-  refuse_if(!number, option, printable(word), "a whole number");
+  refuse_if(!number, option, printable(word), "a whole number, 0 or more");
   refuse_if(*number > largest, option, word, fmt::format("at most {}", largest));
   return *number;
 }

@@ -279,8 +279,13 @@ std::string complaint(const CLI::App& program, const CLI::ParseError& error) {
   const bool has_number =
       std::any_of(unexpected.begin(), unexpected.end(),
                   [](const std::string& word) { return parse_number(word).has_value(); });
-  return fmt::format("not expected: {}{}", fmt::join(unexpected, " "),
-                     has_number ? " (the numbers of a pose go into one quoted argument)" : "");
+  std::string hint;
+  if (has_number) {
+    hint = " (the numbers of a pose go into one quoted argument)";
+  } else if (parsed_verbs(program).back()->get_option_no_throw("--atlas") != nullptr) {
+    hint = " (the atlas is named by --atlas)";
+  }
+  return fmt::format("not expected: {}{}", fmt::join(unexpected, " "), hint);
 }
 
 // "--output", or the name of a positional argument.

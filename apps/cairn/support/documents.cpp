@@ -168,7 +168,7 @@ void require_place_of(const std::string& path, const MapFormat& format) {
   const std::filesystem::path folder = std::filesystem::path(path + "/").parent_path();
   if (!std::filesystem::is_directory(folder, ignored)) return require_folder_of(folder.string());
   if (!std::filesystem::is_empty(folder, ignored)) {
-    throw Error(ErrorKind::kStorage, path, "cannot be written: the folder is not empty",
+    throw Error(ErrorKind::kMisuse, path, "cannot be written: the folder is not empty",
                 "a new or an empty folder");
   }
 }
@@ -351,6 +351,17 @@ ErrorStatistics in_degrees(ErrorStatistics radians) {
     radians.*field = degrees(radians.*field);
   }
   return radians;
+}
+
+Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other) {
+  Json images = Json::array();
+  for (const FrameIndex frame : fold.frames) {
+    images.push_back(printable(map.frames().image_names[frame.value]));
+  }
+  return {{"images", std::move(images)},
+          {"shown_by", other},
+          {"apart", fold.apart},
+          {"turned_deg", fold.turned_deg}};
 }
 
 Json text_or_null(const std::string& text) {

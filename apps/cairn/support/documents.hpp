@@ -14,6 +14,7 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/map/folds.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 #include "support/arguments.hpp"
@@ -87,7 +88,7 @@ void write_text(const std::string& text, const std::string& path);
 
 /// Fails before long work if a map in this format could not be written at `path`: as require_folder_of;
 /// a format that is a folder takes a new or an empty one.
-/// @throws Error (storage)
+/// @throws Error (storage), (misuse)
 void require_place_of(const std::string& path, const MapFormat& format);
 
 /// Writes a map and remarks what its format does not hold.
@@ -125,6 +126,9 @@ Json to_json(const Eigen::Vector3d& vector);
 Json to_json(const Matrix6d& matrix);
 Json to_json(const Matrix7d& matrix);
 Json to_json(const PoseError& error);
+/// @param map whose frames those of the fold are
+/// @param other name of the map that shows the fold
+Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other);
 /// Count, rmse, mean, median, std, min, percentile_95, max.
 Json to_json(const ErrorStatistics& statistics);
 template <class Value>

@@ -21,7 +21,7 @@ std::string markdown_of(const std::vector<ResultTable>& tables);
 
 /// The folder that results go to, which appears when all are written; makes those it is to be in.
 /// @param folder new or empty
-/// @throws Error (storage)
+/// @throws Error as OutputFolder
 detail::OutputFolder result_folder(const std::filesystem::path& folder);
 
 /// Writes runs.csv and timings.csv.

@@ -32,6 +32,7 @@ bool is_part_of_project(const std::string& name) {
 // What a map may be called, the shortest first: the file's name without its extension, or the name of the project of
 // which a folder is a part; then with folders above, then the whole path.
 std::vector<std::string> possible_names(const std::string& file) {
+  if (file == "-") return {"stdin"};
   std::error_code ignored;
   fs::path path(file);
   std::string part;  // N of "path#N"

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <numbers>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -25,6 +26,7 @@
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
@@ -429,6 +431,22 @@ void note_second_pose(Alignment& alignment) {
   }
 }
 
+std::vector<Eigen::Vector3d> positions_as_given(const PreparedCloud& cloud) {
+  std::vector<Eigen::Vector3d> positions(cloud.size());
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+    positions[cloud.as_given(i)] = cloud.centre() + cloud.landmarks().positions[i];
+  }
+  return positions;
+}
+
+void note_one_map(std::span<const Eigen::Vector3d> source, std::span<const Eigen::Vector3d> target,
+                  Alignment& alignment) {
+  alignment.one_map = are_one_map(source, target);
+  if (alignment.one_map) {
+    alignment.reason += "; both maps are one map: that they align shows nothing";
+  }
+}
+
 // Maps can also be aligned up to a deformation, and by their parts. These can refuse a given pose, but not replace it.
 // @param pose to judge; std::nullopt: to find
 Alignment aligned(const PreparedMap& source, const PreparedMap& target, const AlignOptions& given,
@@ -438,6 +456,7 @@ Alignment aligned(const PreparedMap& source, const PreparedMap& target, const Al
   Alignment alignment = pose ? judged_as_a_whole(source, target, *pose, options)
                              : aligned_as_a_whole(source, target, options);
   alignment.centre = source.cloud().centre();
+  note_one_map(positions_as_given(source.cloud()), positions_as_given(target.cloud()), alignment);
   const bool are_maps = source.parts() && target.parts();
   if (!are_maps || (pose && alignment.verdict != Verdict::kAligned)) return alignment;
   const bool may_align = judge_deformed(source, target, options, alignment);
@@ -457,8 +476,8 @@ PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options) {
 Alignment aligned_by_icp(const LandmarkMap& source, const LandmarkMap& target,
                          const AlignOptions& options) {
   const PointSet points = point_set(source, options.confidence, options.points);
-  RegistrationResult found =
-      icp(points, point_set(target, options.confidence, options.points), icp_of(options));
+  const PointSet of_target = point_set(target, options.confidence, options.points);
+  RegistrationResult found = icp(points, of_target, icp_of(options));
   Alignment alignment;
   if (is_final(found, options)) {
     alignment = unjudged(std::move(found));
@@ -466,6 +485,7 @@ Alignment aligned_by_icp(const LandmarkMap& source, const LandmarkMap& target,
     alignment =
         concluded(prepared(source, options), prepared(target, options), options, std::move(found));
   }
+  note_one_map(points.positions, of_target.positions, alignment);
   if (!points.positions.empty()) alignment.centre = central_part(points.positions).centre;
   return alignment;
 }

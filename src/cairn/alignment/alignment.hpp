@@ -235,6 +235,7 @@ struct Alignment {
   /// of their units is probably wrong.
   std::optional<double> other_scale;
   std::size_t common_images = 0;  ///< images that both maps contain: see common_images()
+  bool one_map = false;           ///< one map is a copy of the other: that they align shows nothing
   /// The time limit ended the search or the last refinement early. A pose may be missing from the candidates, and the
   /// probability does not account for it.
   bool cut_short = false;

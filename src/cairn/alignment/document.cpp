@@ -422,6 +422,7 @@ constexpr auto kRecordFields = [](auto& io, auto& record) {
   io.derived("deviations", [&] { return deviations_json(alignment); });
   io.maybe("other_scale", alignment.other_scale);
   io.maybe("common_images", alignment.common_images);
+  io.maybe("one_map", alignment.one_map);
   io.maybe("method", record.method);
   io.maybe("confidence", record.confidence);
   io.maybe("k", record.k);

@@ -158,8 +158,10 @@ class Linker {
         kept.push_back(link);
         if (link.connects()) ++aligned;
       }
+      // Of the command so far, so that its last commit tells what the command did.
       changes.text =
-          fmt::format("{} tried, {} aligned", plural(changes.links.size(), "pair"), aligned);
+          fmt::format("{} tried, {} aligned", plural(result_.tried + changes.links.size(), "pair"),
+                      result_.aligned + aligned);
       return changes;
     });
     for (const Link& link : kept) {

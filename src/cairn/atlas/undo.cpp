@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cstdint>
 #include <map>
 #include <ranges>
 #include <set>
@@ -7,6 +8,7 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/atlas/atlas.hpp"
 #include "cairn/core/error.hpp"
@@ -39,6 +41,8 @@ void set_back(Id id, const std::map<Id, Value>& before, const std::map<Id, Value
 struct Command {
   AtlasCommit chosen;
   std::vector<CommitId> commits;  // ascending
+  std::vector<CommitId>
+      later;  // the last commit of each later command that is not undone, the last one first
 };
 
 // The command of a commit; std::nullopt: the last one that is not undone.
@@ -59,12 +63,20 @@ Command command_to_undo(const std::vector<AtlasCommit>& log, std::optional<Commi
   refuse_if(chosen == log.rend(), name,
             commit_id ? fmt::format("no commit {}", commit_id->value) : "nothing to undo",
             "a commit of its log");
-  Command command{*chosen, {}};
+  Command command{*chosen, {}, {}};
   for (const AtlasCommit& commit : log) {
     if (commit.run == chosen->run) command.commits.push_back(commit.id);
   }
   const CommitId first = command.commits.front();
   const CommitId last = command.commits.back();
+  CommitId run;  // of the commit after
+  for (const AtlasCommit& commit : std::ranges::reverse_view(log)) {
+    if (commit.id <= last) break;
+    if (commit.run != run && !commit.undoes && !undone.contains(commit.run)) {
+      command.later.push_back(commit.id);
+    }
+    run = commit.run;
+  }
   refuse_if(undone.contains(chosen->run), name,
             fmt::format("commit {} is undone already", last.value), "another commit");
   // A run has the id of its first commit.
@@ -124,12 +136,23 @@ AtlasChanges undoing(const Command& command, AtlasStore& store, const AtlasState
 CommitId Atlas::undo(std::optional<CommitId> commit_id) {
   begin_run();
   CommitId undone;
+  std::vector<std::uint64_t> later;
   // Reads the log and the earlier states within the commit, so that no other process drops rows that it restores.
-  commit("undo", [&](const AtlasState& now) {
-    const Command command = command_to_undo(store_->log(), commit_id, store_->name());
-    undone = command.commits.back();
-    return undoing(command, *store_, now);
-  });
+  try {
+    commit("undo", [&](const AtlasState& now) {
+      later.clear();
+      const Command command = command_to_undo(store_->log(), commit_id, store_->name());
+      undone = command.commits.back();
+      for (const CommitId id : command.later) later.push_back(id.value);
+      return undoing(command, *store_, now);
+    });
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kMisuse || later.empty()) throw;
+    throw Error(ErrorKind::kMisuse, store_->name(),
+                fmt::format("later commands build on commit {}", undone.value),
+                fmt::format("to undo the later commands first, those of commits {}",
+                            fmt::join(later, ", ")));
+  }
   return undone;
 }
 

@@ -10,6 +10,8 @@
 
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+#include "cairn/registration/score/fitness.hpp"
 
 namespace cairn {
 namespace {
@@ -40,6 +42,19 @@ class PaperRunner {
   }
 
   std::span<const Eigen::Vector3d> source() const { return points_.front().source.positions; }
+
+  // The displaced runs hardly ever come near the inverse of a wrong truth.
+  bool fits_inverse() const {
+    constexpr double kClearly = 0.5;
+    if (!pair_.truth) return false;
+    const BatchTree target(points_.front().target.positions);
+    const auto score = [&](const Rigid3& pose) {
+      return fitness_score(
+          nearest_squared_distances(source(), Similarity3(1.0, pose), target, Executor(1)));
+    };
+    const auto of_truth = score(*pair_.truth);
+    return of_truth && *score(pair_.truth->inverse()) < kClearly * *of_truth;
+  }
 
   QuadrantSearch search(int sign_x, int sign_y, const PaperResults& results) const {
     QuadrantSearch search{.sign_x = sign_x, .sign_y = sign_y};
@@ -175,6 +190,7 @@ PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& opti
   const PaperRunner runner(pair, options);
   PaperResults results;
   results.has_truth = pair.truth.has_value();
+  results.fits_inverse = runner.fits_inverse();
   results.runs = run_all(runner, options);
   results.success_score =
       options.success_score ? *options.success_score : relative_success_score(results);

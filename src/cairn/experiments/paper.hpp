@@ -99,6 +99,8 @@ struct QuadrantSearch {
 struct PaperResults {
   std::vector<TrialResult> runs;  ///< 45 configurations x 4 strategies, in the published order
   bool has_truth = false;         ///< of the pair; without it no run has an error
+  /// Whether the maps fit twice as well by the inverse of the truth, which is then that of swapped maps.
+  bool fits_inverse = false;
   double success_score = 0.0;
   std::optional<Agreement> agreement;  ///< of the runs
   std::vector<QuadrantSearch> searches;

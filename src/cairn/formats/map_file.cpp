@@ -207,6 +207,12 @@ void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
                             maps == 1 ? "" : "s"),
                 "one map, such as " + first.string());
   }
+  if (this == &native_formats()) {
+    throw Error(
+        ErrorKind::kInput, path.string(), "is a folder, but no map in a format of Cairn's own",
+        "a map file; all_formats().read() of cairn::foreign_formats reads folders of COLMAP "
+        "and other systems");
+  }
   throw Error(ErrorKind::kInput, path.string(), "is a folder, but no map in a known format",
               "a map file, or a folder that is one map");
 }

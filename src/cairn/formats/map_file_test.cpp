@@ -187,7 +187,9 @@ TEST(FormatRegistry, SaysWhatAFolderIsThatIsNoMap) {
   const auto message = [&] {
     return refusal(ErrorKind::kInput, [&] { native_formats().read(folder.path()); });
   };
-  EXPECT_THAT(message(), HasSubstr("is a folder, but no map in a known format"));
+  EXPECT_THAT(message(),
+              HasSubstr("is a folder, but no map in a format of Cairn's own; expected a map "
+                        "file; all_formats().read() of cairn::foreign_formats"));
   folder.write("a.map", "");
   folder.write("b.cairn", "");
   folder.write("notes.txt", "");

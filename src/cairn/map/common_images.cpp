@@ -25,7 +25,9 @@ constexpr std::size_t kFewestExact = 4;
 constexpr double kLeastShared = 0.1;
 constexpr std::size_t kFewestShared = 3;
 constexpr double kLeastSharedByContent = 0.25;
+constexpr double kLeastSharedWithoutName = 0.9;
 constexpr std::size_t kFewestSharedByContent = 20;
+constexpr double kLeastSharedAtOneTime = 0.5;
 constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
 
 std::string_view base_name(std::string_view name) {
@@ -36,6 +38,7 @@ std::string_view base_name(std::string_view name) {
 std::map<std::string_view, std::size_t> by_base_name(const std::vector<KnownImage>& images) {
   std::map<std::string_view, std::size_t> result;
   for (std::size_t i = 0; i < images.size(); ++i) {
+    if (images[i].name.empty()) continue;
     const auto [at, is_new] = result.emplace(base_name(images[i].name), i);
     if (!is_new) at->second = kNone;
   }
@@ -88,6 +91,15 @@ SharedKeypoints shared_keypoints(const KnownImage& a, const KnownImage& b) {
   return {coinciding(a, b, kWithin), false};
 }
 
+// Images with timestamps are compared by these.
+bool are_timed(const KnownImage& a, const KnownImage& b) {
+  return a.timestamp_s && b.timestamp_s;
+}
+
+bool is_timed(const KnownImage& image) {
+  return image.timestamp_s.has_value();
+}
+
 bool may_have_one_size(const KnownImage& a, const KnownImage& b) {
   return a.width == 0 || b.width == 0 || (a.width == b.width && a.height == b.height);
 }
@@ -125,7 +137,9 @@ class ByContent {
     for (const Keypoint& keypoint : other.keypoints) {
       const auto found = at_.find(key_of(keypoint));
       if (found == at_.end()) continue;
-      for (const std::size_t image : found->second) ++shared[image];
+      for (const std::size_t image : found->second) {
+        if (!are_timed(images_[image], other)) ++shared[image];
+      }
     }
     const auto most =
         std::max_element(shared.begin(), shared.end(),
@@ -133,8 +147,10 @@ class ByContent {
     if (most == shared.end() || most->second < kFewestSharedByContent) return std::nullopt;
     const KnownImage& image = images_[most->first];
     const std::size_t fewer = std::min(image.keypoints.size(), other.keypoints.size());
+    const bool named = !image.name.empty() && !other.name.empty();
     const bool enough =
-        static_cast<double>(most->second) >= kLeastSharedByContent * static_cast<double>(fewer);
+        static_cast<double>(most->second) >=
+        (named ? kLeastSharedByContent : kLeastSharedWithoutName) * static_cast<double>(fewer);
     if (!enough || !may_have_one_size(image, other)) return std::nullopt;
     return most->first;
   }
@@ -169,17 +185,110 @@ std::vector<std::pair<LandmarkIndex, LandmarkIndex>> common_landmarks(
   return {first_to_second.begin(), first_to_second.end()};
 }
 
+// Which images of two maps are the same, by one sign after the other; each image is paired once.
+class Pairing {
+ public:
+  Pairing(const std::vector<KnownImage>& first, const std::vector<KnownImage>& second)
+      : first_(first), second_(second), partner_(first.size(), kNone), taken_(second.size(), 0) {}
+
+  void by_time() {
+    std::multimap<double, std::size_t> at;
+    for (std::size_t i = 0; i < second_.size(); ++i) {
+      if (is_timed(second_[i])) at.emplace(*second_[i].timestamp_s, i);
+    }
+    for (std::size_t i = 0; i < first_.size(); ++i) {
+      if (!is_timed(first_[i])) continue;
+      std::size_t best = kNone;
+      SharedKeypoints most;
+      const auto [begin, end] = at.equal_range(*first_[i].timestamp_s);
+      for (auto one = begin; one != end; ++one) {
+        const KnownImage& other = second_[one->second];
+        if (taken_[one->second] != 0 || !may_have_one_size(first_[i], other)) continue;
+        SharedKeypoints keypoints{coinciding(first_[i], other, kExactly), true};
+        const std::size_t fewer = std::min(first_[i].keypoints.size(), other.keypoints.size());
+        const std::size_t count = keypoints.pairs.size();
+        if (count <= most.pairs.size() || count < kFewestExact ||
+            static_cast<double>(count) < kLeastSharedAtOneTime * static_cast<double>(fewer)) {
+          continue;
+        }
+        best = one->second;
+        most = std::move(keypoints);
+      }
+      if (best != kNone) pair(i, best, std::move(most));
+    }
+  }
+
+  void by_name() {
+    std::map<std::string_view, std::size_t> by_name;
+    for (std::size_t i = 0; i < second_.size(); ++i) by_name.emplace(second_[i].name, i);
+    const auto bases_of_first = by_base_name(first_);
+    const auto bases_of_second = by_base_name(second_);
+    for (std::size_t i = 0; i < first_.size(); ++i) {
+      const KnownImage& image = first_[i];
+      if (image.name.empty() || partner_[i] != kNone) continue;
+      std::size_t other = kNone;
+      if (const auto named = by_name.find(image.name); named != by_name.end()) {
+        other = named->second;
+      } else if (bases_of_first.at(base_name(image.name)) == i) {
+        const auto based = bases_of_second.find(base_name(image.name));
+        if (based != bases_of_second.end()) other = based->second;
+      }
+      if (other == kNone || taken_[other] != 0 || are_timed(image, second_[other])) continue;
+      const KnownImage& there = second_[other];
+      SharedKeypoints keypoints = shared_keypoints(image, there);
+      if (have_one_content(image, there, keypoints)) pair(i, other, std::move(keypoints));
+    }
+  }
+
+  void by_content() {
+    ByContent by_content(second_);
+    for (std::size_t i = 0; i < taken_.size(); ++i) {
+      if (taken_[i] == 0) by_content.add(i);
+    }
+    for (std::size_t i = 0; i < first_.size(); ++i) {
+      if (partner_[i] != kNone) continue;
+      const auto other = by_content.same_as(first_[i]);
+      if (!other || taken_[*other] != 0) continue;
+      pair(i, *other, shared_keypoints(first_[i], second_[*other]));
+    }
+  }
+
+  // By the first map's frame.
+  std::vector<CommonImages::Frames> same() const {
+    std::vector<CommonImages::Frames> frames;
+    for (std::size_t i = 0; i < partner_.size(); ++i) {
+      if (partner_[i] == kNone) continue;
+      frames.emplace_back(first_[i].frame, second_[partner_[i]].frame);
+    }
+    return frames;
+  }
+
+  const std::vector<SharedKeypoints>& shared() const { return shared_; }
+
+ private:
+  void pair(std::size_t of_first, std::size_t of_second, SharedKeypoints keypoints) {
+    partner_[of_first] = of_second;
+    taken_[of_second] = 1;
+    shared_.push_back(std::move(keypoints));
+  }
+
+  const std::vector<KnownImage>& first_;
+  const std::vector<KnownImage>& second_;
+  std::vector<std::size_t> partner_;     // by image of the first
+  std::vector<char> taken_;              // by image of the second
+  std::vector<SharedKeypoints> shared_;  // of the images that are the same
+};
+
 }  // namespace
 
 MapImages::MapImages(const LandmarkMap& map) {
   const FrameTable& frames = map.frames();
-  if (frames.image_names.empty()) return;
   std::vector<std::size_t> image_of(map.frame_count(), kNone);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
-    if (frames.image_names[i].empty()) continue;
-    if (!frames.timestamps_s.empty() && frames.timestamps_s[i]) continue;
     image_of[i] = images_.size();
-    Image& image = images_.emplace_back(Image{FrameIndex{i}, frames.image_names[i], 0, 0, {}});
+    Image& image = images_.emplace_back(Image{FrameIndex{i}, {}, {}, 0, 0, {}});
+    if (!frames.image_names.empty()) image.name = frames.image_names[i];
+    if (!frames.timestamps_s.empty()) image.timestamp_s = frames.timestamps_s[i];
     if (frames.cameras.empty() || !frames.cameras[i]) continue;
     const Camera& camera = map.cameras()[frames.cameras[i]->value];
     image.width = camera.width;
@@ -215,50 +324,15 @@ MapImages MapImages::renumbered(const std::vector<std::optional<LandmarkIndex>>&
 CommonImages common_images(const MapImages& first, const MapImages& second) {
   CommonImages result;
   if (first.all().empty() || second.all().empty()) return result;
-  std::map<std::string_view, std::size_t> by_name;
-  for (std::size_t i = 0; i < second.all().size(); ++i) by_name.emplace(second.all()[i].name, i);
-  const auto bases_of_first = by_base_name(first.all());
-  const auto bases_of_second = by_base_name(second.all());
-  std::vector<std::size_t> partner(first.all().size(), kNone);
-  std::vector<char> taken(second.all().size(), 0);
-  std::vector<SharedKeypoints> shared;  // of the images that are the same
-  for (std::size_t i = 0; i < first.all().size(); ++i) {
-    const KnownImage& image = first.all()[i];
-    std::size_t other = kNone;
-    if (const auto named = by_name.find(image.name); named != by_name.end()) {
-      other = named->second;
-    } else if (bases_of_first.at(base_name(image.name)) == i) {
-      const auto based = bases_of_second.find(base_name(image.name));
-      if (based != bases_of_second.end()) other = based->second;
-    }
-    if (other == kNone || taken[other] != 0) continue;
-    const KnownImage& there = second.all()[other];
-    SharedKeypoints keypoints = shared_keypoints(image, there);
-    if (have_one_content(image, there, keypoints)) {
-      partner[i] = other;
-      taken[other] = 1;
-      shared.push_back(std::move(keypoints));
-    } else if (image.name == there.name) {
-      result.other.emplace_back(image.frame, there.frame);
-    }
+  Pairing pairing(first.all(), second.all());
+  pairing.by_time();
+  if (!std::all_of(first.all().begin(), first.all().end(), is_timed) ||
+      !std::all_of(second.all().begin(), second.all().end(), is_timed)) {
+    pairing.by_name();
+    pairing.by_content();
   }
-  ByContent by_content(second.all());
-  for (std::size_t i = 0; i < taken.size(); ++i) {
-    if (taken[i] == 0) by_content.add(i);
-  }
-  for (std::size_t i = 0; i < partner.size(); ++i) {
-    if (partner[i] != kNone) continue;
-    const auto other = by_content.same_as(first.all()[i]);
-    if (!other || taken[*other] != 0) continue;
-    partner[i] = *other;
-    taken[*other] = 1;
-    shared.push_back(shared_keypoints(first.all()[i], second.all()[*other]));
-  }
-  for (std::size_t i = 0; i < partner.size(); ++i) {
-    if (partner[i] == kNone) continue;
-    result.same.emplace_back(first.all()[i].frame, second.all()[partner[i]].frame);
-  }
-  result.landmarks = common_landmarks(shared);
+  result.same = pairing.same();
+  result.landmarks = common_landmarks(pairing.shared());
   return result;
 }
 

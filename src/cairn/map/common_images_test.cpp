@@ -75,7 +75,6 @@ CommonImages common(const LandmarkMap& a, const LandmarkMap& b) {
   // Whichever is first.
   const CommonImages turned = common_images(MapImages(b), MapImages(a));
   EXPECT_EQ(turned.same.size(), result.same.size());
-  EXPECT_EQ(turned.other.size(), result.other.size());
   EXPECT_EQ(turned.landmarks.size(), result.landmarks.size());
   return result;
 }
@@ -85,7 +84,6 @@ TEST(CommonImages, HaveOneNameAndOneContent) {
   const auto b = map_of({{"2.jpg", 2, from_to(40, 100)}, {"3.jpg", 3, from_to(0, 100)}}, 100, 0.1);
   const CommonImages result = common(a, b);
   EXPECT_THAT(result.same, ElementsAre(Pair(FrameIndex{1}, FrameIndex{0})));
-  EXPECT_THAT(result.other, IsEmpty());
   ASSERT_THAT(result.landmarks, SizeIs(20));
   for (const auto& [first, second] : result.landmarks) EXPECT_EQ(first, second);
 }
@@ -119,7 +117,6 @@ TEST(CommonImages, AreToldFromOthersOfOneName) {
   const auto b = map_of({{"1.jpg", 9, from_to(0, 200)}}, 200);
   const CommonImages result = common(a, b);
   EXPECT_THAT(result.same, IsEmpty());
-  EXPECT_THAT(result.other, ElementsAre(Pair(FrameIndex{0}, FrameIndex{0})));
   EXPECT_THAT(result.landmarks, IsEmpty());
 }
 
@@ -134,7 +131,6 @@ TEST(CommonImages, AreFoundInOtherFolders) {
   // One base name of another content is no contradiction: cameras number their images alike.
   const auto c = map_of({{"2.jpg", 8, from_to(0, 60)}}, 60);
   EXPECT_THAT(common(a, c).same, IsEmpty());
-  EXPECT_THAT(common(a, c).other, IsEmpty());
 }
 
 TEST(CommonImages, AreFoundByTheirKeypointsUnderOtherNames) {
@@ -147,9 +143,24 @@ TEST(CommonImages, AreFoundByTheirKeypointsUnderOtherNames) {
   EXPECT_THAT(common(a, renamed(30, 0.1)).same, IsEmpty()) << "not exactly";
 }
 
-TEST(CommonImages, AreNotSoughtAmongKeyframesWithTimes) {
-  const auto a = map_of({{"1.jpg", 1, from_to(0, 60)}}, 60, 0.0, true);
-  EXPECT_THAT(common(a, a).same, IsEmpty());
+// Sessions number their images alike, and their clocks start at 0.
+TEST(CommonImages, WithTimesAreKnownByTheseAndTheirKeypoints) {
+  const auto timed = [](int content, const char* name, int begin, int end) {
+    return map_of({{name, content, from_to(begin, end)}}, 60, 0.0, true);
+  };
+  const auto a = timed(1, "1.jpg", 0, 60);
+  EXPECT_THAT(common(a, timed(1, "a/1.jpg", 0, 60)).landmarks, SizeIs(60)) << "a renamed copy";
+  EXPECT_THAT(common(a, timed(1, "1.jpg", 50, 60)).same, SizeIs(1)) << "a part";
+  EXPECT_THAT(common(a, timed(2, "1.jpg", 0, 60)).same, IsEmpty()) << "another session";
+  MapTables later = timed(1, "1.jpg", 0, 60).tables();
+  later.frames.timestamps_s[0] = 2.0;
+  EXPECT_THAT(common(a, LandmarkMap(std::move(later))).same, IsEmpty()) << "a camera at rest";
+}
+
+TEST(CommonImages, WithoutNamesHaveNearlyAllKeypointsInCommon) {
+  const auto a = map_of({{"", 1, from_to(0, 60)}}, 60);
+  EXPECT_THAT(common(a, map_of({{"", 1, from_to(20, 60)}}, 60)).same, SizeIs(1));
+  EXPECT_THAT(common(a, map_of({{"", 1, from_to(30, 90)}}, 90)).same, IsEmpty());
 }
 
 TEST(CommonImages, GiveTheLandmarksThatMostKeypointsShow) {

@@ -123,6 +123,14 @@ bool precedes(const LandmarkMap& a, const LandmarkMap& b) {
          std::lexicographical_compare(first->begin(), first->end(), second->begin(), second->end());
 }
 
+bool are_one_map(std::span<const Eigen::Vector3d> a, std::span<const Eigen::Vector3d> b) {
+  constexpr double kRounding = 1e-7;
+  return !a.empty() && std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                                  [](const Eigen::Vector3d& one, const Eigen::Vector3d& other) {
+                                    return (one - other).norm() <= kRounding * one.norm();
+                                  });
+}
+
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows) {
   DescriptorColumn result = {descriptors.kind, descriptors.bytes_each, {}, {}};

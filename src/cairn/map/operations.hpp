@@ -23,6 +23,10 @@ std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_
 /// or the one whose first different position is lower. False both ways for maps of equal positions.
 bool precedes(const LandmarkMap& a, const LandmarkMap& b);
 
+/// Whether landmarks are the same, in the same order, up to the rounding of single precision: one map is a copy of the
+/// other. False without any.
+bool are_one_map(std::span<const Eigen::Vector3d> a, std::span<const Eigen::Vector3d> b);
+
 /// Rows of a descriptor column, with their further descriptors, in the given order.
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows);

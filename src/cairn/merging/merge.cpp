@@ -101,7 +101,14 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
   std::vector<std::string> sessions;
   std::vector<NodeExtent> extents;
   std::vector<PlacedMap> joinable;
-  for (const MergeInput& input : maps) joinable.push_back({input.map, input.name, {}});
+  for (const MergeInput& input : maps) {
+    for (const PlacedMap& other : joinable) {
+      refuse_if(are_one_map(input.map->landmarks().positions, other.map->landmarks().positions),
+                "maps", fmt::format("{} and {} are one map", other.name, input.name),
+                "each map once; a repeated map would count as independent evidence");
+    }
+    joinable.push_back({input.map, input.name, {}});
+  }
   detail::are_splats(joinable);  // throws before the long work
   for (const MergeInput& input : maps) {
     pointers.push_back(input.map);

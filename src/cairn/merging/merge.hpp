@@ -73,7 +73,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options 
 /// The first half of merge(): link_maps(), then optimise_poses(). Only aligned and stated links place a map; maps without a
 /// link to the largest group are left out. The order of the maps decides the frame and the numbers, and nothing else.
 /// @return without a map
-/// @throws Error as merge()
+/// @throws Error as merge(), and (misuse) for a map that is given twice, whatever its name
 MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options = {});
 
 /// The second half of merge(): merge_placed() of the maps that are placed, if any, by the links between them that are

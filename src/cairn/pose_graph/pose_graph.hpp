@@ -56,6 +56,9 @@ struct Link {
   std::optional<double> probability =
       {};                   ///< that the transform is right; std::nullopt if not judged
   std::string reason = {};  ///< one sentence for people
+  /// Whether both maps contain the same images, or are one map, so that the link is no independent evidence; the reason
+  /// says which. Known where the maps were just aligned; neither files nor an atlas keep it.
+  bool repeats = false;
   /// Only if the link is stated or its verdict is aligned.
   std::optional<Similarity3> target_from_source = {};
   /// Left perturbation in the target's frame, (δt, δφ); std::nullopt if unknown.

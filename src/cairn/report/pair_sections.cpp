@@ -89,6 +89,7 @@ std::vector<AlignmentRun> runs_of(const ShownPair& pair) {
 void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> runs,
               const std::string& prefix) {
   Table table = detail::run_table(runs, pair.unit);
+  if (!pair.marks_best) table.best.assign(table.columns.size(), Best::kNone);
   const std::vector<std::pair<Section, LinesChart>> charts = {
       {{.id = "convergence", .title = "Convergence"}, detail::convergence_chart(runs, pair.unit)},
       {{.id = "translation-error", .title = "Translation error"},

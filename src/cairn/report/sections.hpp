@@ -38,6 +38,7 @@ struct ShownPair {
   std::optional<Similarity3> truth = {};  ///< target_from_source; adds errors
   std::optional<std::string> story = {};  ///< a paragraph above the scene
   bool answer = true;                     ///< whether to show the results before the scene
+  bool marks_best = true;                 ///< whether the table marks the best values
   std::vector<ShownAlignment> alignments = {};
 };
 
@@ -67,7 +68,7 @@ struct NetworkMap {
   std::string name = {};
   const LandmarkMap* map = nullptr;  ///< null: its landmarks are not shown
   std::string session = {};          ///< empty: unknown
-  std::string reason = {};           ///< why it has no pose
+  std::string reason = {};           ///< why it has no pose, or which part of it is left out
   /// Index of the map whose frame the pose is in, whose own pose is the identity; std::nullopt: no pose.
   std::optional<std::size_t> frame = {};
   Similarity3 frame_from_map = {};

@@ -148,7 +148,8 @@ LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> im
     }
     if (!names.insert(image.name).second) {
       throw Error(ErrorKind::kMisuse, printable(image.name),
-                  "is an image of the map, or given twice", "images that the map does not have");
+                  "is the name of an image of the map, or given twice",
+                  "each image once; an image of another session under another name");
     }
     add_frame(tables, image, FrameId{next_id++});
   }

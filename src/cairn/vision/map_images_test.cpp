@@ -157,7 +157,8 @@ TEST(WithFrames, RefuseImagesWithoutAPoseAndNamesThatAreTaken) {
   known.location.world_from_camera = wall_pose(0);
   known.location.camera = TexturedWall::camera();
   EXPECT_THAT(message_of([&] { with_frames(map, std::vector{known}); }),
-              HasSubstr("'left.png': is an image of the map"));
+              HasSubstr("'left.png': is the name of an image of the map, or given twice; expected "
+                        "each image once; an image of another session under another name"));
 }
 
 }  // namespace

@@ -138,7 +138,7 @@ void create_postgres_store(const std::string& url, const AtlasStoreOptions& opti
   postgres::Database database = connect(url, options);
   postgres::Transaction transaction(database);
   if (has_atlas(database)) {
-    throw Error(ErrorKind::kStorage, database.name(), "holds an atlas already",
+    throw Error(ErrorKind::kMisuse, database.name(), "holds an atlas already",
                 "a database without one");
   }
   database.execute(kTables);

@@ -203,7 +203,7 @@ class Unfinished {
 };
 
 void refuse_existing(const fs::path& path) {
-  throw Error(ErrorKind::kStorage, path.string(), "exists already", "a name that is free");
+  throw Error(ErrorKind::kMisuse, path.string(), "exists already", "a name that is free");
 }
 
 // SQLite would apply what an atlas that was moved or deleted has left beside its name.

@@ -167,7 +167,7 @@ TEST_F(SqliteStoreTest, SaysThatAnotherProcessWrites) {
 }
 
 TEST_F(SqliteStoreTest, RefusesWhatIsNoAtlasOrANewerOne) {
-  EXPECT_THAT(message_of(ErrorKind::kStorage, [&] { create_store(path()); }),
+  EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { create_store(path()); }),
               HasSubstr("exists already"));
   EXPECT_THAT(message_of(ErrorKind::kInput, [&] { open_store(folder_ / "none"); }),
               HasSubstr("no such file"));

@@ -23,8 +23,8 @@ bool is_atlas_file(const std::filesystem::path& path);
 void set_author(AtlasStoreOptions& options);
 
 /// Creates an empty atlas, atomically.
-/// @throws Error (storage) if there is one already, one of SQLite's files is beside the path, it is on a network file
-///         system, or the server cannot be reached; (misuse) for a URL in a build without PostgreSQL
+/// @throws Error (misuse) if there is one already, or for a URL in a build without PostgreSQL; (storage) if one of SQLite's
+///         files is beside the path, it is on a network file system, or the server cannot be reached
 void create_store(const std::string& location, const AtlasStoreOptions& options = {});
 
 /// Opens an atlas. Upgrades an older schema of a file, in one transaction.

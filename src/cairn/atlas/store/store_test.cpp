@@ -355,7 +355,7 @@ TEST_P(StoreTest, NeverGivesAnIdAgainThatCompactingDropped) {
 
 TEST_P(StoreTest, RefusesToMakeASecondOne) {
   add(*open(), "one", 1);
-  message_of(ErrorKind::kStorage, [&] { create_store(location_); });
+  message_of(ErrorKind::kMisuse, [&] { create_store(location_); });
   EXPECT_EQ(open()->state().nodes.size(), 1U);
 }
 

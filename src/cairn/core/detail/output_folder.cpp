@@ -19,9 +19,14 @@ namespace fs = std::filesystem;
 // In the hidden folder: tells ours from others', and is locked as long as its process lives.
 constexpr std::string_view kLock = ".lock";
 
-[[noreturn]] void fail(const fs::path& folder, std::string_view reason, std::string_view expected) {
+[[noreturn]] void refuse(const fs::path& folder, std::string_view reason) {
+  throw Error(ErrorKind::kMisuse, folder.string(), fmt::format("cannot be written: {}", reason),
+              "a new or an empty folder");
+}
+
+[[noreturn]] void fail(const fs::path& folder, std::string_view reason) {
   throw Error(ErrorKind::kStorage, folder.string(), fmt::format("cannot be written: {}", reason),
-              std::string(expected));
+              "");
 }
 
 constexpr std::string_view kUnfinished = ".cairn-unfinished";
@@ -37,15 +42,14 @@ std::vector<fs::path> entries_of(const fs::path& folder, std::error_code& error)
 
 // Whether the folder exists; it must then be empty but for unfinished ones.
 bool exists_and_is_empty(const fs::path& folder) {
-  constexpr std::string_view kExpected = "a new or an empty folder";
   std::error_code error;
   if (!fs::exists(fs::symlink_status(folder, error))) return false;
-  if (!fs::is_directory(folder, error)) fail(folder, "it is a file", kExpected);
+  if (!fs::is_directory(folder, error)) refuse(folder, "it is a file");
   for (const fs::path& entry : entries_of(folder, error)) {
     if (entry.filename().string().starts_with(kUnfinished)) continue;
-    fail(folder, "the folder is not empty", kExpected);
+    refuse(folder, "the folder is not empty");
   }
-  if (error) fail(folder, error.message(), "");
+  if (error) fail(folder, error.message());
   return true;
 }
 
@@ -73,9 +77,9 @@ OutputFolder::OutputFolder(const fs::path& folder)
     if (!error) fs::create_directory(unfinished_, error);
     if (!error) return;
     discard();
-    fail(folder_, error.message(), "");
+    fail(folder_, error.message());
   }
-  fail(folder_, "there are too many unfinished folders beside it", "");
+  fail(folder_, "there are too many unfinished folders beside it");
 }
 
 OutputFolder::~OutputFolder() {
@@ -100,7 +104,7 @@ bool OutputFolder::take(const fs::path& container) {
   for (;;) {
     std::error_code error;
     const bool is_new = fs::create_directory(container, error);
-    if (error && error != std::errc::file_exists) fail(folder_, error.message(), "");
+    if (error && error != std::errc::file_exists) fail(folder_, error.message());
     if (!fs::is_directory(fs::symlink_status(container, error))) return false;
     // A process killed at the start leaves it empty; without a lock it is ours only then.
     lock_.emplace(container / kLock, is_new || fs::is_empty(container, error));
@@ -109,7 +113,7 @@ bool OutputFolder::take(const fs::path& container) {
     if (!fs::exists(container, error)) continue;  // its owner has just committed
     if (!is_new) return false;
     fs::remove(container, error);
-    fail(folder_, std::generic_category().message(lock_->error_number()), "");
+    fail(folder_, std::generic_category().message(lock_->error_number()));
   }
 }
 
@@ -124,7 +128,7 @@ void OutputFolder::commit() {
   } else {
     fs::rename(unfinished_, folder_, error);
   }
-  if (error) fail(folder_, error.message(), "");
+  if (error) fail(folder_, error.message());
   discard();
   sync_files(folder_);
 }

@@ -15,7 +15,7 @@ namespace cairn::detail {
 class OutputFolder {
  public:
   /// @param folder must not exist, or be empty
-  /// @throws Error (storage) naming the folder and the reason
+  /// @throws Error naming the folder and the reason: (misuse) if something is there, (storage) if it cannot be made
   explicit OutputFolder(const std::filesystem::path& folder);
   /// Deletes what was not committed.
   ~OutputFolder();
@@ -25,7 +25,7 @@ class OutputFolder {
   /// Where to write the folder's files; exists and is empty at first.
   const std::filesystem::path& unfinished() const { return unfinished_; }
   /// Moves the folder to its place, all of it on disk. Nothing is to be written to unfinished() afterwards.
-  /// @throws Error (storage), also if something has been written to its place meanwhile
+  /// @throws Error (storage), or (misuse) if something has been written to its place meanwhile
   void commit();
 
  private:

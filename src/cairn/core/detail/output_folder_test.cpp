@@ -43,8 +43,8 @@ void write(const fs::path& path, const std::string& text) {
   write_file(path, [&](const ByteSink& sink) { sink(text); });
 }
 
-std::string refusal(const fs::path& folder) {
-  return testing::refusal(ErrorKind::kStorage, [&] { OutputFolder output(folder); });
+std::string refusal(const fs::path& folder, ErrorKind kind = ErrorKind::kStorage) {
+  return testing::refusal(kind, [&] { OutputFolder output(folder); });
 }
 
 // Fills a folder in a process that is killed before it commits.
@@ -105,7 +105,8 @@ TEST(OutputFolder, SeveralDoNotMeetAndTheFirstWins) {
     write(second.unfinished() / "a", "second");
     EXPECT_EQ(read_text(first.unfinished() / "a"), "first");
     first.commit();
-    EXPECT_THAT(testing::refusal(ErrorKind::kStorage, [&] { second.commit(); }),
+    const ErrorKind kind = path == folder / "o" ? ErrorKind::kStorage : ErrorKind::kMisuse;
+    EXPECT_THAT(testing::refusal(kind, [&] { second.commit(); }),
                 AnyOf(path.string() + ": cannot be written: Directory not empty",
                       path.string() + ": cannot be written: the folder is not empty; "
                                       "expected a new or an empty folder"));
@@ -218,9 +219,10 @@ TEST(OutputFolder, RefusesWhatIsInTheWay) {
   const TemporaryFolder folder;
   fs::create_directory(folder / "full");
   folder.write("full/a", "mine");
-  EXPECT_THAT(refusal(folder / "full"), HasSubstr("full: cannot be written: the folder is not "
-                                                  "empty; expected a new or an empty folder"));
-  EXPECT_THAT(refusal(folder / "full/a"),
+  EXPECT_THAT(refusal(folder / "full", ErrorKind::kMisuse),
+              HasSubstr("full: cannot be written: the folder is not "
+                        "empty; expected a new or an empty folder"));
+  EXPECT_THAT(refusal(folder / "full/a", ErrorKind::kMisuse),
               EndsWith("cannot be written: it is a file; expected a new or an empty folder"));
   EXPECT_THAT(refusal(folder / "no/where"),
               EndsWith("cannot be written: No such file or directory"));

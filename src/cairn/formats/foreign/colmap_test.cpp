@@ -161,7 +161,7 @@ TEST_F(ColmapTest, WritesIntoNewOrEmptyFoldersOnly) {
   all_formats().write(map, fs::path((folder_ / "empty").string() + "/"));
   EXPECT_EQ(all_formats().read(folder_ / "empty").landmark_count(), 2U);
   const std::string before = testing::read_text(folder_ / "points3D.txt");
-  EXPECT_THAT(refusal(ErrorKind::kStorage,
+  EXPECT_THAT(refusal(ErrorKind::kMisuse,
                       [&] { all_formats().write(map, folder_.path(), {.format = "colmap-text"}); }),
               HasSubstr("the folder is not empty; expected a new or an empty folder"));
   EXPECT_EQ(testing::read_text(folder_ / "points3D.txt"), before);

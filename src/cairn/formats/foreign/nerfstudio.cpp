@@ -257,7 +257,7 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   std::error_code ignored;
   const bool has_points = map.landmark_count() > 0;
   if (has_points && fs::exists(points, ignored)) {
-    throw Error(ErrorKind::kStorage, points.string(),
+    throw Error(ErrorKind::kMisuse, points.string(),
                 "is there already, and is to hold the landmarks of " + path.string(),
                 "a folder without it");
   }

@@ -196,7 +196,7 @@ TEST_F(NerfstudioTest, WritingReplacesNoPoints) {
               HasSubstr("camera 3: is of model FOV"));
   tables.cameras[0] = {CameraId{3}, "SIMPLE_PINHOLE", 200, 100, {150, 90, 50}};
   folder_.write("sparse_pc.ply", "mine");
-  EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { write(LandmarkMap(tables), "transforms.json"); }),
+  EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { write(LandmarkMap(tables), "transforms.json"); }),
               HasSubstr("sparse_pc.ply: is there already"));
   EXPECT_EQ(testing::read_text(folder_ / "sparse_pc.ply"), "mine");
 }

@@ -711,14 +711,14 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
   const bool has_tracks = map.has_observations();
   std::error_code ignored;
   if (fs::exists(tracks, ignored)) {
-    throw Error(ErrorKind::kStorage, tracks.string(),
+    throw Error(ErrorKind::kMisuse, tracks.string(),
                 "is there already, and belongs to " + path.string() + " by its name",
                 "a folder without it");
   }
   const fs::path control_points = path.parent_path() / "ground_control_points.json";
   const bool has_control_points = !map.info().control_points.empty();
   if (has_control_points && fs::exists(control_points, ignored)) {
-    throw Error(ErrorKind::kStorage, control_points.string(),
+    throw Error(ErrorKind::kMisuse, control_points.string(),
                 "is there already, and would be overwritten", "a folder without it");
   }
   writer.remark();  // before writing, because the caller may refuse the loss

@@ -235,7 +235,7 @@ TEST_F(OpenSfmTest, ControlPointsTravelWithTheMap) {
   EXPECT_EQ(all_formats().read(out).info().control_points, map.info().control_points);
 
   std::filesystem::remove(folder_ / "out/tracks.csv");
-  EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { all_formats().write(map, out); }),
+  EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { all_formats().write(map, out); }),
               HasSubstr("ground_control_points.json: is there already"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out/tracks.csv"));
 }
@@ -433,7 +433,7 @@ TEST_F(OpenSfmTest, WhatIsWrittenIsReadBack) {
     const Rigid3 pose = map.world_from_camera(FrameIndex{i});
     EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
   }
-  EXPECT_THAT(refusal(ErrorKind::kStorage, [&] { all_formats().write(map, out); }),
+  EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { all_formats().write(map, out); }),
               HasSubstr("tracks.csv: is there already"));
 }
 

@@ -13,7 +13,6 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/merging/detail/folds.hpp"
 #include "cairn/merging/detail/fusion.hpp"
 
 // Keyframes, observations and what a fused map says of itself.
@@ -143,6 +142,32 @@ void Fusion::add_frames(std::size_t m) {
   }
 }
 
+// Of an image that several maps have, one camera is left; of what is folded, none. Rigs stay whole.
+void Fusion::drop_unused_cameras() {
+  OptionalColumn<CameraIndex>& of_frames = tables_.frames.cameras;
+  std::vector<bool> is_used = is_mounted_;
+  bool any = false;
+  for (const std::optional<CameraIndex> camera : of_frames) {
+    if (camera) any = is_used[camera->value] = true;
+  }
+  if (!any) return;
+  std::vector<Camera> kept;
+  std::vector<CameraIndex> now(is_used.size());
+  for (std::size_t i = 0; i < is_used.size(); ++i) {
+    if (!is_used[i]) continue;
+    now[i] = CameraIndex{static_cast<std::uint32_t>(kept.size())};
+    kept.push_back(std::move(tables_.cameras[i]));
+    kept.back().id = CameraId{now[i].value};
+  }
+  tables_.cameras = std::move(kept);
+  for (std::size_t i = 0; i < of_frames.size(); ++i) {
+    if (of_frames[i]) of_frames.set(i, now[of_frames[i]->value]);
+  }
+  for (Rig& rig : tables_.rigs) {
+    for (Rig::Mount& mount : rig.mounts) mount.camera = now[mount.camera.value];
+  }
+}
+
 namespace {
 
 std::vector<Pixel> pixels_in(const LandmarkMap& map, FrameIndex frame) {
@@ -192,12 +217,15 @@ std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
 }
 
 void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const {
-  PoseDifferences poses = pose_differences(maps_[k], maps_[m], common);
+  PoseDifferences poses = pose_differences({maps_[k].map, maps_[k].world_from_map},
+                                           {maps_[m].map, maps_[m].world_from_map}, common);
   const auto rounded = [](double value) { return value < 1e-9 ? 0.0 : value; };
-  options_.log(fmt::format(
-      "{} images are both in {} and in {}; their poses differ by {:.3g} and {:.2g}° (medians)",
-      common.same.size(), maps_[k].name, maps_[m].name, rounded(upper_median(poses.apart)),
-      rounded(upper_median(poses.turned_deg))));
+  options_.log(
+      fmt::format("{} images are both in {} and in {}, and count once; their poses differ by "
+                  "{:.3g} and {:.2g}° "
+                  "(medians)",
+                  common.same.size(), maps_[k].name, maps_[m].name,
+                  rounded(upper_median(poses.apart)), rounded(upper_median(poses.turned_deg))));
 }
 
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.

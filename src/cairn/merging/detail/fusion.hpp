@@ -66,13 +66,16 @@ class Fusion {
   CameraIndex add_camera(Camera camera, bool is_mounted);
   std::vector<CameraIndex> add_cameras(std::size_t m);
   void add_frames(std::size_t m);
+  void drop_unused_cameras();
   void tell_images_apart();
   std::vector<std::optional<FrameIndex>> known_images_of(std::size_t m);
   void log_common_images(std::size_t k, std::size_t m, const CommonImages& common) const;
   std::optional<FrameIndex> known_frame(std::size_t m, std::uint32_t i,
                                         std::optional<CameraIndex> camera) const;
   AssociationResult with_identities(std::size_t m, AssociationResult association) const;
+  bool repeats_another(std::size_t m, const AssociationResult& association);
   void estimate_variances(std::size_t m, const AssociationResult& association);
+  double share_of_own(std::uint32_t map, std::uint32_t landmark, std::uint32_t earlier) const;
   Estimate estimate(std::uint32_t landmark) const;
   void count_fused();
   void append(std::size_t m, std::uint32_t i);
@@ -109,7 +112,7 @@ class Fusion {
   // By map: variance of its landmarks that their covariances do not explain. Unknown before another map has the same ones.
   std::vector<std::optional<double>> variances_;
   std::vector<std::size_t>
-      original_;  // by map: the first one with the same landmarks, mostly itself
+      original_;  // by map: the first one with the same landmarks or observations, mostly itself
   std::vector<Member> members_;
   std::vector<std::uint32_t> last_member_;  // of each fused landmark
   std::vector<Vector3d> positions_;         // of the fused landmarks, so far

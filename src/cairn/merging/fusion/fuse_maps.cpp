@@ -165,6 +165,7 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
 
 FusionResult Fusion::run() {
   for (std::size_t m = 0; m < maps_.size(); ++m) add_frames(m);
+  drop_unused_cameras();
   std::size_t added = 0;
   for (const std::size_t m : order_) {
     if (options_.execution.stop.stop_requested()) {
@@ -246,8 +247,8 @@ void Fusion::add(std::size_t m) {
 // Pairs of a map's landmarks and fused ones that keypoints of common images show replace what the association says of
 // these. A few are wrong, where a track jumps to another point.
 AssociationResult Fusion::with_identities(std::size_t m, AssociationResult association) const {
-  constexpr double kTimesMedian = 4.0;  // largest distance
-  constexpr double kRounding = 1e-9;
+  constexpr double kTimesMedian = 4.0;           // largest distance
+  constexpr double kRounding = 1e-6;             // of the poses of one map's copies
   constexpr std::size_t kFewest = 12;            // for an estimate of the deviation
   constexpr double kMedianOfChiSquared = 2.366;  // with three degrees of freedom
   std::map<std::uint32_t, Association> by_second;
@@ -288,11 +289,50 @@ AssociationResult Fusion::with_identities(std::size_t m, AssociationResult assoc
   return association;
 }
 
+// Whether most landmarks of a map that an earlier one has, too, are of the same observations. Both then err alike, so
+// that their distances say nothing of their variance.
+bool Fusion::repeats_another(std::size_t m, const AssociationResult& association) {
+  std::size_t repeated = 0;
+  for (const Association& pair : association.pairs) {
+    const std::uint32_t last = last_member_[pair.first];
+    repeated += share_of_own(static_cast<std::uint32_t>(m), pair.second, last) == 0.0 ? 1 : 0;
+  }
+  if (2 * repeated <= association.pairs.size()) return false;
+  original_[m] = original_[members_[last_member_[association.pairs.front().first]].map];
+  return true;
+}
+
+// Share of a landmark's observations that are in none of the frames in which `earlier` and the members before it observe
+// the same landmark; 1 if it has none.
+double Fusion::share_of_own(std::uint32_t map, std::uint32_t landmark,
+                            std::uint32_t earlier) const {
+  const auto frames_of = [&](std::uint32_t m, std::uint32_t i) {
+    return maps_[m].map->observing_frames(LandmarkIndex{i});
+  };
+  const auto frames = frames_of(map, landmark);
+  if (frames.empty()) return 1.0;
+  std::size_t own = 0;
+  for (const FrameIndex frame : frames) {
+    const FrameIndex fused = result_.frames[map][frame.value];
+    bool known = false;
+    for (std::uint32_t at = is_shared_[fused.value] ? earlier : Member::kNoMember;
+         at != Member::kNoMember && !known; at = members_[at].previous) {
+      const Member& member = members_[at];
+      const auto others = frames_of(member.map, member.landmark);
+      known = std::any_of(others.begin(), others.end(), [&](FrameIndex other) {
+        return result_.frames[member.map][other.value] == fused;
+      });
+    }
+    own += known ? 0 : 1;
+  }
+  return static_cast<double>(own) / static_cast<double>(frames.size());
+}
+
 // The association finds by how much the landmarks of a map and those of the earlier ones are farther apart than their
 // covariances say. Earlier maps whose variance is known already have their part of it in the covariances; the others are
 // taken for as good as this one.
 void Fusion::estimate_variances(std::size_t m, const AssociationResult& association) {
-  if (association.pairs.empty() || original_[m] != m) return;
+  if (association.pairs.empty() || original_[m] != m || repeats_another(m, association)) return;
   std::vector<bool> unknown(maps_.size());
   std::size_t of_unknown = 0;
   for (const Association& pair : association.pairs) {
@@ -327,9 +367,11 @@ Estimate Fusion::estimate(std::uint32_t landmark) const {
         original_[members_[member.previous].map] == original_[member.map]) {
       continue;
     }
+    const double own = share_of_own(member.map, member.landmark, member.previous);
+    if (own == 0.0) continue;
     const WorldLandmarks& world = world_[member.map];
-    Matrix3d covariance = world.covariances[member.landmark];
-    covariance.diagonal().array() += variances_[member.map].value_or(0.0);
+    Matrix3d covariance = world.covariances[member.landmark] / own;
+    covariance.diagonal().array() += variances_[original_[member.map]].value_or(0.0) / own;
     const Vector3d& position = world.positions[member.landmark];
     const PlacedMap& placed = maps_[member.map];
     measured.push_back(

@@ -12,12 +12,11 @@
 #include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
-#include "cairn/geometry/similarity3.hpp"
-#include "cairn/map/landmark_map.hpp"
+#include "cairn/map/folds.hpp"
 
 namespace cairn {
 
-/// A map and its pose.
+/// A map to fuse, and its pose.
 struct PlacedMap {
   const LandmarkMap* map = nullptr;  ///< not null
   std::string name;                  ///< for the provenance
@@ -66,15 +65,6 @@ struct MapFusion {
   double deviation = 0.0;
 };
 
-/// Part of a map that another map shows to be at the wrong place.
-struct MapFold {
-  std::vector<FrameIndex> frames;  ///< ascending; left out with what only they see
-  std::size_t other = 0;           ///< index of the map that shows it
-  /// By how much the poses of the images differ that both maps contain; medians.
-  double apart = 0.0;
-  double turned_deg = 0.0;
-};
-
 struct FusionResult {
   LandmarkMap map;
   std::vector<MapFusion> maps;                  ///< one per map
@@ -106,7 +96,7 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 /// same are fused.
 /// A landmark keeps its first observation in a frame of several maps.
 ///
-/// Keeps all other frames and observations, cameras (one of equal ones), colours, descriptors of the largest map's kind,
+/// Keeps all other frames and observations, the cameras of frames and rigs (one of equal ones), colours, descriptors of the largest map's kind,
 /// and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps
 /// are preceded by the map's name and "/"; the log says so. Numbers frames, cameras and landmarks anew from 0, frames in
 /// the order of the maps, landmarks in that of their sizes; provenance and columns state their origin. Poses, positions,

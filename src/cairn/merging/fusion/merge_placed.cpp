@@ -11,9 +11,8 @@
 #include "cairn/adjustment/detail/measurements.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/map/covisibility.hpp"
+#include "cairn/map/folds.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/merging/detail/folds.hpp"
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
 #include "cairn/merging/detail/straighten_maps.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
@@ -65,17 +64,6 @@ void set_relative_covariances(std::span<const Link> links, std::vector<PlacedMap
   }
 }
 
-void log_fold(const MapFold& fold, const PlacedMap& placed, const std::string& other,
-              const LogSink& log) {
-  if (!log) return;
-  log(
-      fmt::format("{} is folded: {} of its {} images are elsewhere in {}, {:.3g} away and turned "
-                  "by {:.0f} deg; left "
-                  "out: {}",
-                  placed.name, fold.frames.size(), placed.map->frame_count(), other, fold.apart,
-                  fold.turned_deg, image_list(*placed.map, fold.frames)));
-}
-
 LandmarkMap with_provenance(LandmarkMap map, const MergeAdjustment& adjustment) {
   MapTables tables = std::move(map).tables();
   tables.info.provenance.push_back(fmt::format(
@@ -90,11 +78,16 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link
                           const FusionOptions& options) {
   options.validate();
   std::vector<PlacedMap> maps(given.begin(), given.end());
-  std::vector<std::optional<MapFold>> folds = detail::find_folds(maps);
+  std::vector<MapInWorld> in_world;
+  for (const PlacedMap& placed : maps) in_world.push_back({placed.map, placed.world_from_map});
+  std::vector<std::optional<MapFold>> folds = find_folds(in_world);
   std::vector<LandmarkMap> unfolded(maps.size());
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!folds[i]) continue;
-    log_fold(*folds[i], maps[i], given[folds[i]->other].name, options.log);
+    if (options.log) {
+      options.log(fold_text(*folds[i], *maps[i].map, maps[i].name, maps[folds[i]->other].name) +
+                  "; they are left out");
+    }
     unfolded[i] = without_frames(*maps[i].map, folds[i]->frames);
     maps[i].map = &unfolded[i];
   }

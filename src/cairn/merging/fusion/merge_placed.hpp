@@ -40,10 +40,7 @@ struct MergedPlaced {
 /// own maps' positions under the adjusted poses. Earlier matches are not kept, so a wrong match can disappear, and
 /// landmarks that were too far apart can be matched.
 ///
-/// A map is folded where it takes one of two similar places for the other. Images that it has in common with another map
-/// show it: some are farther from where the other map has them than ten times the median, and turned by 10° or more. With
-/// them, all frames are left out that share more landmarks with them than with the images that agree; of the two maps it
-/// is the one in which these frames have fewer of their landmarks in common with the rest. The log names them.
+/// The log names the frames that are left out because another map shows them to be folded (find_folds()).
 ///
 /// A map is straightened by the first pair that shows it to be bent by 2° or more, if at least 2 % more landmarks can
 /// then be fused with the other map of the pair. If a link's scale is free, its source is first deformed as the target

@@ -38,6 +38,7 @@ Link linked(const PreparedMap& target, const PreparedMap& source, const AlignOpt
   link.verdict = alignment.verdict.value_or(Verdict::kRejected);
   link.probability = alignment.probability.value_or(0.0);
   link.reason = std::move(alignment.reason);
+  link.repeats = alignment.common_images > 0 || alignment.one_map;
   if (!alignment.target_from_source) return link;
   link.target_from_source = alignment.target_from_source;
   link.covariance = alignment.registration.covariance;

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/folds.hpp"
+#include "cairn/map/folds.hpp"
 
 #include <algorithm>
 #include <iterator>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/covisibility.hpp"
 
-namespace cairn::detail {
+namespace cairn {
 namespace {
 
 // Common images by whether both maps have them at one place.
@@ -47,8 +49,8 @@ std::pair<Division, Division> divided(const CommonImages& common, const PoseDiff
   return result;
 }
 
-void add(const FrameGroup& group, const Division& division, std::size_t other,
-         std::optional<MapFold>& fold) {
+void add_fold(const FrameGroup& group, const Division& division, std::size_t other,
+              std::optional<MapFold>& fold) {
   if (!fold) fold = MapFold{{}, other, division.apart, division.turned_deg};
   std::vector<FrameIndex> frames;
   std::set_union(fold->frames.begin(), fold->frames.end(), group.frames.begin(), group.frames.end(),
@@ -58,7 +60,7 @@ void add(const FrameGroup& group, const Division& division, std::size_t other,
 
 }  // namespace
 
-PoseDifferences pose_differences(const PlacedMap& first, const PlacedMap& second,
+PoseDifferences pose_differences(const MapInWorld& first, const MapInWorld& second,
                                  const CommonImages& common) {
   PoseDifferences result;
   for (const auto& [one, other] : common.same) {
@@ -75,10 +77,10 @@ PoseDifferences pose_differences(const PlacedMap& first, const PlacedMap& second
   return result;
 }
 
-std::vector<std::optional<MapFold>> find_folds(std::span<const PlacedMap> maps) {
+std::vector<std::optional<MapFold>> find_folds(std::span<const MapInWorld> maps) {
   std::vector<std::optional<MapFold>> folds(maps.size());
   std::vector<MapImages> images;
-  for (const PlacedMap& placed : maps) images.emplace_back(*placed.map);
+  for (const MapInWorld& placed : maps) images.emplace_back(*placed.map);
   for (std::size_t m = 0; m < maps.size(); ++m) {
     for (std::size_t k = 0; k < m; ++k) {
       const CommonImages common = common_images(images[k], images[m]);
@@ -90,13 +92,23 @@ std::vector<std::optional<MapFold>> find_folds(std::span<const PlacedMap> maps) 
       const FrameGroup part_of_m =
           Covisibility(*maps[m].map).group_of(of_m.contradictory, of_m.agreeing);
       if (part_of_k.shared < part_of_m.shared) {
-        add(part_of_k, of_k, m, folds[k]);
+        add_fold(part_of_k, of_k, m, folds[k]);
       } else {
-        add(part_of_m, of_m, k, folds[m]);
+        add_fold(part_of_m, of_m, k, folds[m]);
       }
     }
   }
   return folds;
 }
 
-}  // namespace cairn::detail
+std::string fold_text(const MapFold& fold, const LandmarkMap& map, std::string_view name,
+                      std::string_view other) {
+  return fmt::format(
+      "{} is folded: {} of its {} images are elsewhere in {}, {:.3g} away and turned by {:.0f} "
+      "deg: "
+      "{}",
+      name, fold.frames.size(), map.frame_count(), other, fold.apart, fold.turned_deg,
+      image_list(map, fold.frames));
+}
+
+}  // namespace cairn

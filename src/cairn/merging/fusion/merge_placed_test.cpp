@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/merging/detail/folds.hpp"
+#include "cairn/merging/fusion/merge_placed.hpp"
 
 #include <string>
 #include <utility>
@@ -9,9 +9,9 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/merging/fusion/merge_placed.hpp"
+#include "cairn/map/folds.hpp"
 
-namespace cairn::detail {
+namespace cairn {
 namespace {
 
 using ::testing::IsEmpty;
@@ -68,7 +68,7 @@ std::vector<FrameIndex> frames(std::uint32_t begin, std::uint32_t end) {
 TEST(FindFolds, FindsThePartOfTheLooselyConnectedMapThatIsElsewhere) {
   const LandmarkMap right = can(100, false, 0, 12);
   const LandmarkMap folded = can(10, true);
-  const std::vector<PlacedMap> maps = {{&right, "right", {}}, {&folded, "folded", {}}};
+  const std::vector<MapInWorld> maps = {{&right, {}}, {&folded, {}}};
   const auto folds = find_folds(maps);
   EXPECT_FALSE(folds[0]);
   ASSERT_TRUE(folds[1]);
@@ -87,7 +87,7 @@ TEST(FindFolds, FindsThePartOfTheLooselyConnectedMapThatIsElsewhere) {
 TEST(FindFolds, FindsNoneInMapsThatAgree) {
   const LandmarkMap right = can(100, false);
   const LandmarkMap part = can(100, false, 4, 14);
-  for (const auto& fold : find_folds(std::vector<PlacedMap>{{&right, "a", {}}, {&part, "b", {}}})) {
+  for (const auto& fold : find_folds(std::vector<MapInWorld>{{&right, {}}, {&part, {}}})) {
     EXPECT_FALSE(fold);
   }
 }
@@ -108,4 +108,4 @@ TEST(MergePlaced, LeavesOutWhatIsFolded) {
 }
 
 }  // namespace
-}  // namespace cairn::detail
+}  // namespace cairn
