@@ -304,7 +304,7 @@ class Upkeep(Folder):
         with cairn.Atlas.open(saved) as atlas:
             self.assertEqual((list(atlas.maps), atlas.maps["friday"].frame), (["monday", "friday"], "monday"))
             np.testing.assert_array_equal(atlas.map("friday").positions, FRIDAY.positions)
-        with self.assertRaisesRegex(cairn.StorageError, "saved.atlas"):
+        with self.assertRaisesRegex(cairn.MisuseError, "saved.atlas"):
             cairn.Atlas.salvage(self.path, saved)
         for damaged, new in (("postgresql://ada:secret@host/town", saved), (self.path, "postgresql://host/town")):
             with self.assertRaisesRegex(cairn.MisuseError, "the path of a file") as caught:
@@ -423,7 +423,7 @@ class Misuse(Folder):
             with self.assertRaises(TypeError):
                 cairn.Atlas.create(location)
         cairn.Atlas.create(self.path).close()
-        with self.assertRaisesRegex(cairn.StorageError, "town.atlas"):
+        with self.assertRaisesRegex(cairn.MisuseError, "town.atlas"):
             cairn.Atlas.create(self.path)
         with self.assertRaisesRegex(cairn.MisuseError, "wait_s"):
             cairn.Atlas.open(self.path, wait_s=-1.0)
