@@ -81,7 +81,7 @@ def quick_calls():
     objects = [m, result, trajectory, report, CAMERA, cairn.align(MAP, MAP)]
     if hasattr(cairn, "merge"):
         calls.append((cairn.merge, 1))
-        objects.append(cairn.merge([MAP, MAP]))
+        objects.append(cairn.merge([MAP, cairn.synthetic_map(landmarks=60, frames=8, seed=2)]))
     if hasattr(cairn, "Atlas"):
         atlas = cairn.Atlas.create("town.atlas")
         for name, seed in (("a", 1), ("b", 2)):

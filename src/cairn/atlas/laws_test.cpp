@@ -74,6 +74,11 @@ std::vector<LandmarkMap> sessions(std::size_t count, std::uint64_t seed, double 
       }
     }
     tables.landmarks.descriptors = std::move(column);
+    // Each session is at a time of its own: its keyframes are no other's.
+    tables.frames.timestamps_s.resize(tables.frames.ids.size());
+    for (std::size_t i = 0; i < tables.frames.ids.size(); ++i) {
+      tables.frames.timestamps_s.set(i, 1000.0 * static_cast<double>(m) + static_cast<double>(i));
+    }
     const Similarity3 frame(m == 0 ? Rigid3() : random_pose(random));
     maps.push_back(transformed(LandmarkMap(std::move(tables)), frame));
   }
