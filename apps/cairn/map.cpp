@@ -646,9 +646,9 @@ struct MapArguments {
 }  // namespace
 
 void add_map(const Command& program) {
-  add_verb<MapArguments>(program, "map",
-                         "Build a landmark map and the camera's trajectory from an RGB-D or stereo "
-                         "sequence or a recording of ROS");
+  add_verb<MapArguments>(
+      program, "map",
+      "Build a landmark map and a trajectory from RGB-D or stereo images, or from a bag");
 }
 
 }  // namespace cairn::cli

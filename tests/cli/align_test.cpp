@@ -431,7 +431,7 @@ TEST_F(AlignTest, AnywhereTellsWhichMatchesLookAlike) {
   EXPECT_LT(agreement.at("spread"), agreement.at("agreeing"));
   EXPECT_LT(agreement.at("expected"), 10.0);
   EXPECT_THAT(result.at("reason").get<std::string>(),
-              HasSubstr("descriptor matches agree with it"));
+              HasSubstr("landmarks that keypoints of common images show agree with it"));
 }
 
 TEST_F(AlignTest, PriorOddsLowerTheProbability) {

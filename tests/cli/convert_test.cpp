@@ -181,7 +181,7 @@ TEST_F(ConvertTest, SplatsInNoKnownLayoutAreNotTurned) {
       EXPECT_FALSE(std::filesystem::exists(path(name)));
     }
   }
-  write("other.ply", header + "1 2 3 4 5\n");
+  write("other.ply", header + "2 2 3 4 5\n");
   expect_refusal({"merge", "splat.ply", "other.ply", "-o", "out.ply"}, kBadInput,
                  {"splat", "has Gaussian splats"});
 }

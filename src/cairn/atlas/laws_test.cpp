@@ -46,7 +46,9 @@ LandmarkMap true_room(std::uint64_t seed) {
 // Maps of it, each of a random share of its landmarks, which keep their ids, with the noise that their covariances state
 // and in a frame of its own; the first map's is the room's. Descriptors, which make the alignments quick, differ in a few
 // bits.
-std::vector<LandmarkMap> sessions(std::size_t count, std::uint64_t seed, double share = 0.67) {
+// @param at_one_time whether they claim to have the same keyframes, as parts of one recording
+std::vector<LandmarkMap> sessions(std::size_t count, std::uint64_t seed, double share = 0.67,
+                                  bool at_one_time = false) {
   const LandmarkMap room = true_room(seed);
   const LandmarkMap mapped = synthetic_map({.seed = seed, .landmarks = kLandmarks, .frames = 20});
   const std::vector<std::uint8_t> looks = testing::place(seed, room.landmark_count());
@@ -74,9 +76,8 @@ std::vector<LandmarkMap> sessions(std::size_t count, std::uint64_t seed, double 
       }
     }
     tables.landmarks.descriptors = std::move(column);
-    // Each session is at a time of its own: its keyframes are no other's.
     tables.frames.timestamps_s.resize(tables.frames.ids.size());
-    for (std::size_t i = 0; i < tables.frames.ids.size(); ++i) {
+    for (std::size_t i = 0; i < tables.frames.ids.size() && !at_one_time; ++i) {
       tables.frames.timestamps_s.set(i, 1000.0 * static_cast<double>(m) + static_cast<double>(i));
     }
     const Similarity3 frame(m == 0 ? Rigid3() : random_pose(random));
@@ -181,6 +182,15 @@ void expect_alike(const Merged& one, const Merged& other, const std::string& wha
     most = std::max(most, (positions[i] - other.map.landmarks().positions[i]).norm());
   }
   EXPECT_LT(most, kRounding);
+}
+
+TEST(LawsOfManyMaps, TheOrderOfMapsThatShareKeyframesDoesNotMatter) {
+  const std::vector<LandmarkMap> maps = sessions(5, 15, 0.67, true);
+  const Merged given = merged_in_memory(maps, ascending(5));
+  EXPECT_EQ(given.map.frame_count(), maps.front().frame_count());
+  for (const Order& order : some_orders(5)) {
+    expect_alike(given, merged_in_memory(maps, order), "five maps");
+  }
 }
 
 TEST(LawsOfManyMaps, TheOrderOfTheMapsDoesNotMatter) {

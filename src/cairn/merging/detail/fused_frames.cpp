@@ -203,13 +203,18 @@ std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
   std::vector<std::optional<FrameIndex>> known(maps_[m].map->frame_count());
   images_.emplace_back(*maps_[m].map);
   for (std::size_t k = 0; k < m; ++k) {
-    const CommonImages common = common_images(images_[k], images_[m]);
+    // Whatever the order in which the maps are given.
+    const bool is_first = rank_[m] < rank_[k];
+    const std::size_t earlier = is_first ? m : k;
+    const std::size_t later = is_first ? k : m;
+    const CommonImages common = common_images(images_[earlier], images_[later]);
     if (common.same.empty()) continue;
-    if (options_.log) log_common_images(k, m, common);
+    if (options_.log) log_common_images(earlier, later, common);
     if (original_[m] == m && original_[k] == k) {
-      identities_.push_back({k, m, common.landmarks});
+      identities_.push_back({earlier, later, common.landmarks});
     }
-    for (const auto& [there, here] : common.same) {
+    for (auto [there, here] : common.same) {
+      if (is_first) std::swap(there, here);
       if (!known[here.value]) known[here.value] = result_.frames[k][there.value];
     }
   }

@@ -113,6 +113,7 @@ class Fusion {
   std::vector<std::optional<double>> variances_;
   std::vector<std::size_t>
       original_;  // by map: the first one with the same landmarks or observations, mostly itself
+  std::vector<std::size_t> rank_;  // by map: its place in order_
   std::vector<Member> members_;
   std::vector<std::uint32_t> last_member_;  // of each fused landmark
   std::vector<Vector3d> positions_;         // of the fused landmarks, so far

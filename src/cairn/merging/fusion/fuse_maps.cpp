@@ -126,11 +126,13 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
       world_(maps.size()),
       variances_(maps.size()),
       original_(maps.size()),
+      rank_(maps.size()),
       landmark_of_(maps.size()),
       has_prefix_(maps.size(), false) {
   result_.maps.resize(maps.size());
   for (std::size_t i = 0; i < order_.size(); ++i) {
     const std::size_t m = order_[i];
+    rank_[m] = i;
     const bool is_copy = i > 0 && !precedes(*maps[order_[i - 1]].map, *maps[m].map);
     original_[m] = is_copy ? original_[order_[i - 1]] : m;
   }
@@ -165,6 +167,10 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
 
 FusionResult Fusion::run() {
   for (std::size_t m = 0; m < maps_.size(); ++m) add_frames(m);
+  std::sort(identities_.begin(), identities_.end(), [&](const Identities& a, const Identities& b) {
+    return std::pair(rank_[a.earlier], rank_[a.later]) <
+           std::pair(rank_[b.earlier], rank_[b.later]);
+  });
   drop_unused_cameras();
   std::size_t added = 0;
   for (const std::size_t m : order_) {
