@@ -217,8 +217,8 @@ struct EvaluateTrajectoryArguments {
     if (turned <= kTurned || hand_eye) return;
     common.console().remark(
         "the orientations differ from the truth's by {:.0f} deg (median), however well the "
-        "positions "
-        "fit: the truth is of another recording, or of another body than the camera (--hand-eye)",
+        "positions fit: the truth is of another recording, or of another body than the camera "
+        "(--hand-eye)",
         turned);
   }
 

@@ -456,7 +456,9 @@ Alignment aligned(const PreparedMap& source, const PreparedMap& target, const Al
   Alignment alignment = pose ? judged_as_a_whole(source, target, *pose, options)
                              : aligned_as_a_whole(source, target, options);
   alignment.centre = source.cloud().centre();
-  note_one_map(positions_as_given(source.cloud()), positions_as_given(target.cloud()), alignment);
+  if (source.cloud().size() == target.cloud().size()) {
+    note_one_map(positions_as_given(source.cloud()), positions_as_given(target.cloud()), alignment);
+  }
   const bool are_maps = source.parts() && target.parts();
   if (!are_maps || (pose && alignment.verdict != Verdict::kAligned)) return alignment;
   const bool may_align = judge_deformed(source, target, options, alignment);

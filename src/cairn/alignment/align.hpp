@@ -164,10 +164,10 @@ class PreparedPair {
  private:
   class Work;
   template <class Judge>
-  Alignment likeliest(const Judge& judge) const;
+  Alignment likeliest(const Judge& judge);
 
   std::unique_ptr<Work> even_;  // null unless a cloud is dense
-  std::unique_ptr<Work> work_;
+  std::unique_ptr<Work> work_;  // null until all landmarks are needed
 };
 
 /// The vertical of both maps: each map's stored gravity direction, or its negative z axis if it has none.

@@ -60,6 +60,11 @@ class PreparedPair::Work {
       : Work(source, target, options, even && source.even() ? *source.even() : source.cloud(),
              even && target.even() ? *target.even() : target.cloud()) {}
 
+  // The same with all landmarks.
+  std::unique_ptr<Work> with_all() const {
+    return std::make_unique<Work>(source_, target_, callers_, false);
+  }
+
   Alignment place() {
     return timed(
         [&](const TimeLimit& time, Alignment& result) { conclude(searched(time), time, result); });
@@ -461,18 +466,20 @@ PreparedPair::PreparedPair(const PreparedMap& source, const PreparedMap& target,
   if (source.even() || target.even()) {
     if (each.time_limit_s) *each.time_limit_s *= 0.5;
     even_ = std::make_unique<Work>(source, target, each, true);
+  } else {
+    work_ = std::make_unique<Work>(source, target, each, false);
   }
-  work_ = std::make_unique<Work>(source, target, each, false);
 }
 PreparedPair::~PreparedPair() = default;
 PreparedPair::PreparedPair(PreparedPair&&) noexcept = default;
 PreparedPair& PreparedPair::operator=(PreparedPair&&) noexcept = default;
 
 template <class Judge>
-Alignment PreparedPair::likeliest(const Judge& judge) const {
+Alignment PreparedPair::likeliest(const Judge& judge) {
   if (!even_) return judge(*work_);
   Alignment evenly = judge(*even_);
   if (evenly.verdict == Verdict::kAligned) return evenly;
+  if (!work_) work_ = even_->with_all();
   Alignment all = judge(*work_);
   const bool is_likelier =
       all.verdict == Verdict::kAligned || all.probability >= evenly.probability;

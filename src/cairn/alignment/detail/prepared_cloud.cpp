@@ -148,7 +148,7 @@ std::vector<std::uint32_t> first_in_cells(std::span<const Eigen::Vector3d> point
   return first;
 }
 
-// Of the finest grid that has at most `most` occupied cells, within 2 %.
+// The same for the finest grid that has at most `most` occupied cells; its edge is within 1 % of the finest.
 std::vector<std::uint32_t> evenly_spread(std::span<const Eigen::Vector3d> points, double extent,
                                          std::size_t most) {
   constexpr double kFinestEdge = 1e-3;  // of the extent

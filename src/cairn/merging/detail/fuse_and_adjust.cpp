@@ -143,13 +143,13 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
         rotated_covariance(landmarks.covariances[l], move.rotation());  // NaN where unknown, still
     landmarks.covariances[l] = 0.5 * (turned + turned.transpose());
   }
-  const LandmarkMap posed(std::move(tables));
+  LandmarkMap posed(std::move(tables));
   std::vector<Eigen::Vector3d> positions = posed.landmarks().positions;
   for (std::uint32_t l = 0; l < posed.landmark_count(); ++l) {
     const auto met = where_sights_meet(posed, LandmarkIndex{l}, positions[l]);
     if (met) positions[l] = *met;
   }
-  tables = LandmarkMap(posed).tables();
+  tables = std::move(posed).tables();
   tables.landmarks.positions = std::move(positions);
   return LandmarkMap(std::move(tables));
 }

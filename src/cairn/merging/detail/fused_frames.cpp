@@ -227,8 +227,7 @@ void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages&
   const auto rounded = [](double value) { return value < 1e-9 ? 0.0 : value; };
   options_.log(
       fmt::format("{} images are both in {} and in {}, and count once; their poses differ by "
-                  "{:.3g} and {:.2g}° "
-                  "(medians)",
+                  "{:.3g} and {:.2g}° (medians)",
                   common.same.size(), maps_[k].name, maps_[m].name,
                   rounded(upper_median(poses.apart)), rounded(upper_median(poses.turned_deg))));
 }

@@ -295,8 +295,8 @@ AssociationResult Fusion::with_identities(std::size_t m, AssociationResult assoc
   return association;
 }
 
-// Whether most landmarks of a map that an earlier one has, too, are of the same observations. Both then err alike, so
-// that their distances say nothing of their variance.
+// Whether most of the landmarks that a map shares with an earlier one come from the same observations. Such landmarks have
+// the same errors, so their distances cannot show the variance.
 bool Fusion::repeats_another(std::size_t m, const AssociationResult& association) {
   std::size_t repeated = 0;
   for (const Association& pair : association.pairs) {
