@@ -73,9 +73,11 @@ TEST(PaperExperiments, StartFromTheTruthOrElseFromTheMapsAsRead) {
 
 TEST(PaperExperiments, AreTheSameWithAnyNumberOfThreads) {
   const MapPair pair = paper_pair();
+  PaperOptions options;
+  options.search_xy = true;
   const auto text = [&](unsigned threads) {
     const PaperResults results =
-        run_paper_experiments(pair, {.search_xy = true}, {.executor = Executor(threads)});
+        run_paper_experiments(pair, options, {.executor = Executor(threads)});
     std::string rows;
     for (const TrialResult& run : results.runs) rows += runs_row(run);
     for (const QuadrantSearch& search : results.searches) {
