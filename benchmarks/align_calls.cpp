@@ -16,13 +16,13 @@ namespace {
 int run(char** arguments) {
   const cairn::LandmarkMap source = cairn::read_map(arguments[1]);
   const cairn::LandmarkMap target = cairn::read_map(arguments[2]);
-  cairn::AlignOptions options;
-  options.execution.executor = cairn::Executor(static_cast<unsigned>(std::atoi(arguments[3])));
+  const cairn::Execution execution{
+      .executor = cairn::Executor(static_cast<unsigned>(std::atoi(arguments[3])))};
   for (int c = std::getchar(); c != EOF; c = std::getchar()) {
     if (c != '\n') continue;
     const std::clock_t work = std::clock();
     const auto start = std::chrono::steady_clock::now();
-    const cairn::Alignment alignment = cairn::align(source, target, options);
+    const cairn::Alignment alignment = cairn::align(source, target, {}, execution);
     const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
     std::printf("%.9f %.9f %s\n", wall.count(),
                 static_cast<double>(std::clock() - work) / CLOCKS_PER_SEC,

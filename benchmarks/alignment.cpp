@@ -30,10 +30,10 @@ void align_cairn(benchmark::State& state, const Workload& work, const Effort& ef
   options.coarse_to_fine = coarse_to_fine;
   options.k = effort.k;
   options.max_iterations = effort.max_iterations;
-  options.execution.executor = Executor(effort.threads);
+  const Execution execution{.executor = Executor(effort.threads)};
   RegistrationResult result;
   for (auto _ : state) {
-    result = icp(work.source, work.target, options);
+    result = icp(work.source, work.target, options, execution);
     benchmark::DoNotOptimize(result);
   }
   state.counters["iterations_made"] = result.iterations;
@@ -74,8 +74,8 @@ void align_size(benchmark::State& state) {
 template <class Search>
 IcpRun iterated(const Search& search, const Workload& work, const Effort& effort) {
   const ConfidentNeighborCorrespondence<Search> find_matches(
-      {search, work.target.positions, work.target.confidences}, std::nullopt,
-      {.k = effort.k, .execution = {.executor = Executor(effort.threads)}});
+      {search, work.target.positions, work.target.confidences}, std::nullopt, {.k = effort.k},
+      Executor(effort.threads));
   return run_icp(work.source.positions, work.options.initial, find_matches,
                  PointToPointEstimation(work.target.positions),
                  PclCriteria{.max_iterations = effort.max_iterations});

@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
   const cairn::benchmarks::Workload& work = cairn::benchmarks::workload(landmarks);
   const auto size = static_cast<double>(work.source.positions.size());
   cairn::IcpOptions options = work.options;
-  options.execution.executor = cairn::Executor(threads);
+  const cairn::Execution execution{.executor = cairn::Executor(threads)};
   for (const std::size_t k : {1, 5}) {
     for (const int iterations : {1, 11}) {
       options.k = k;
@@ -27,14 +27,15 @@ int main(int argc, char** argv) {
       std::size_t peak = 0;
       for (int run = 0; run < 3; ++run) {
         const cairn::benchmarks::HeapUse heap;
-        const cairn::RegistrationResult result = cairn::icp(work.source, work.target, options);
+        const cairn::RegistrationResult result =
+            cairn::icp(work.source, work.target, options, execution);
         fastest = std::min(fastest, result.duration_s);
         peak = std::max(peak, heap.peak());
       }
       std::printf(
           "%.0f landmarks each, k = %zu, %d iterations, %u threads: %.3f s, %.1f bytes a "
           "landmark\n",
-          size, k, iterations, options.execution.executor.threads(), fastest,
+          size, k, iterations, execution.executor.threads(), fastest,
           static_cast<double>(peak) / size);
     }
   }

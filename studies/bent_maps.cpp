@@ -153,16 +153,10 @@ Case make_case(const Session& one, const Session& other, double degrees_bent, st
   return result;
 }
 
-AlignOptions options_for(std::uint64_t seed) {
-  AlignOptions options;
-  options.seed = seed;
-  return options;
-}
-
 void tell_stranger(const Case& one, std::uint64_t number) {
-  AlignOptions options = options_for(number);
+  AlignOptions options;
   options.parts = PartsUse::kAlways;
-  const Alignment result = align(one.source, one.target, options);
+  const Alignment result = align(one.source, one.target, options, {.seed = number});
   std::printf("%llu,%s,%s,%.1f,%zu,%zu,%s,%.2f\n", static_cast<unsigned long long>(number),
               one.source_place.c_str(), one.target_place.c_str(), one.bend,
               one.source.landmark_count(), one.target.landmark_count(),
@@ -171,11 +165,11 @@ void tell_stranger(const Case& one, std::uint64_t number) {
 }
 
 void tell(const Case& one, std::uint64_t number) {
-  AlignOptions options = options_for(number);
+  AlignOptions options;
   options.parts = PartsUse::kNever;
-  const Alignment whole = align(one.source, one.target, options);
+  const Alignment whole = align(one.source, one.target, options, {.seed = number});
   options.parts = PartsUse::kAlways;
-  const Alignment result = align(one.source, one.target, options);
+  const Alignment result = align(one.source, one.target, options, {.seed = number});
   const bool same = one.source_place == one.target_place;
   PoseError error{radians(180.0), 100.0};
   PoseError at_place = error;
@@ -235,7 +229,7 @@ void tell_guesses(const Case& one, std::uint64_t number) {
   const Eigen::Vector3d middle = truth * centroid(one.here);
   Random random(number + 99);
   for (int i = -1; i < kGuesses; ++i) {
-    AlignOptions options = options_for(number);
+    AlignOptions options;
     options.parts = PartsUse::kNever;
     double angle = 0.0;
     double offset = 0.0;
@@ -250,7 +244,7 @@ void tell_guesses(const Case& one, std::uint64_t number) {
           PosePrior{.target_from_source =
                         Rigid3(turn, middle + offset * direction() - turn * middle) * truth};
     }
-    const Alignment result = align(one.source, one.target, options);
+    const Alignment result = align(one.source, one.target, options, {.seed = number});
     PoseError error{radians(180.0), 100.0};
     if (result.estimate) error = pose_error(*result.estimate, truth, one.here);
     std::printf("%llu,%s,%.3f,%s,%.1f,%.2f,%s,%.2f,%.3f,%d\n",
@@ -264,13 +258,12 @@ void tell_guesses(const Case& one, std::uint64_t number) {
 
 void tell_merge(const Case& one, std::uint64_t number) {
   MergeOptions options;
-  options.seed = number;
   const std::vector<MergeInput> maps = {{"target", &one.target}, {"source", &one.source}};
   std::string row =
       fmt::format("{},{},{:.1f},{:.3f}", number, one.source_place, one.bend, one.overlap);
   for (const bool straighten : {false, true}) {
     options.straighten = straighten;
-    const MergeResult merged = merge(maps, options);
+    const MergeResult merged = merge(maps, options, {.seed = number});
     if (merged.placed() < 2) {
       row += ",0,,,";
       continue;

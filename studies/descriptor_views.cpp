@@ -157,11 +157,9 @@ void measure(EnvironmentKind kind, std::uint64_t seed, std::vector<Counts>& coun
   const RgbdSimulator first(place.scene, path, {}, executor);
   std::vector<double> times;
   for (const TimedPose& pose : path.poses()) times.push_back(pose.timestamp_s);
-  MapAtPosesOptions options;
-  options.executor = executor;
   const Camera camera = default_simulated_camera();
   const auto read = [&](std::size_t i) { return images_of(first.frame(i)); };
-  const LandmarkMap map = map_at_poses(times, read, path, camera, options).map;
+  const LandmarkMap map = map_at_poses(times, read, path, camera, {}, {.executor = executor}).map;
   const std::vector<Change> all = changes();
   std::vector<TimedPose> poses;
   std::vector<FrameIndex> keyframe_of;

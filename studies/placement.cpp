@@ -44,7 +44,7 @@ constexpr double kMostLogScale = 0.03;
 
 class Bench {
  public:
-  explicit Bench(unsigned threads) { options_.execution.executor = Executor(threads); }
+  explicit Bench(unsigned threads) : execution_{.executor = Executor(threads)} {}
 
   void run(const PlacementPair& pair) {
     if (tallies_.empty()) {
@@ -52,10 +52,10 @@ class Bench {
           "group,trial,verdict,rotation_deg,translation_m,log_scale,normalised,support,"
           "probability,runner_up,radius,processor_s,wall_s");
     }
-    options_.seed = pair.trial;
+    execution_.seed = pair.trial;
     options_.scale = pair.any_scale ? std::optional(ScaleRange()) : std::nullopt;
     const double start = processor_seconds();
-    const Alignment result = place(pair.source, pair.target, options_);
+    const Alignment result = place(pair.source, pair.target, options_, execution_);
     const double used = processor_seconds() - start;
     processor_.push_back(used);
     wall_.push_back(result.duration_s);
@@ -124,6 +124,7 @@ class Bench {
 
  private:
   AlignOptions options_;
+  Execution execution_;
   std::map<std::string, Tally> tallies_;
   std::vector<double> processor_;
   std::vector<double> wall_;

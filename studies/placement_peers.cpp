@@ -146,10 +146,7 @@ class Comparison {
     if (tallies_.empty()) {
       std::puts("group,trial,method,answer,rotation_deg,translation_m,wall_s");
     }
-    AlignOptions options;
-    options.seed = pair.trial;
-    options.execution.executor = Executor(1);
-    const Alignment result = place(pair.source, pair.target, options);
+    const Alignment result = place(pair.source, pair.target, {}, {.seed = pair.trial});
     const bool accepted = result.verdict == Verdict::kAligned;
     const bool failed = result.registration.status == RegistrationStatus::kFailed;
     const std::optional<Rigid3> found =

@@ -76,12 +76,9 @@ void tell_truth(const SessionPair& pair) {
 // that they are drawn about means nothing.
 void tell_guesses(const SessionPair& pair, const Executor& executor) {
   constexpr int kGuesses = 20;
-  AlignOptions options;
-  options.seed = pair.number;
-  options.execution.executor = executor;
-  PreparedPair prepared(PreparedMap(pair.source, {.seed = options.seed, .executor = executor}),
-                        PreparedMap(pair.target, {.seed = options.seed, .executor = executor}),
-                        options);
+  const Execution execution{.executor = executor, .seed = pair.number};
+  PreparedPair prepared(PreparedMap(pair.source, "source", execution),
+                        PreparedMap(pair.target, "target", execution), {}, execution);
   Random random(pair.number + 77);
   const Eigen::Vector3d middle = pair.truth * centroid(pair.source.positions);
   for (int i = 0; i < kGuesses; ++i) {
@@ -96,8 +93,7 @@ void tell_guesses(const SessionPair& pair, const Executor& executor) {
     const Rigid3 about(turn, middle + offset * direction() - turn * middle);
     RefineOptions refinement;
     refinement.initial = about * pair.truth;
-    refinement.execution.executor = executor;
-    const RegistrationResult refined = refine(pair.source, pair.target, refinement);
+    const RegistrationResult refined = refine(pair.source, pair.target, refinement, execution);
     if (!refined.has_pose()) continue;
     const Alignment result = prepared.settle(refined.similarity());
     const PoseError error = pair.same_place() ? pose_error(result.registration.target_from_source,
@@ -132,9 +128,7 @@ constexpr std::array<Variant, 6> kVariants = {{
 void tell(const SessionPair& pair, const Variant& variant, const Executor& executor) {
   const bool same = pair.same_place();
   AlignOptions options;
-  options.seed = pair.number;
   options.search = variant.search;
-  options.execution.executor = executor;
   LandmarkCloud source = pair.source;
   LandmarkCloud target = pair.target;
   for (LandmarkCloud* const cloud : {&source, &target}) {
@@ -145,7 +139,8 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
     }
     if (!variant.with_views) cloud->views.clear();
   }
-  const Alignment result = place(source, target, options);
+  const Alignment result =
+      place(source, target, options, {.executor = executor, .seed = pair.number});
   std::vector<PlacementCandidate> candidates = result.candidates;
   // A pair of which nothing is known counts, too.
   if (candidates.empty()) candidates.emplace_back();

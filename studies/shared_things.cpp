@@ -148,7 +148,8 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
 std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedMap& source,
                                                            const PreparedMap& target,
                                                            const Alignment& placed,
-                                                           const AlignOptions& options) {
+                                                           const AlignOptions& options,
+                                                           const Execution& execution) {
   std::vector<Similarity3> starts;
   for (const PlacementCandidate& candidate : placed.candidates) {
     starts.push_back(candidate.similarity());
@@ -156,7 +157,7 @@ std::optional<std::pair<Similarity3, Verdict>> as_deformed(const PreparedMap& so
   const DeformablePair pair(source, target);
   const auto pose = pair.fit(starts);
   if (!pose || !pose->is_clear()) return std::nullopt;
-  return std::pair(pose->target_from_source, *pair.judge(*pose, options).verdict);
+  return std::pair(pose->target_from_source, *pair.judge(*pose, options, execution).verdict);
 }
 
 // Columns of the result up to a deformation: verdict, scale, and the error of its rigid part.
@@ -168,15 +169,16 @@ std::string columns_of(const std::pair<Similarity3, Verdict>& found, const Sessi
 
 void tell(const SessionPair& pair, double thing, bool deformed) {
   AlignOptions options;
-  options.seed = pair.number;
+  const Execution execution{.seed = pair.number};
   if (deformed) {
     options.scale = ScaleRange();
     options.search = PoseSearch::kNever;
   }
-  const PreparedMap source(pair.source, {.seed = options.seed});
-  const PreparedMap target(pair.target, {.seed = options.seed});
-  const Alignment result = PreparedPair(source, target, options).place();
-  const auto found = deformed ? as_deformed(source, target, result, options) : std::nullopt;
+  const PreparedMap source(pair.source, "source", execution);
+  const PreparedMap target(pair.target, "target", execution);
+  const Alignment result = PreparedPair(source, target, options, execution).place();
+  const auto found =
+      deformed ? as_deformed(source, target, result, options, execution) : std::nullopt;
   PoseError error{0.0, 0.0};
   if (pair.same_place() && thing == 0.0 && result.registration.has_pose()) {
     error = pose_error(result.registration.target_from_source, pair.truth, pair.source.positions);

@@ -119,7 +119,7 @@ SplatPair splat_pair(std::uint64_t number, bool same_place) {
 
 void print_row(std::uint64_t number, bool same_place) {
   const SplatPair pair = splat_pair(number, same_place);
-  const Alignment found = align(pair.source, pair.target, {.seed = number});
+  const Alignment found = align(pair.source, pair.target, {}, {.seed = number});
   std::string errors = ",,";
   std::string right;
   if (same_place && found.estimate) {

@@ -76,7 +76,7 @@ std::vector<PairOfPaths> read_list(const std::string& list) {
 class Maps {
  public:
   Maps(const AlignOptions& options, const CommonArguments& common)
-      : common_(common), prepare_{.points = options.points, .seed = options.seed} {}
+      : common_(common), prepare_{.points = options.points} {}
 
   struct One {
     PreparedMap map;
@@ -91,8 +91,8 @@ class Maps {
       return maps_.front().second;
     }
     const LoadedMap loaded = load_map(path, common_);
-    maps_.emplace_front(path,
-                        One{PreparedMap(loaded.map, prepare_), loaded.map.info().length_unit});
+    maps_.emplace_front(path, One{PreparedMap(loaded.map, prepare_, {.seed = common_.seed}),
+                                  loaded.map.info().length_unit});
     if (maps_.size() > kKept) maps_.pop_back();
     return maps_.front().second;
   }
@@ -112,7 +112,8 @@ struct PairResult {
   std::string error;
 };
 
-PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, Maps& maps) {
+PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, Maps& maps,
+                   const Execution& execution) {
   PairResult result;
   try {
     const Maps::One source = maps.get(pair.source);
@@ -122,7 +123,7 @@ PairResult aligned(const PairOfPaths& pair, AlignOptions options, bool gravity, 
               "maps of one unit with --no-scale");
     if (gravity) options.gravity = gravity_prior(source.map, target.map);
     StrategyResult one;
-    one.alignment = align(source.map, target.map, options);
+    one.alignment = align(source.map, target.map, options, execution);
     if (one.alignment.registration.status == RegistrationStatus::kCancelled) {
       throw Error(ErrorKind::kCancelled, "align", "cancelled", "");
     }
@@ -152,10 +153,9 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
   const Console console = common.console();
   const auto progress = console.progress("aligning");
   const Executor executor = common.executor();
-  AlignOptions each = options;
-  each.execution.stop = interrupt_requests();
+  Execution each = common.execution();
   // Many pairs are the better work to share out.
-  each.execution.executor = pairs.size() >= executor.threads() ? Executor(1) : executor;
+  if (pairs.size() >= executor.threads()) each.executor = Executor(1);
   Maps maps(options, common);
   std::mutex mutex;  // of the results
   Json results = Json::array();
@@ -178,7 +178,7 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
     });
     executor.in_order(
         pairs.size(), 2 * std::size_t{executor.threads()},
-        [&](std::size_t i) { return aligned(pairs[i], each, gravity, maps); },
+        [&](std::size_t i) { return aligned(pairs[i], options, gravity, maps, each); },
         [&](std::size_t i, const PairResult& found) {
           const auto& [source, target] = pairs[i];
           Json json = found.result ? to_json(*found.result, HistoryDetail::kNone)
@@ -515,7 +515,6 @@ struct AlignArguments {
     if (estimate_scale) options.scale = ScaleRange();
     if (by_parts) options.parts = PartsUse::kAlways;
     if (no_parts) options.parts = PartsUse::kNever;
-    options.seed = common.seed;
   }
 
   bool is_robust() const {

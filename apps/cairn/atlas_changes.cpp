@@ -278,13 +278,13 @@ struct DiffArguments : AtlasArguments {
 
   int compare_worlds() {
     refuse_if(second.empty(), "--world", "one session or map", "two sessions or maps");
-    changes.seed = common.seed;
     with_option_names({ChangeOptions::table}, [&] { changes.validate(); });
     Atlas atlas = open_to_read();
     const AtlasState state = atlas.state(commit());
     const std::vector<NodeId> before = side(state, first);
     const std::vector<NodeId> after = side(state, second);
-    const ChangeResult result = world_difference(atlas, state, before, after, changes);
+    const ChangeResult result =
+        world_difference(atlas, state, before, after, changes, {.seed = common.seed});
     const NodeId frame = state.poses.at(before.front()).frame;
     Json json = head("diff_world", options_of(ChangeOptions::table, &changes));
     json["commit"] = state.commit.value;

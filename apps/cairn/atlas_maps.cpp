@@ -186,8 +186,6 @@ struct LinkArguments : AtlasArguments {
     const AtlasState before = atlas.state();
     for (const std::string& one : only) options.only.push_back(node_named(before, one, *this).id);
     const Console console = common.console();
-    options.links.seed = common.seed;
-    options.links.execution = common.execution("linking");
     Json links = Json::array();
     options.on_link = [&](const Link& link, const AtlasState& state) {
       links.push_back(to_json(link, state));
@@ -199,7 +197,7 @@ struct LinkArguments : AtlasArguments {
                     probability_text(link.probability.value_or(0.0)),
                     link.repeats ? ", no independent evidence: " + link.reason : "");
     };
-    const AtlasLinkResult result = atlas.link(options);
+    const AtlasLinkResult result = atlas.link(options, common.execution("linking"));
     Json used = options_of(LinkOptions::table, &options.links);
     used["retry"] = options.retry;
     Json json = head("link", std::move(used));
@@ -300,10 +298,9 @@ struct MergeAtlasArguments : AtlasArguments {
     const Console console = common.console();
     std::optional<NodeId> with;
     if (!frame.empty()) with = node_named(state, frame, *this).id;
-    options.seed = common.seed;
-    options.log = console.log();
-    options.execution = common.execution("merging");
-    const MergeResult merged = atlas.merge(options, with, state.commit);
+    Execution execution = common.execution("merging");
+    execution.log = console.log();
+    const MergeResult merged = atlas.merge(options, with, state.commit, execution);
     save_map(*merged.map, output, common);
     std::size_t before = 0;
     std::string bends;

@@ -30,7 +30,6 @@
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
-#include "support/interrupt.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -219,14 +218,13 @@ const MapFormat& ConvertArguments::output_format() const {
 #ifdef CAIRN_HAS_ADJUSTMENT
 LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map, Json& json) const {
   CovarianceOptions how;
-  how.execution = {common.executor(), interrupt_requests(), {}};
   if (pixel_noise) {
     how.noise = estimated_noise(map);
     how.noise->pixel_px = *pixel_noise;
   }
   EstimatedCovariances estimated;
   with_option_names({{"MeasurementNoise.pixel_px", "--pixel-noise"}},
-                    [&] { estimated = cairn::estimate_covariances(map, how); });
+                    [&] { estimated = cairn::estimate_covariances(map, how, common.execution()); });
   const MeasurementNoise& noise = estimated.noise;
   const bool has_depths =
       map.info().length_unit == LengthUnit::kMetres && !map.observations().depths.empty();
@@ -248,8 +246,7 @@ LandmarkMap ConvertArguments::with_estimated_covariances(const LandmarkMap& map,
 LandmarkMap ConvertArguments::with_descriptors(const LandmarkMap& map) const {
   DescribedMap described;
   with_option_names({{images, "--images " + images}}, [&] {
-    described = with_image_descriptors(map, std::filesystem::path(images),
-                                       {common.executor(), interrupt_requests(), {}});
+    described = with_image_descriptors(map, std::filesystem::path(images), common.execution());
   });
   const auto& known = described.map.landmarks().descriptors->known;
   common.console().print("SIFT descriptors of {} of {} landmarks, by {} of {} images\n",

@@ -28,7 +28,6 @@
 #include "support/console.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
-#include "support/interrupt.hpp"
 #include "support/reports.hpp"
 
 namespace cairn::cli {
@@ -64,12 +63,10 @@ struct Session : SimulatedSession {
 
 MapSequenceOptions mapping_options(const std::string& name, const CommonArguments& common) {
   MapSequenceOptions options;
-  options.executor = common.executor();
-  options.stop = interrupt_requests();
   const auto show =
       common.console().detailed_progress(fmt::format("{} session: rendering, mapping", name));
   if (show) {
-    options.progress = [show](const MappingProgress& now) {
+    options.on_frame = [show](const MappingProgress& now) {
       show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
            fmt::format("frame {} of {}, {} landmarks tracked", now.frame, now.frames,
                        now.landmarks));
@@ -83,15 +80,15 @@ Session map_session(const std::string& name, std::uint64_t number, std::size_t f
   const Stopwatch watch;
   Session session;
   with_option_names({{"PathOptions.frames", "--frames"}}, [&] {
-    static_cast<SimulatedSession&>(session) =
-        map_simulated_session({.kind = EnvironmentKind::kDesk,
-                               .seed = common.seed,
-                               .session = number,
-                               .changed_fraction = number == 0 ? 0.0 : kChangedFraction},
-                              {.kind = PathKind::kOrbit,
-                               .frames = frames,
-                               .rate_hz = static_cast<double>(frames) / kRoundSeconds},
-                              SessionStart::kOwnFrame, mapping_options(name, common));
+    static_cast<SimulatedSession&>(session) = map_simulated_session(
+        {.kind = EnvironmentKind::kDesk,
+         .seed = common.seed,
+         .session = number,
+         .changed_fraction = number == 0 ? 0.0 : kChangedFraction},
+        {.kind = PathKind::kOrbit,
+         .frames = frames,
+         .rate_hz = static_cast<double>(frames) / kRoundSeconds},
+        SessionStart::kOwnFrame, mapping_options(name, common), common.execution());
   });
   session.error = evaluate_trajectory(session.mapped.trajectory, session.truth).absolute;
   session.seconds = watch.seconds();
@@ -261,9 +258,11 @@ struct DemoArguments {
     AlignOptions everywhere;
     everywhere.trace = options.trace;
     everywhere.overlap_radius = options.overlap_radius;
+    CommonArguments searching = common;
+    searching.seed = 0;  // --seed is of the sessions
     std::vector<StrategyResult> searched =
         align_by_all(pair.source, pair.target, parse_strategies("base"), everywhere,
-                     pair.target_from_source, common);
+                     pair.target_from_source, searching);
     alignments.push_back(std::move(searched.front()));
 
     std::string saved;

@@ -26,7 +26,6 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/interrupt.hpp"
 #include "support/saved_results.hpp"
 
 namespace cairn::cli {
@@ -364,9 +363,7 @@ struct EvaluateAlignmentArguments {
     options.scale_where_free = false;  // what the result was aligned with counts
     if (min_probability) options.min_probability = *min_probability;
     if (saved.with_gravity) options.gravity = gravity_prior(source_map.map, target_map.map);
-    options.seed = common.seed;
     options.points.min_observations = saved.min_observations;
-    options.execution = {common.executor(), interrupt_requests(), {}};
     std::vector<StrategyResult> results;
     for (const StrategyResult& one : saved.results) {
       StrategyResult judged = one;
@@ -376,7 +373,8 @@ struct EvaluateAlignmentArguments {
       if (pose) {
         options.scale.reset();
         if (saved.with_scale || pose->scale() != 1.0) options.scale = ScaleRange();
-        judged.alignment = judge_pose(source_map.map, target_map.map, *pose, options);
+        judged.alignment =
+            judge_pose(source_map.map, target_map.map, *pose, options, common.execution());
         judged.overlap_radius = judged.alignment.radius;
         judged.matches = judged.alignment.registration.matches.size();
       }

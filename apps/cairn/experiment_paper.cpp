@@ -87,9 +87,9 @@ struct PaperArguments {
                 std::filesystem::path(target).stem().string();
     pair.source = std::move(source_map.map);
     pair.target = std::move(target_map.map);
-    options.execution = common.execution("180 alignments");
     const Stopwatch watch;
-    const PaperResults results = run_paper_experiments(pair, options);
+    const PaperResults results =
+        run_paper_experiments(pair, options, common.execution("180 alignments"));
     const double seconds = watch.seconds();
 
     const std::vector<ResultTable> tables = paper_tables(results, options.tolerance);

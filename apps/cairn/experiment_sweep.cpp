@@ -257,7 +257,7 @@ struct SweepArguments {
       console.remark(fmt::format("{}: {} of {} runs were done before", output, folder.done(), all));
     }
     remark_on_processors(folder.processors(), console);
-    Execution execution{.executor = common.executor(), .stop = interrupt_requests()};
+    Execution execution = common.execution();
     if (const auto show = console.detailed_progress("aligning")) {
       execution.progress = [&, show](double share) {
         show(share, fmt::format("{} of {} runs", folder.done(), all));
@@ -268,8 +268,8 @@ struct SweepArguments {
       if (run.fits_inverse) ++swapped[run.trial.pair];
     };
     run_study(
-        plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair, inputs); },
-        execution, count);
+        plan, part, folder, [&](const StudyPair& pair) { return load_pair(pair, inputs); }, count,
+        execution);
     for (const auto& [pair, runs] : swapped) {
       console.remark(
           fmt::format("{}: {}", pair, swapped_truth_text(fmt::format("{} poses", runs))));
@@ -329,16 +329,14 @@ struct SweepArguments {
   MapPair simulated(const StudyPair& pair) const {
 #ifdef CAIRN_HAS_SIMULATED_SESSIONS
     MapSequenceOptions options;
-    options.executor = common.executor();
-    options.stop = interrupt_requests();
     const auto show = common.console().detailed_progress("simulating and mapping " + pair.name);
     if (show) {
-      options.progress = [show](const MappingProgress& now) {
+      options.on_frame = [show](const MappingProgress& now) {
         show(static_cast<double>(now.frame) / static_cast<double>(now.frames),
              fmt::format("frame {} of {}", now.frame, now.frames));
       };
     }
-    return simulated_pair(pair, options);
+    return simulated_pair(pair, options, common.execution());
 #else
     throw Error(ErrorKind::kMisuse, pair.name, "this build cannot simulate",
                 "a build with OpenCV, Ceres and Embree");

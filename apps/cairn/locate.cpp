@@ -226,7 +226,6 @@ struct LocateArguments {
     require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
     if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
     if (!output.empty()) require_map_path(output, "--output");
-    options.seed = common.seed;
     const LoadedMap loaded = load_world();
     std::optional<CameraFile> file;
     if (!camera.empty() && camera != kUnknown) file = load_camera(camera, {std::string(kUnknown)});
@@ -261,7 +260,7 @@ struct LocateArguments {
       const AtlasState state = atlas.state();
       const std::string shown = without_password(map);
       LoadedMap loaded{shown, {}, describe_file(shown, common)};
-      loaded.map = merged_world(atlas, state, common.seed, common.execution("merging"));
+      loaded.map = merged_world(atlas, state, common.execution("merging"));
       return loaded;
     }
 #endif
@@ -280,8 +279,9 @@ struct LocateArguments {
     common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const GrayImage image = read_gray_image(images[i]);
-        with_option_names({{"image", images[i]}, {"depth image", depth}},
-                          [&] { found[i] = locators->of(image).locate(image, depth_m); });
+        with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
+          found[i] = locators->of(image).locate(image, depth_m, {.seed = common.seed});
+        });
       }
     });
     return found;
@@ -331,8 +331,7 @@ struct LocateArguments {
     if (adjusts) {
       AdjustOptions how;
       how.covariances = bigger.has_covariances();
-      how.execution = common.execution("adjusting");
-      AdjustResult adjusted = adjust(bigger, how);
+      AdjustResult adjusted = adjust(bigger, how, common.execution("adjusting"));
       common.console().print("adjusted: reprojection error {:.3g} px, before {:.3g} px\n",
                              adjusted.final_rms_px, adjusted.initial_rms_px);
       bigger = std::move(adjusted.map);

@@ -26,7 +26,6 @@
 #include "support/arguments.hpp"
 #include "support/console.hpp"
 #include "support/documents.hpp"
-#include "support/interrupt.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -350,15 +349,19 @@ struct MapArguments {
     return readout.value_or(camera_file.readout_s.value_or(0.0));
   }
 
+  // With the log; the mapping tells its progress by itself.
+  Execution execution(const std::string& work = {}) const {
+    Execution logged = common.execution(work);
+    logged.log = common.console().log();
+    return logged;
+  }
+
   // Sets what mapping by odometry and at known poses have in common.
   template <class Options>
   void set_shared(Options& options) const {
     options.map = made;
     options.map.covariance = parse_covariance(covariance);
     options.skip_unreadable = skip_unreadable;
-    options.executor = common.executor();
-    options.stop = interrupt_requests();
-    options.log = common.console().log();
   }
 
   MapSequenceOptions options(const CameraFile& camera_file) const {
@@ -380,7 +383,7 @@ struct MapArguments {
     }
     if (!mini_map_length.empty()) options.mini_maps = parse_length(mini_map_length);
     set_shared(options);
-    options.progress = progress_of(common.console(), "frames", [](const MappingProgress& now) {
+    options.on_frame = progress_of(common.console(), "frames", [](const MappingProgress& now) {
       return fmt::format("{} landmarks tracked, {} frames lost", now.landmarks, now.lost);
     });
     with_option_names(
@@ -494,10 +497,8 @@ struct MapArguments {
     const MapSequenceOptions mapping = options(camera_file);
     MergeOptions closing;
     closing.adjustment.refine_intrinsics = refine_intrinsics;
-    closing.seed = common.seed;
-    closing.log = common.console().log();
-    closing.execution = common.execution("closing loops");
-    return map_and_close_loops(images, camera_file.camera, mapping, closing);
+    return map_and_close_loops(images, camera_file.camera, mapping, closing,
+                               execution("closing loops"));
   }
 
   void print_loops(const LoopClosedSequence& closed) const {
@@ -558,7 +559,7 @@ struct MapArguments {
     if (close_loops) {
       closed = map_closing_loops(images, camera_file);
     } else {
-      closed.mapped = map_sequence(images, camera_file.camera, options(camera_file));
+      closed.mapped = map_sequence(images, camera_file.camera, options(camera_file), execution());
     }
     const MappedSequence& mapped = closed.mapped;
     const double seconds = watch.seconds();
@@ -579,7 +580,7 @@ struct MapArguments {
     MapAtPosesOptions options;
     options.features = features;
     set_shared(options);
-    options.progress = progress_of(common.console(), "keyframes", [](const MappingProgress& now) {
+    options.on_frame = progress_of(common.console(), "keyframes", [](const MappingProgress& now) {
       return fmt::format("{} landmarks observed", now.landmarks);
     });
     return options;
@@ -591,12 +592,13 @@ struct MapArguments {
                                  ? images.recorded_poses(poses.substr(kTopic.size()))
                                  : read_trajectory(poses, common.console().log());
     std::optional<MapAtPoses> mapped;
-    with_option_names({FeatureOptions::table,
-                       MapOptions::table,
-                       {"MapAtPosesOptions.map.covariance", "--covariance"},
-                       {"poses", poses},
-                       {"sequence", sequence}},
-                      [&] { mapped = map_at_poses(images, given, model, options_at_poses()); });
+    with_option_names(
+        {FeatureOptions::table,
+         MapOptions::table,
+         {"MapAtPosesOptions.map.covariance", "--covariance"},
+         {"poses", poses},
+         {"sequence", sequence}},
+        [&] { mapped = map_at_poses(images, given, model, options_at_poses(), execution()); });
     return std::move(*mapped);
   }
 

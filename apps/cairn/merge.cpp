@@ -269,10 +269,9 @@ struct MergeMapsArguments {
       inputs.push_back({map.name, &loaded.back().map, map.session});
     }
     options.stated = links_of_folders(paths, maps);
-    options.seed = common.seed;
-    options.log = common.console().log();
-    options.execution = common.execution("merging");
-    const MergeResult result = merge(inputs, options);
+    Execution execution = common.execution("merging");
+    execution.log = common.console().log();
+    const MergeResult result = merge(inputs, options, execution);
 
     if (result.map) save_map(*result.map, output, common);
     write_document(describe(loaded, names, result), common);

@@ -54,7 +54,9 @@ void add_verdict_keywords(Keywords<AlignKeywords>& keywords) {
       .add("scale", py::none(), set_scale)
       .add("gravity", [](auto& c) -> auto& { return c.gravity; })
       .add_table(AlignOptions::table, [](auto& c) -> auto& { return c.options; },
-                 {"one_to_one", "scale_where_free", "deformation", "judge"});
+                 {"one_to_one", "scale_where_free", "deformation", "judge", "trace"})
+      .add_seed()
+      .add("trace", [](auto& c) -> auto& { return c.options.trace; });
 }
 
 Keywords<AlignKeywords> align_keywords() {
@@ -115,7 +117,7 @@ std::string options_json(const py::kwargs& given) {
 }
 
 SharedAlignment record(Alignment alignment, const AlignOptions& options, const LandmarkMap& target,
-                       const py::kwargs& given) {
+                       const CallOptions& call, const py::kwargs& given) {
   auto result = std::make_shared<AlignmentResult>();
   AlignmentRecord& record = result->record;
   record.method = options.method;
@@ -126,7 +128,7 @@ SharedAlignment record(Alignment alignment, const AlignOptions& options, const L
   if (!record.overlap_radius && alignment.radius > 0.0) record.overlap_radius = alignment.radius;
   record.matches = alignment.registration.matches.size();
   record.alignment = std::move(alignment);
-  result->seed = options.seed;
+  result->seed = call.seed;
   result->options_json = options_json(given);
   result->initial = options.prior ? options.prior->target_from_source.rigid() : Rigid3();
   result->points = options.points;
@@ -146,13 +148,11 @@ SharedAlignment align_maps(const py::object& source_map, const py::object& targe
   const SharedMap source = map_of(source_map, "source");
   const SharedMap target = map_of(target_map, "target");
   CallOptions call;
-  AlignOptions options = complete(align_keywords().read(given, &call), *source, *target);
+  const AlignOptions options = complete(align_keywords().read(given, &call), *source, *target);
   Alignment alignment;
-  run("aligning", call, [&](const Execution& execution) {
-    options.execution = execution;
-    alignment = align(*source, *target, options);
-  });
-  return record(std::move(alignment), options, *target, given);
+  run("aligning", call,
+      [&](const Execution& execution) { alignment = align(*source, *target, options, execution); });
+  return record(std::move(alignment), options, *target, call, given);
 }
 
 SharedAlignment judge_maps(const py::object& source_map, const py::object& target_map,
@@ -160,14 +160,13 @@ SharedAlignment judge_maps(const py::object& source_map, const py::object& targe
   const SharedMap source = map_of(source_map, "source");
   const SharedMap target = map_of(target_map, "target");
   CallOptions call;
-  AlignOptions options = complete(judge_keywords().read(given, &call), *source, *target);
+  const AlignOptions options = complete(judge_keywords().read(given, &call), *source, *target);
   const Similarity3 pose = similarity_of(target_from_source, "target_from_source");
   Alignment alignment;
   run("judging", call, [&](const Execution& execution) {
-    options.execution = execution;
-    alignment = judge_pose(*source, *target, pose, options);
+    alignment = judge_pose(*source, *target, pose, options, execution);
   });
-  return record(std::move(alignment), options, *target, given);
+  return record(std::move(alignment), options, *target, call, given);
 }
 
 struct IcpKeywords {
@@ -220,14 +219,12 @@ PointSet points_of(py::handle given, const char* name, const IcpKeywords& call,
 RegistrationResult icp_of(const py::object& source, const py::object& target,
                           const py::kwargs& given) {
   CallOptions call;
-  IcpKeywords keywords = icp_keywords().read(given, &call);
+  const IcpKeywords keywords = icp_keywords().read(given, &call);
   const PointSet from = points_of(source, "source", keywords, keywords.source_confidences);
   const PointSet to = points_of(target, "target", keywords, keywords.target_confidences);
   RegistrationResult result;
-  run("icp", call, [&](const Execution& execution) {
-    keywords.options.execution = execution;
-    result = icp(from, to, keywords.options);
-  });
+  run("icp", call,
+      [&](const Execution& execution) { result = icp(from, to, keywords.options, execution); });
   return result;
 }
 

@@ -214,7 +214,8 @@ Keywords<Lintable> link_keywords() {
       .add("retry", [](auto& c) -> auto& { return c.options.retry; })
       .add("shard", [](auto& c) -> auto& { return c.options.shard; })
       .add("shards", [](auto& c) -> auto& { return c.options.shards; })
-      .add_table(LinkOptions::table, [](auto& c) -> auto& { return c.options.links; });
+      .add_table(LinkOptions::table, [](auto& c) -> auto& { return c.options.links; })
+      .add_seed();
   return keywords;
 }
 
@@ -230,8 +231,7 @@ AtlasLinkResult link(SharedAtlas& self, const py::kwargs& given) {
     for (const std::string& name : keywords.only.value_or(std::vector<std::string>())) {
       keywords.options.only.push_back(node_named(atlas, state, name).id);
     }
-    keywords.options.links.execution = execution;
-    result = atlas.link(keywords.options);
+    result = atlas.link(keywords.options, execution);
   };
   self.alone("linking", work, call, OnInterrupt::kKeep);
   return result;
@@ -301,12 +301,9 @@ AtlasOptimised compute_poses(SharedAtlas& self, const py::kwargs& given,
                              const Keywords<PoseOptimisationOptions>& keywords,
                              AtlasOptimised (Atlas::*compute)(const PoseOptimisationOptions&)) {
   CallOptions call;
-  PoseOptimisationOptions options = keywords.read(given, &call);
+  const PoseOptimisationOptions options = keywords.read(given, &call);
   AtlasOptimised result;
-  const auto work = [&](Atlas& atlas, const Execution& execution) {
-    options.execution = execution;
-    result = (atlas.*compute)(options);
-  };
+  const auto work = [&](Atlas& atlas, const Execution&) { result = (atlas.*compute)(options); };
   self.alone("optimizing", work, call);
   return result;
 }
@@ -467,7 +464,8 @@ struct WorldKeywords : Selection {
 Keywords<WorldKeywords> world_keywords() {
   return Keywords<WorldKeywords>("world_difference")
       .add("at", [](auto& o) -> auto& { return o.at; })
-      .add_table(ChangeOptions::table, [](auto& o) -> auto& { return o.changes; });
+      .add_table(ChangeOptions::table, [](auto& o) -> auto& { return o.changes; })
+      .add_seed();
 }
 
 WorldDifference difference_of_worlds(SharedAtlas& self, const py::object& first,
@@ -475,7 +473,7 @@ WorldDifference difference_of_worlds(SharedAtlas& self, const py::object& first,
   const std::string before = encoded(first, "first");
   const std::string after = encoded(second, "second");
   CallOptions call;
-  WorldKeywords keywords = world_keywords().read(given, &call);
+  const WorldKeywords keywords = world_keywords().read(given, &call);
   keywords.changes.validate();
   WorldDifference found;
   const auto work = [&](Atlas& atlas, const Execution& execution) {
@@ -486,8 +484,7 @@ WorldDifference difference_of_worlds(SharedAtlas& self, const py::object& first,
       return nodes;
     };
     const std::vector<NodeId> nodes = side(before);
-    keywords.changes.execution = execution;
-    found.result = world_difference(atlas, state, nodes, side(after), keywords.changes);
+    found.result = world_difference(atlas, state, nodes, side(after), keywords.changes, execution);
     found.frame = state.nodes.at(state.poses.at(nodes.front()).frame).name;
   };
   self.alone("comparing", work, call);
@@ -514,7 +511,7 @@ struct MergeKeywords : Selection {
 Keywords<MergeKeywords> atlas_merge_keywords() {
   Keywords<MergeKeywords> keywords("merge");
   keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
-  keywords.add_table(FusionOptions::table, [](auto& c) -> auto& { return c.fusion; });
+  keywords.add_table(FusionOptions::table, [](auto& c) -> auto& { return c.fusion; }).add_seed();
   return keywords;
 }
 
@@ -524,15 +521,13 @@ Merged merge_atlas(SharedAtlas& self, const py::kwargs& given) {
   keywords.fusion.validate();
   Merged merged;
   std::vector<std::string> remarks;
-  const auto work = [&](Atlas& atlas, const Execution& execution) {
+  const auto work = [&](Atlas& atlas, Execution execution) {
     const AtlasState state = keywords.state(atlas);
-    FusionOptions options = keywords.fusion;
     std::optional<NodeId> frame;
     if (keywords.frame) frame = node_named(atlas, state, *keywords.frame).id;
-    options.execution = execution;
-    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    execution.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
     for (const auto& [id, node] : state.nodes) merged.names.push_back(node.name);
-    merged.result = atlas.merge(options, frame, state.commit);
+    merged.result = atlas.merge(keywords.fusion, frame, state.commit, execution);
     merged.map = std::make_shared<LandmarkMap>(*std::exchange(merged.result.map, std::nullopt));
   };
   self.alone("merging", work, call);

@@ -98,14 +98,13 @@ void bind_experiments(py::module_& module) {
       [](const SharedMap& source, const SharedMap& target, const py::object& truth,
          const py::kwargs& given) {
         CallOptions call;
-        PaperOptions options = paper_keywords().read(given, &call);
+        const PaperOptions options = paper_keywords().read(given, &call);
         MapPair pair{"pair", *source, *target, std::nullopt};
         if (!truth.is_none()) pair.truth = rigid_of(truth, "truth");
         PaperRun result;
         result.tolerance = options.tolerance;
         run("paper's experiment", call, [&](const Execution& execution) {
-          options.execution = execution;
-          result.results = run_paper_experiments(pair, options);
+          result.results = run_paper_experiments(pair, options, execution);
         });
         return result;
       },

@@ -25,19 +25,26 @@ namespace {
 struct Locator {
   Camera camera;
   ImageLocator locator;
+  std::uint64_t seed = 0;
 };
 
-Keywords<LocateOptions> locate_keywords() {
-  return Keywords<LocateOptions>("__init__").add_table(LocateOptions::table, [](auto& o) -> auto& {
-    return o;
-  });
+struct LocatorKeywords {
+  LocateOptions options;
+  std::uint64_t seed = 0;
+};
+
+Keywords<LocatorKeywords> locate_keywords() {
+  return Keywords<LocatorKeywords>("__init__")
+      .add_table(LocateOptions::table, [](auto& o) -> auto& { return o.options; })
+      .add("seed", [](auto& o) -> auto& { return o.seed; });
 }
 
 std::unique_ptr<Locator> make_locator(const LandmarkMap& map, const Camera& camera,
                                       const py::kwargs& given) {
-  const LocateOptions options = locate_keywords().read(given);
+  const LocatorKeywords keywords = locate_keywords().read(given);
   return unlocked([&] {
-    return std::make_unique<Locator>(Locator{camera, ImageLocator(map, camera, options)});
+    return std::make_unique<Locator>(
+        Locator{camera, ImageLocator(map, camera, keywords.options), keywords.seed});
   });
 }
 
@@ -47,7 +54,7 @@ ImageLocation locate(const Locator& self, const py::object& image, const py::obj
   const std::vector<float> depth = depth_of(depth_m, self.camera);
   return unlocked([&] {
     const FrameImages images = frame_images(0.0, self.camera.width, self.camera.height, bgr, depth);
-    return self.locator.locate(images.gray, images.depth_m);
+    return self.locator.locate(images.gray, images.depth_m, {.seed = self.seed});
   });
 }
 
@@ -56,7 +63,7 @@ std::unique_ptr<Locator> with_camera(const Locator& self, const Camera& camera,
   const FocalLength focal_length = focal_length_known ? FocalLength::kKnown : FocalLength::kUnknown;
   return unlocked([&] {
     return std::make_unique<Locator>(
-        Locator{camera, self.locator.with_camera(camera, focal_length)});
+        Locator{camera, self.locator.with_camera(camera, focal_length), self.seed});
   });
 }
 

@@ -18,15 +18,15 @@ struct MergedPart {
 
 Keywords<MergeOptions> merge_keywords() {
   Keywords<MergeOptions> keywords("merge");
-  keywords.add_table(LinkOptions::table, [](auto& o) -> auto& { return o.links; }, {"seed"});
-  keywords.add_table(FusionOptions::table, [](auto& o) -> auto& { return o; });
+  keywords.add_table(LinkOptions::table, [](auto& o) -> auto& { return o.links; });
+  keywords.add_table(FusionOptions::table, [](auto& o) -> auto& { return o; }).add_seed();
   return keywords;
 }
 
 Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_names,
                   const py::kwargs& given) {
   CallOptions call;
-  MergeOptions options = merge_keywords().read(given, &call);
+  const MergeOptions options = merge_keywords().read(given, &call);
   Merged merged;
   std::vector<MergeInput> inputs;
   std::optional<std::vector<std::string>> names;
@@ -42,10 +42,9 @@ Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_na
     inputs.push_back({merged.names.back(), maps[i].get()});
   }
   std::vector<std::string> remarks;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  run("merging", call, [&](const Execution& execution) {
-    options.execution = execution;
-    merged.result = merge(inputs, options);
+  run("merging", call, [&](Execution execution) {
+    execution.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    merged.result = merge(inputs, options, execution);
   });
   warn(remarks);
   if (merged.result.map) {

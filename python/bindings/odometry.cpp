@@ -155,17 +155,8 @@ Mapped map_folder(const std::filesystem::path& folder, const std::optional<Camer
   }
   Mapped mapped;
   run("mapping", call, [&](const Execution& execution) {
-    MapSequenceOptions& options = keywords.options;
-    options.executor = execution.executor;
-    options.stop = execution.stop;
-    if (execution.progress) {
-      options.progress = [&](const MappingProgress& progress) {
-        execution.progress(static_cast<double>(progress.frame) /
-                           static_cast<double>(progress.frames));
-      };
-    }
     const ImageSequence sequence(folder, keywords.sequence);
-    mapped.sequence = map_sequence(sequence, sequence.camera(camera), options);
+    mapped.sequence = map_sequence(sequence, sequence.camera(camera), keywords.options, execution);
   });
   for (LandmarkMap& map : mapped.sequence.maps) {
     mapped.maps.push_back(std::make_shared<LandmarkMap>(std::move(map)));

@@ -102,6 +102,7 @@ void run(const std::string& name, const CallOptions& call,
   std::atomic<double> share = 0.0;
   Execution execution;
   execution.stop = stop.get_token();
+  execution.seed = call.seed;
   if (reports) {
     execution.progress = [&share](double now) { share.store(now, std::memory_order_relaxed); };
   }

@@ -51,10 +51,11 @@ void bind_odometry(py::module_& module);
 
 // --- Long calls -------------------------------------------------------------------------------------
 
-/// The keywords `threads` and `progress` of every long function.
+/// The keywords `threads` and `progress` of every long function, and `seed` of those that draw random numbers.
 struct CallOptions {
   unsigned threads = 0;              ///< largest number; 0: one per core
   py::object progress = py::none();  ///< None, True (a tqdm bar) or a callable that takes a share
+  std::uint64_t seed = 0;
 };
 
 /// Runs `work` in its own thread, without the GIL, while the calling thread handles signals and reports
@@ -293,6 +294,8 @@ class Keywords {
       field(options) = word(text, name, words);
     });
   }
+  /// Adds `seed`, which read() puts into the call.
+  Keywords& add_seed() { return add("seed", to_python(CallOptions().seed), Set()); }
   /// @param initial the default value in Python
   Keywords& add(const std::string& name, const py::object& initial, Set set) {
     names_.push_back(name);
@@ -317,7 +320,11 @@ class Keywords {
       std::size_t i = 0;
       while (i < names_.size() && names_[i] != name) ++i;
       if (i == names_.size()) refuse_keyword(function_, name, names_);
-      sets_[i](options, value);
+      if (sets_[i]) {
+        sets_[i](options, value);
+      } else {
+        from_python(value, name, call->seed);
+      }
     }
     return options;
   }

@@ -27,8 +27,9 @@ std::vector<double> times_of(const Recording& recording) {
 }
 
 MapAtPoses map_of(const Recording& recording, const Trajectory& poses,
-                  const MapAtPosesOptions& options = MapAtPosesOptions()) {
-  return map_at_poses(times_of(recording), recording, poses, recording.camera, options);
+                  const MapAtPosesOptions& options = MapAtPosesOptions(),
+                  const Execution& execution = {}) {
+  return map_at_poses(times_of(recording), recording, poses, recording.camera, options, execution);
 }
 
 const MapAtPoses& sweep_map() {
@@ -146,11 +147,8 @@ TEST(MapAtPoses, TwoSessionsCoincideAtTheTrueRelativePose) {
 }
 
 TEST(MapAtPoses, OneAndTwoThreadsMakeTheSameMap) {
-  MapAtPosesOptions options;
-  options.executor = Executor(2);
-  const LandmarkMap map = map_of(sweep(), sweep().truth, options).map;
-  options.executor = Executor(1);
-  const LandmarkMap same = map_of(sweep(), sweep().truth, options).map;
+  const LandmarkMap map = map_of(sweep(), sweep().truth, {}, {.executor = Executor(2)}).map;
+  const LandmarkMap same = map_of(sweep(), sweep().truth).map;
   EXPECT_EQ(map.landmarks().positions, same.landmarks().positions);
   EXPECT_EQ(map.landmarks().covariances, same.landmarks().covariances);
   EXPECT_EQ(map.landmarks().descriptors->bytes, same.landmarks().descriptors->bytes);
@@ -199,16 +197,17 @@ TEST(MapAtPoses, UnreadableKeyframesAreLeftOutAndLogged) {
     return frame;
   };
   std::vector<std::string> log;
-  MapAtPosesOptions options;
-  options.log = [&](std::string_view line) { log.emplace_back(line); };
-  const MapAtPoses mapped = map_at_poses(times_of(sweep()), read, sweep().truth, kCamera, options);
+  const MapAtPoses mapped =
+      map_at_poses(times_of(sweep()), read, sweep().truth, kCamera, {},
+                   {.log = [&](std::string_view line) { log.emplace_back(line); }});
   EXPECT_EQ(mapped.unreadable, 1U);
   EXPECT_EQ(mapped.map.frame_count(), sweep_map().map.frame_count() - 1);
   EXPECT_THAT(log, ::testing::ElementsAre(HasSubstr("damaged: 0.png")));
 }
 
 std::string refusal(const Trajectory& poses, ErrorKind kind,
-                    const MapAtPosesOptions& options = MapAtPosesOptions()) {
+                    const MapAtPosesOptions& options = MapAtPosesOptions(),
+                    const Execution& execution = {}) {
   const auto white = [](std::size_t i) {
     return FrameImages{static_cast<double>(i),
                        "white.png",
@@ -217,7 +216,7 @@ std::string refusal(const Trajectory& poses, ErrorKind kind,
                        DepthImage(320, 240, 1.5F)};
   };
   try {
-    map_at_poses(std::vector<double>{0.0, 1.0, 2.0}, white, poses, kCamera, options);
+    map_at_poses(std::vector<double>{0.0, 1.0, 2.0}, white, poses, kCamera, options, execution);
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), kind);
     return error.what();
@@ -241,9 +240,8 @@ TEST(MapAtPoses, WhatCannotBeMappedIsSaid) {
   EXPECT_THAT(refusal(good, ErrorKind::kMisuse, options), HasSubstr("max_time_difference_s"));
   std::stop_source stopped;
   stopped.request_stop();
-  options = {};
-  options.stop = stopped.get_token();
-  EXPECT_THAT(refusal(good, ErrorKind::kCancelled, options), HasSubstr("cancelled"));
+  EXPECT_THAT(refusal(good, ErrorKind::kCancelled, {}, {.stop = stopped.get_token()}),
+              HasSubstr("cancelled"));
 }
 
 }  // namespace

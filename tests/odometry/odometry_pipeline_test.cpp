@@ -155,9 +155,8 @@ TEST(OdometryPipeline, FollowsACameraWithDistortion) {
 TEST(OdometryPipeline, OneAndTwoThreadsMakeTheSameMap) {
   std::vector<MappedSequence> runs;
   for (const unsigned threads : {1U, 2U}) {
-    MapSequenceOptions options;
-    options.executor = Executor(threads);
-    runs.push_back(map_of(sweep(), options));
+    runs.push_back(map_frames(sweep().frames.size(), sweep(), sweep().camera, kDefaults,
+                              {.executor = Executor(threads)}));
   }
   ASSERT_EQ(runs[0].trajectory.size(), runs[1].trajectory.size());
   for (std::size_t i = 0; i < runs[0].trajectory.size(); ++i) {

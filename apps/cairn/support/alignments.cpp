@@ -190,10 +190,10 @@ std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const Landma
                                          const CommonArguments& common) {
   std::vector<StrategyResult> results;
   for (const Strategy& strategy : strategies) {
-    options.execution = common.execution("aligning, confidence " + strategy.name);
     options.confidence = strategy.metric;
     StrategyResult result;
-    result.alignment = align(source, target, options);
+    result.alignment =
+        align(source, target, options, common.execution("aligning, confidence " + strategy.name));
     const Alignment& alignment = result.alignment;
     if (alignment.registration.status == RegistrationStatus::kCancelled) {
       throw Error(ErrorKind::kCancelled, "align", "cancelled", "");

@@ -172,7 +172,8 @@ void with_option_names(const std::vector<OptionNames>& names, const std::functio
 }
 
 Execution CommonArguments::execution(const std::string& work) const {
-  return {executor(), interrupt_requests(), console().progress(work)};
+  return {executor(), interrupt_requests(), work.empty() ? Progress() : console().progress(work),
+          seed};
 }
 
 std::vector<Option> add_options(const Command& command, const OptionTable& table, void* options) {

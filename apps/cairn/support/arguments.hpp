@@ -123,8 +123,8 @@ struct CommonArguments {
     return {quiet, stdout_is_taken ? Console::Answer::kToStderr : Console::Answer::kToStdout};
   }
   Executor executor() const { return Executor(threads); }
-  /// Of work that an interrupt stops, with a progress bar of this name.
-  Execution execution(const std::string& work) const;
+  /// With the seed, until an interrupt, and with a progress bar of this name; empty: none.
+  Execution execution(const std::string& work = {}) const;
 };
 
 /// "x y z roll pitch yaw": metres and degrees, R = Rz(yaw)·Ry(pitch)·Rx(roll).

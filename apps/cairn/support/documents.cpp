@@ -258,7 +258,6 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
 Json options_of(const OptionTable& table, const void* options) {
   Json json = Json::object();
   for (const OptionField& field : table.fields) {
-    if (field.name == "seed") continue;  // of the document
     const auto read = [](const auto* value) {
       using Value = std::decay_t<decltype(*value)>;
       if constexpr (requires { value->has_value(); }) {

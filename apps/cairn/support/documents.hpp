@@ -99,7 +99,7 @@ void save_map(const LandmarkMap& map, const std::string& path, const CommonArgum
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options,
               unsigned version = 1);
 
-/// The fields of an options struct, by name, but for the seed; null for a number that is not given or not finite.
+/// The fields of an options struct, by name; null for a number that is not given or not finite.
 Json options_of(const OptionTable& table, const void* options);
 
 /// A document as files hold it; what is no UTF-8 in it is replaced.

@@ -104,11 +104,13 @@ class Adjustment {
  public:
   // Cameras start with the map's parameters; the calibration is the prior.
   Adjustment(const LandmarkMap& map, std::span<const Camera> calibration,
-             const Measurements& measurements, const AdjustOptions& options)
+             const Measurements& measurements, const AdjustOptions& options,
+             const Execution& execution)
       : map_(map),
         calibration_(calibration),
         measurements_(measurements),
         options_(options),
+        execution_(execution),
         rigid_(rigid_frames(map.rigs(), map.frames())),
         groups_(frame_groups(map, rigid_, measurements, options.min_observations)),
         projections_(map.cameras().begin(), map.cameras().end()),
@@ -145,6 +147,7 @@ class Adjustment {
   std::span<const Camera> calibration_;
   const Measurements& measurements_;
   const AdjustOptions& options_;
+  const Execution& execution_;
   RigidFrames rigid_;
   std::vector<FrameGroup> groups_;
   std::vector<CameraProjection> projections_;  // of the map's cameras
@@ -285,11 +288,11 @@ Solved Adjustment::run() {
   // No residual holds the scale of a group without depths, only the damping does, which is inverse to this. With the
   // default the normal equations become singular to rounding, and Ceres prints that.
   solve.max_trust_region_radius = 1e8;
-  StopWhenAsked stop(options_.execution, options_.max_iterations);
+  StopWhenAsked stop(execution_, options_.max_iterations);
   solve.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
   ceres::Solve(solve, &problem, &summary);
-  if (options_.execution.stop.stop_requested()) {
+  if (execution_.stop.stop_requested()) {
     throw Error(ErrorKind::kCancelled, "adjustment", "was cancelled", "");
   }
   solved.iterations = summary.num_successful_steps + summary.num_unsuccessful_steps;
@@ -375,7 +378,8 @@ void AdjustOptions::validate() const {
   }
 }
 
-AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
+AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options,
+                    const Execution& execution) {
   options.validate();
   AdjustResult result;
   result.map = with_rigs_held(map);
@@ -392,7 +396,7 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
       result.unusable = map.observation_count() - result.observations;
       result.initial_rms_px = rms_px(result.map, measurements, options.min_observations);
     }
-    Solved solved = Adjustment(result.map, map.cameras(), measurements, options).run();
+    Solved solved = Adjustment(result.map, map.cameras(), measurements, options, execution).run();
     result.map = LandmarkMap(std::move(solved.tables));
     result.converged = solved.converged;
     result.iterations += solved.iterations;
@@ -401,9 +405,9 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options) {
   if (options.covariances) {
     CovarianceOptions how;
     how.noise = result.noise;
-    how.execution = options.execution.without_progress();
     try {
-      EstimatedCovariances estimated = estimate_covariances(result.map, how);
+      EstimatedCovariances estimated =
+          estimate_covariances(result.map, how, execution.without_progress());
       result.map = std::move(estimated.map);
       result.covariance_references = std::move(estimated.references);
     } catch (const Error& error) {

@@ -52,8 +52,6 @@ struct AdjustOptions {
   std::size_t min_observations = 2;
   /// Recomputes the covariances; see estimate_covariances(). If false, the result has none.
   bool covariances = true;
-  /// The solver itself uses one thread, so that sums have one order.
-  Execution execution = {};
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -84,11 +82,12 @@ struct AdjustResult {
 /// Gauge: in every group of frames that share landmarks, the first frame is fixed; in a group without
 /// depths and rigs, also the distance of the frame farthest from it. Frames without observations stay. All else of
 /// the map is kept, but not its UUID. Where covariances are too large for the memory, the adjusted map has
-/// none. The same input gives the same result for any number of threads.
+/// none. The solver itself uses one thread, so that sums have one order.
 ///
 /// @throws Error (misuse) for invalid options; (input) for a map without observations or an observing frame
 ///        without a camera; (cancelled)
-AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options = {});
+AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options = {},
+                    const Execution& execution = {});
 
 /// Frame of reference of the landmark covariances.
 enum class CovarianceGauge {
@@ -102,7 +101,6 @@ struct CovarianceOptions {
   /// If a landmark's residuals exceed the 95 % quantile, multiplies its covariance by the mean squared
   /// residual per degree of freedom (Birge ratio).
   bool widen_misfits = true;
-  Execution execution = {};
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -132,6 +130,7 @@ struct EstimatedCovariances {
 ///
 /// @throws Error as adjust() and recover_covariances()
 EstimatedCovariances estimate_covariances(const LandmarkMap& map,
-                                          const CovarianceOptions& options = {});
+                                          const CovarianceOptions& options = {},
+                                          const Execution& execution = {});
 
 }  // namespace cairn

@@ -194,10 +194,8 @@ TEST(Adjust, KeepsTheFirstFrameAndWhatItDoesNotMove) {
 
 TEST(Adjust, DoesNotDependOnTheNumberOfThreads) {
   const LandmarkMap start = disturbed(synthetic_map(small_scene(7, 0.7, 0.003)), 0.01);
-  AdjustOptions options;
-  const AdjustResult one = adjust(start, options);
-  options.execution.executor = Executor(0);
-  const AdjustResult more = adjust(start, options);
+  const AdjustResult one = adjust(start);
+  const AdjustResult more = adjust(start, {}, {.executor = Executor(0)});
   EXPECT_EQ(one.map.landmarks().positions, more.map.landmarks().positions);
   EXPECT_EQ(one.map.landmarks().covariances, more.map.landmarks().covariances);
   EXPECT_EQ(one.map.frames().translations, more.map.frames().translations);
@@ -225,8 +223,7 @@ TEST(Adjust, GivesTheSameCalibrationsOfSeveralCamerasInEveryRun) {
       place = std::make_unique<std::vector<double>>(start.cameras()[0].parameters.size());
     }
     for (std::size_t i = 0; i < places.size(); ++i) places[i * (2 * run + 1) % 64].reset();
-    options.execution.executor = Executor(run % 2 + 1);
-    const LandmarkMap again = adjust(start, options).map;
+    const LandmarkMap again = adjust(start, options, {.executor = Executor(run % 2 + 1)}).map;
     for (std::size_t i = 0; i < 3; ++i) {
       EXPECT_EQ(first.cameras()[i].parameters, again.cameras()[i].parameters) << run;
     }
@@ -319,9 +316,8 @@ TEST(Adjust, NamesWhatIsMissing) {
 TEST(Adjust, EndsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
-  AdjustOptions options;
-  options.execution.stop = stop.get_token();
-  EXPECT_THROW(adjust(synthetic_map(small_scene(9, 0.7, 0.003)), options), Error);
+  const LandmarkMap map = synthetic_map(small_scene(9, 0.7, 0.003));
+  EXPECT_THROW(adjust(map, {}, {.stop = stop.get_token()}), Error);
 }
 
 }  // namespace

@@ -124,8 +124,8 @@ void CovarianceOptions::validate() const {
   if (noise) noise->validate();
 }
 
-EstimatedCovariances estimate_covariances(const LandmarkMap& map,
-                                          const CovarianceOptions& options) {
+EstimatedCovariances estimate_covariances(const LandmarkMap& map, const CovarianceOptions& options,
+                                          const Execution& execution) {
   options.validate();
   EstimatedCovariances result;
   result.noise = options.noise ? *options.noise : estimated_noise(map);
@@ -153,8 +153,7 @@ EstimatedCovariances estimate_covariances(const LandmarkMap& map,
       pose_covariances.set(frame, std::nullopt);
     }
     const auto [problem, landmarks] = problem_of(map, rigid, measurements, group, index_in_group);
-    const RecoveredCovariances recovered =
-        recover_covariances(problem, options.gauge, options.execution);
+    const RecoveredCovariances recovered = recover_covariances(problem, options.gauge, execution);
     for (const std::uint32_t frame : group.frames) {
       Matrix6d covariance = recovered.frames[index_in_group[frame]];
       if (!rigid.leads(frame)) {

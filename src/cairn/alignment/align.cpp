@@ -40,7 +40,6 @@ IcpOptions icp_of(const AlignOptions& options) {
   if (options.prior) icp.initial = options.prior->target_from_source.rigid();
   icp.overlap_radius = options.overlap_radius;
   icp.trace = options.trace;
-  icp.execution = options.execution;
   return icp;
 }
 
@@ -59,7 +58,7 @@ double displacement(const PosePrior& prior, const PreparedCloud& source) {
 }
 
 RegistrationResult refined(const PreparedMap& source, const PreparedMap& target,
-                           const AlignOptions& options) {
+                           const AlignOptions& options, const Execution& execution) {
   const PosePrior& prior = *options.prior;
   RefineOptions refinement;
   refinement.initial = prior.target_from_source.rigid();
@@ -73,8 +72,7 @@ RegistrationResult refined(const PreparedMap& source, const PreparedMap& target,
   refinement.max_iterations = options.icp.max_iterations;
   refinement.overlap_radius = options.overlap_radius;
   refinement.trace = options.trace;
-  refinement.execution = options.execution;
-  return refine(source, target, refinement);
+  return refine(source, target, refinement, execution);
 }
 
 // Joins the result of the path from the prior pose with that at its end.
@@ -112,15 +110,16 @@ bool is_final(const RegistrationResult& found, const AlignOptions& options) {
 
 // @param found by the method, from the prior pose; std::nullopt: search for the pose
 Alignment concluded(const PreparedMap& source, const PreparedMap& target,
-                    const AlignOptions& options, std::optional<RegistrationResult> found) {
-  PreparedPair pair(source, target, options);
+                    const AlignOptions& options, const Execution& execution,
+                    std::optional<RegistrationResult> found) {
+  PreparedPair pair(source, target, options, execution);
   const bool by_icp = options.method == AlignMethod::kIcp;
   Alignment placed = !found   ? pair.place()
                      : by_icp ? pair.judge(found->similarity())
                               : pair.settle(found->similarity());
   // The search's candidates are already known, so checking whether it found a likelier pose costs little.
-  const bool refuted = found && !by_icp && placed.verdict != Verdict::kAligned &&
-                       !options.execution.stop.stop_requested();
+  const bool refuted =
+      found && !by_icp && placed.verdict != Verdict::kAligned && !execution.stop.stop_requested();
   if (refuted) {
     Alignment everywhere = pair.place();
     if (everywhere.probability > placed.probability) {
@@ -135,7 +134,7 @@ Alignment concluded(const PreparedMap& source, const PreparedMap& target,
                                  : joined(std::move(*found), std::move(end));
     take_pose(placed);
   }
-  if (!options.judge || options.execution.stop.stop_requested()) {
+  if (!options.judge || execution.stop.stop_requested()) {
     Alignment alignment = unjudged(std::move(placed.registration));
     alignment.radius = placed.radius;
     return alignment;
@@ -144,19 +143,20 @@ Alignment concluded(const PreparedMap& source, const PreparedMap& target,
 }
 
 Alignment judged_as_a_whole(const PreparedMap& source, const PreparedMap& target,
-                            const Similarity3& pose, const AlignOptions& options) {
-  Alignment alignment = PreparedPair(source, target, options).judge(pose);
+                            const Similarity3& pose, const AlignOptions& options,
+                            const Execution& execution) {
+  Alignment alignment = PreparedPair(source, target, options, execution).judge(pose);
   alignment.estimate = pose;
   if (alignment.target_from_source) alignment.target_from_source = pose;
   return alignment;
 }
 
 Alignment aligned_as_a_whole(const PreparedMap& source, const PreparedMap& target,
-                             const AlignOptions& options) {
-  if (!options.prior) return concluded(source, target, options, std::nullopt);
-  RegistrationResult found = refined(source, target, options);
+                             const AlignOptions& options, const Execution& execution) {
+  if (!options.prior) return concluded(source, target, options, execution, std::nullopt);
+  RegistrationResult found = refined(source, target, options, execution);
   if (is_final(found, options)) return unjudged(std::move(found));
-  return concluded(source, target, options, std::move(found));
+  return concluded(source, target, options, execution, std::move(found));
 }
 
 // The estimate without a verdict: a stopped stage may have missed what decides.
@@ -174,10 +174,10 @@ Alignment cancelled(Alignment stopped) {
 
 // Result of work() with its duration; cancelled if the caller asked to stop, whichever stage that cut short.
 template <class Work>
-Alignment timed(const AlignOptions& options, const Work& work) {
+Alignment timed(const AlignOptions& options, const Execution& execution, const Work& work) {
   const auto start = std::chrono::steady_clock::now();
   Alignment alignment = work();
-  if (options.execution.stop.stop_requested()) alignment = cancelled(std::move(alignment));
+  if (execution.stop.stop_requested()) alignment = cancelled(std::move(alignment));
   alignment.deterministic = !options.time_limit_s;
   alignment.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -215,8 +215,8 @@ bool is_near_a_part(const PartsAlignment& parts, const Similarity3& pose,
 
 // The result for a pose that is not refined.
 RegistrationResult held(const PreparedMap& source, const PreparedMap& target,
-                        const AlignOptions& options, const Similarity3& pose,
-                        Alignment& alignment) {
+                        const AlignOptions& options, const Execution& execution,
+                        const Similarity3& pose, Alignment& alignment) {
   RefineOptions refinement;
   refinement.initial = pose.rigid();
   if (options.scale) refinement.scale = pose.scale();
@@ -225,8 +225,7 @@ RegistrationResult held(const PreparedMap& source, const PreparedMap& target,
   if (!refinement.overlap_radius && alignment.radius > 0.0) {
     refinement.overlap_radius = alignment.radius;
   }
-  refinement.execution = options.execution.without_progress();
-  RegistrationResult result = refine(source, target, refinement);
+  RegistrationResult result = refine(source, target, refinement, execution);
   result.initial_score = alignment.registration.initial_score;
   result.iterations = alignment.registration.iterations;
   result.history = std::move(alignment.registration.history);
@@ -251,9 +250,10 @@ void take_aligned(const Similarity3& pose, double probability, Alignment& alignm
 
 // Makes the pose that the parts agree on the result.
 void take_consensus(const PreparedMap& source, const PreparedMap& target,
-                    const AlignOptions& options, Alignment& alignment) {
+                    const AlignOptions& options, const Execution& execution, Alignment& alignment) {
   const PartsAlignment& parts = *alignment.parts;
-  RegistrationResult result = held(source, target, options, *parts.target_from_source, alignment);
+  RegistrationResult result =
+      held(source, target, options, execution, *parts.target_from_source, alignment);
   result.covariance = parts.covariance;
   result.covariance_with_scale = parts.covariance_with_scale;
   alignment.registration = std::move(result);
@@ -278,9 +278,10 @@ void widen(RegistrationResult& result, const Matrix7d& spread) {
 
 // Makes the single pose of deformed maps the result.
 void take_deformed(const PreparedMap& source, const PreparedMap& target,
-                   const AlignOptions& options, const DeformedPose& pose, Alignment placed,
-                   Alignment& alignment) {
-  RegistrationResult result = held(source, target, options, pose.target_from_source, alignment);
+                   const AlignOptions& options, const Execution& execution,
+                   const DeformedPose& pose, Alignment placed, Alignment& alignment) {
+  RegistrationResult result =
+      held(source, target, options, execution, pose.target_from_source, alignment);
   // Judged was another pose, that of the deformed source.
   const Eigen::Vector3d arm =
       pose.target_from_source.translation() - placed.registration.similarity().translation();
@@ -298,7 +299,7 @@ void take_deformed(const PreparedMap& source, const PreparedMap& target,
 // Maps of free scale, as from images alone, may be deformed: states by how much, and judges them as deformed.
 // @return whether a single pose may fit
 bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
-                    const AlignOptions& options, Alignment& alignment) {
+                    const AlignOptions& options, const Execution& execution, Alignment& alignment) {
   if (!alignment.verdict || !options.deformation || !options.scale || options.time_limit_s) {
     return true;
   }
@@ -322,43 +323,40 @@ bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
                                    deformation_text(found->figures), alignment.reason);
     return false;
   }
-  AlignOptions placement = options;
-  placement.execution = options.execution.without_progress();
-  Alignment placed = pair.judge(*found, placement);
+  Alignment placed = pair.judge(*found, options, execution);
   if (placed.verdict != Verdict::kAligned || !placed.registration.covariance) {
     return found->is_small;
   }
-  if (const auto why = forbidden(found->target_from_source, placement)) {
+  if (const auto why = forbidden(found->target_from_source, options)) {
     alignment.reason += fmt::format("; {}, but {}", deformation_text(found->figures), *why);
     return found->is_small;
   }
   alignment.deformation = found->figures;
-  take_deformed(source, target, options, *found, std::move(placed), alignment);
+  take_deformed(source, target, options, execution, *found, std::move(placed), alignment);
   return true;
 }
 
 // Judges a result by placing the maps' parts separately.
 // @param may_align false: the parts only state how they lie
 void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
-                    const AlignOptions& options, bool may_align, Alignment& alignment) {
+                    const AlignOptions& options, const Execution& execution, bool may_align,
+                    Alignment& alignment) {
   if (!alignment.verdict || options.parts == PartsUse::kNever) return;
   const bool refused = alignment.verdict != Verdict::kAligned;
   const bool always = options.parts == PartsUse::kAlways;
   if (!always && (!refused || !may_align || options.time_limit_s)) return;
-  AlignOptions placement = options;
-  placement.execution = options.execution.without_progress();
-  PartsAlignment parts = place_by_parts(source, target, placement);
+  PartsAlignment parts = place_by_parts(source, target, options, execution);
   if (parts.parts.empty()) return;
   alignment.parts = std::move(parts);
   const PartsAlignment& found = *alignment.parts;
   if (!may_align) return;
   if (found.consensus && found.covariance && refused) {
-    if (const auto why = forbidden(*found.target_from_source, placement)) {
+    if (const auto why = forbidden(*found.target_from_source, options)) {
       alignment.reason += fmt::format("; {}, but {}", parts_text(found), *why);
       return;
     }
-    alignment.parts->confirmed = is_aligned_straightened(found, source, target, placement);
-    if (*found.confirmed) return take_consensus(source, target, options, alignment);
+    alignment.parts->confirmed = is_aligned_straightened(found, source, target, options, execution);
+    if (*found.confirmed) return take_consensus(source, target, options, execution, alignment);
     alignment.reason +=
         fmt::format("; {}, but the map straightened by them is not aligned", parts_text(found));
     return;
@@ -382,7 +380,8 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
 
 // Of maps that are refused at one scale: the scale of the source at which their descriptors decide.
 void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
-                      const AlignOptions& options, Alignment& alignment) {
+                      const AlignOptions& options, const Execution& execution,
+                      Alignment& alignment) {
   constexpr double kOther = 0.05;  // least relative difference of scales that are not one
   const auto described = [](const PreparedMap& map) {
     return map.cloud().landmarks().descriptors.has_value();
@@ -395,8 +394,7 @@ void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
   AlignOptions placement = options;
   placement.search = PoseSearch::kNever;
   placement.scale = ScaleRange();
-  placement.execution = options.execution.without_progress();
-  const Alignment placed = PreparedPair(source, target, placement).place();
+  const Alignment placed = PreparedPair(source, target, placement, execution).place();
   const double scale = placed.registration.scale;
   if (placed.verdict != Verdict::kAligned || std::abs(std::log(scale)) < kOther) return;
   alignment.other_scale = scale;
@@ -450,42 +448,42 @@ void note_one_map(std::span<const Eigen::Vector3d> source, std::span<const Eigen
 // Maps can also be aligned up to a deformation, and by their parts. These can refuse a given pose, but not replace it.
 // @param pose to judge; std::nullopt: to find
 Alignment aligned(const PreparedMap& source, const PreparedMap& target, const AlignOptions& given,
-                  const std::optional<Similarity3>& pose = {}) {
+                  const Execution& execution, const std::optional<Similarity3>& pose = {}) {
   AlignOptions options = given;
   options.scale = scale_range(options, source.length_unit(), target.length_unit());
-  Alignment alignment = pose ? judged_as_a_whole(source, target, *pose, options)
-                             : aligned_as_a_whole(source, target, options);
+  Alignment alignment = pose ? judged_as_a_whole(source, target, *pose, options, execution)
+                             : aligned_as_a_whole(source, target, options, execution);
   alignment.centre = source.cloud().centre();
   if (source.cloud().size() == target.cloud().size()) {
     note_one_map(positions_as_given(source.cloud()), positions_as_given(target.cloud()), alignment);
   }
   const bool are_maps = source.parts() && target.parts();
   if (!are_maps || (pose && alignment.verdict != Verdict::kAligned)) return alignment;
-  const bool may_align = judge_deformed(source, target, options, alignment);
-  judge_by_parts(source, target, options, may_align, alignment);
-  if (!pose) seek_other_scale(source, target, options, alignment);
+  const Execution rest = execution.without_progress();
+  const bool may_align = judge_deformed(source, target, options, rest, alignment);
+  judge_by_parts(source, target, options, rest, may_align, alignment);
+  if (!pose) seek_other_scale(source, target, options, rest, alignment);
   note_second_pose(alignment);
   return alignment;
 }
 
-PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options) {
-  return PreparedMap(map, {.confidence = options.confidence,
-                           .points = options.points,
-                           .seed = options.seed,
-                           .executor = options.execution.executor});
+PreparedMap prepared(const LandmarkMap& map, const AlignOptions& options,
+                     const Execution& execution) {
+  return PreparedMap(map, {.confidence = options.confidence, .points = options.points}, execution);
 }
 
 Alignment aligned_by_icp(const LandmarkMap& source, const LandmarkMap& target,
-                         const AlignOptions& options) {
+                         const AlignOptions& options, const Execution& execution) {
   const PointSet points = point_set(source, options.confidence, options.points);
   const PointSet of_target = point_set(target, options.confidence, options.points);
-  RegistrationResult found = icp(points, of_target, icp_of(options));
+  RegistrationResult found = icp(points, of_target, icp_of(options), execution);
   Alignment alignment;
   if (is_final(found, options)) {
     alignment = unjudged(std::move(found));
   } else {
     alignment =
-        concluded(prepared(source, options), prepared(target, options), options, std::move(found));
+        concluded(prepared(source, options, execution), prepared(target, options, execution),
+                  options, execution, std::move(found));
   }
   note_one_map(points.positions, of_target.positions, alignment);
   if (!points.positions.empty()) alignment.centre = central_part(points.positions).centre;
@@ -555,7 +553,6 @@ constexpr OptionField kAlignFields[] = {
      "--overlap-radius",
      "A landmark overlaps if the other map has one within this distance, in the maps' "
      "unit (default: 0.05 for maps in metres; else no overlap is computed)"},
-    {"seed", option_at<&AlignOptions::seed>},
     {"trace",
      option_at<&AlignOptions::trace>,
      {},
@@ -607,35 +604,41 @@ std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit so
   return !options.scale && estimated ? ScaleRange() : options.scale;
 }
 
-Alignment align(const LandmarkMap& source, const LandmarkMap& target, const AlignOptions& options) {
+Alignment align(const LandmarkMap& source, const LandmarkMap& target, const AlignOptions& options,
+                const Execution& execution) {
   options.validate();
-  return timed(options, [&] {
+  return timed(options, execution, [&] {
     return options.method == AlignMethod::kIcp
-               ? aligned_by_icp(source, target, options)
-               : aligned(prepared(source, options), prepared(target, options), options);
+               ? aligned_by_icp(source, target, options, execution)
+               : aligned(prepared(source, options, execution), prepared(target, options, execution),
+                         options, execution);
   });
 }
 
-Alignment align(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options) {
+Alignment align(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options,
+                const Execution& execution) {
   options.validate();
   detail::require(options.method != AlignMethod::kIcp, "AlignOptions.method", "icp",
                   "kRobust for prepared maps");
-  return timed(options, [&] { return aligned(source, target, options); });
+  return timed(options, execution, [&] { return aligned(source, target, options, execution); });
 }
 
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
-                     const Similarity3& target_from_source, const AlignOptions& options) {
+                     const Similarity3& target_from_source, const AlignOptions& options,
+                     const Execution& execution) {
   options.validate();
-  return timed(options, [&] {
-    return aligned(prepared(source, options), prepared(target, options), options,
-                   target_from_source);
+  return timed(options, execution, [&] {
+    return aligned(prepared(source, options, execution), prepared(target, options, execution),
+                   options, execution, target_from_source);
   });
 }
 
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
-                     const Similarity3& target_from_source, const AlignOptions& options) {
+                     const Similarity3& target_from_source, const AlignOptions& options,
+                     const Execution& execution) {
   options.validate();
-  return timed(options, [&] { return aligned(source, target, options, target_from_source); });
+  return timed(options, execution,
+               [&] { return aligned(source, target, options, execution, target_from_source); });
 }
 
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target) {

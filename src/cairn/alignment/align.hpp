@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,6 +10,7 @@
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/confidence/metric.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/registration/icp.hpp"
@@ -72,13 +72,10 @@ struct AlignOptions {
   PointSetOptions points = {};  ///< landmarks of the maps that take part
   /// A landmark overlaps if the other map has one within this distance. std::nullopt: chosen from the maps.
   std::optional<double> overlap_radius = {};
-  std::uint64_t seed = 0;
   bool trace = false;  ///< record score and matches of every iteration
-  /// For kIcp; max_iterations also limits a refinement from a prior pose. Initial pose, overlap radius,
-  /// trace and execution are those of AlignOptions.
+  /// For kIcp; max_iterations also limits a refinement from a prior pose. Initial pose, overlap radius
+  /// and trace are those of AlignOptions.
   IcpOptions icp = {};
-
-  Execution execution = {};
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
@@ -98,23 +95,25 @@ std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit so
 ///
 /// @throws Error (misuse) for invalid options, or (input) if a map lacks the input of the confidence metric
 Alignment align(const LandmarkMap& source, const LandmarkMap& target,
-                const AlignOptions& options = {});
+                const AlignOptions& options = {}, const Execution& execution = {});
 
 /// Aligns prepared maps, of which each can be aligned with many others. Landmarks without a map are aligned as a whole
 /// alone. PrepareOptions of each map replace
 /// AlignOptions::confidence and points, which have no effect here.
 /// @throws Error (misuse) for AlignMethod::kIcp
 Alignment align(const PreparedMap& source, const PreparedMap& target,
-                const AlignOptions& options = {});
+                const AlignOptions& options = {}, const Execution& execution = {});
 
 /// Judges a given pose without changing it, as align() judges its own. `method`, `prior` and `judge` have
 /// no effect. For maps, their deformation can refuse a pose that fits, and with PartsUse::kAlways so can their
 /// parts. Neither makes a pose aligned that is not aligned as a whole, as align() may do with a pose of its own.
 /// @throws Error (misuse) for invalid options, or a scale other than 1 where scale_range() has none
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
-                     const Similarity3& target_from_source, const AlignOptions& options = {});
+                     const Similarity3& target_from_source, const AlignOptions& options = {},
+                     const Execution& execution = {});
 Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
-                     const Similarity3& target_from_source, const AlignOptions& options = {});
+                     const Similarity3& target_from_source, const AlignOptions& options = {},
+                     const Execution& execution = {});
 
 /// Aligns two maps without an initial pose and judges the pose.
 ///
@@ -132,7 +131,7 @@ Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
 ///
 /// @throws Error (misuse) for invalid options or clouds
 Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,
-                const AlignOptions& options = {});
+                const AlignOptions& options = {}, const Execution& execution = {});
 
 /// Finds or judges any number of poses between two maps as a whole, by the options' search, scale, gravity, limits and
 /// bars; AlignOptions::method and prior have no effect. Work that all of them share is done once, on first
@@ -144,7 +143,7 @@ class PreparedPair {
  public:
   /// @throws Error (misuse) for invalid options
   PreparedPair(const PreparedMap& source, const PreparedMap& target,
-               const AlignOptions& options = {});
+               const AlignOptions& options = {}, const Execution& execution = {});
   ~PreparedPair();
   PreparedPair(PreparedPair&&) noexcept;
   PreparedPair& operator=(PreparedPair&&) noexcept;

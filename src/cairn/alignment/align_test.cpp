@@ -361,8 +361,7 @@ TEST(Align, IsTheSameForAnyNumberOfThreads) {
   AlignOptions options;
   options.prior = PosePrior{.target_from_source = turned(pair.target_from_source, 20.0)};
   const Alignment one = align(pair.source, pair.target, options);
-  options.execution.executor = Executor(3);
-  const Alignment three = align(pair.source, pair.target, options);
+  const Alignment three = align(pair.source, pair.target, options, {.executor = Executor(3)});
   EXPECT_EQ(one.verdict, three.verdict);
   EXPECT_EQ(one.probability, three.probability);
   EXPECT_EQ(one.estimate->matrix(), three.estimate->matrix());
@@ -393,17 +392,18 @@ TEST(Align, IsNotJudgedWhenStopped) {
   const SyntheticPair pair = synthetic_pair({.seed = 57});
   std::stop_source stop;
   stop.request_stop();
+  const Execution execution{.stop = stop.get_token()};
   AlignOptions options;
-  options.execution.stop = stop.get_token();
   for (const AlignMethod method : {AlignMethod::kRobust, AlignMethod::kIcp}) {
     options.method = method;
     for (const bool guessed : {false, true}) {
       if (guessed) options.prior = PosePrior{};
-      expect_cancelled(align(pair.source, pair.target, options));
+      expect_cancelled(align(pair.source, pair.target, options, execution));
     }
     options.prior.reset();
   }
-  const Alignment judged = judge_pose(pair.source, pair.target, pair.target_from_source, options);
+  const Alignment judged =
+      judge_pose(pair.source, pair.target, pair.target_from_source, options, execution);
   expect_cancelled(judged);
   EXPECT_EQ(judged.estimate->matrix(), pair.target_from_source.matrix());
 }
@@ -412,20 +412,17 @@ TEST(Align, IsNotJudgedWhenStoppedDuringTheSearch) {
   const SyntheticPair pair = synthetic_pair({.seed = 57, .landmarks = 400});
   const PreparedMap source(pair.source);
   const PreparedMap target(pair.target);
-  AlignOptions options;
   std::size_t calls = 0;
-  options.execution.progress = [&](double) { ++calls; };
-  align(source, target, options);
+  align(source, target, {}, {.progress = [&](double) { ++calls; }});
   const std::size_t all = calls;
   ASSERT_GT(all, 2U);
   for (const std::size_t last : {std::size_t{1}, all / 2, all}) {
     std::stop_source stop;
-    options.execution.stop = stop.get_token();
     calls = 0;
-    options.execution.progress = [&](double) {
-      if (++calls == last) stop.request_stop();
-    };
-    expect_cancelled(align(source, target, options));
+    const Execution execution{.stop = stop.get_token(), .progress = [&](double) {
+                                if (++calls == last) stop.request_stop();
+                              }};
+    expect_cancelled(align(source, target, {}, execution));
   }
 }
 

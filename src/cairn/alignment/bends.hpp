@@ -34,7 +34,7 @@ std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
 /// @param options of each placement; `search` and `trace` have no effect
 /// @return no parts if either map cannot be cut or has no descriptors
 PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& target,
-                              const AlignOptions& options);
+                              const AlignOptions& options, const Execution& execution = {});
 
 /// A bent map, straightened as the other map shows its parts. `parts.target_from_source` stays its pose, so the
 /// frame is the map's own.
@@ -92,7 +92,8 @@ class DeformablePair {
   /// deformation, and 15 agreeing matches outside their largest cluster.
   ///
   /// @param options of the placement; `search` and `trace` have no effect
-  Alignment judge(const DeformedPose& pose, const AlignOptions& options) const;
+  Alignment judge(const DeformedPose& pose, const AlignOptions& options,
+                  const Execution& execution = {}) const;
 
  private:
   std::optional<detail::DeformationFit> fitted(const Similarity3& start,

@@ -98,7 +98,7 @@ TEST(ByParts, AgreeOnABentMapAndSayHowFarItBends) {
     EXPECT_EQ(parts.bend->map, angle > 0.0 ? MapRole::kSource : parts.bend->map);
     // The parts' middles are nearer than the first and the last keyframe.
     EXPECT_NEAR(degrees(parts.bend->rotation_rad), 0.8 * angle, 1.5);
-    EXPECT_TRUE(is_aligned_straightened(parts, source, target, {}));
+    EXPECT_TRUE(is_aligned_straightened(parts, source, target, {}, {}));
   }
 }
 
@@ -163,8 +163,7 @@ TEST(ByParts, AreTheSameForAnyNumberOfThreads) {
   const PreparedMap target(pair.target);
   AlignOptions options;
   const PartsAlignment one = place_by_parts(source, target, options);
-  options.execution.executor = Executor(3);
-  const PartsAlignment three = place_by_parts(source, target, options);
+  const PartsAlignment three = place_by_parts(source, target, options, {.executor = Executor(3)});
   ASSERT_TRUE(one.consensus);
   ASSERT_TRUE(three.consensus);
   EXPECT_EQ(one.target_from_source->matrix(), three.target_from_source->matrix());
@@ -203,13 +202,12 @@ TEST(ByParts, AStoppedAlignmentHasNoVerdict) {
   ASSERT_TRUE(complete.verdict && complete.parts);
   for (const double share : {0.2, 0.5, 0.8}) {
     std::stop_source stop;
-    options.execution.stop = stop.get_token();
     const std::chrono::duration<double> delay(whole_s + share * (complete.duration_s - whole_s));
     const std::jthread caller([&] {
       std::this_thread::sleep_for(delay);
       stop.request_stop();
     });
-    const Alignment alignment = align(source, target, options);
+    const Alignment alignment = align(source, target, options, {.stop = stop.get_token()});
     // On a busy machine, the stop may come before the parts or after the end.
     if (alignment.verdict) {
       EXPECT_TRUE(alignment.parts) << share;

@@ -241,8 +241,7 @@ TEST(DeformedMaps, AreTheSameForAnyNumberOfThreads) {
   const LandmarkMap source = deformed_by(Stretch(pair.source), pair.source);
   AlignOptions options = of_free_scale();
   const Alignment one = align(source, pair.target, options);
-  options.execution.executor = Executor(3);
-  const Alignment three = align(source, pair.target, options);
+  const Alignment three = align(source, pair.target, options, {.executor = Executor(3)});
   ASSERT_TRUE(one.deformation && three.deformation);
   EXPECT_EQ(one.target_from_source->matrix(), three.target_from_source->matrix());
   EXPECT_EQ(one.registration.covariance, three.registration.covariance);

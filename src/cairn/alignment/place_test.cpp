@@ -61,11 +61,8 @@ Difference difference(const Rigid3& a, const Rigid3& b, const LandmarkCloud& sou
   return {degrees((a.inverse() * b).angle()), (a * middle - b * middle).norm()};
 }
 
-AlignOptions two_threads(std::uint64_t seed = 0) {
-  AlignOptions options;
-  options.seed = seed;
-  options.execution.executor = Executor(2);
-  return options;
+Execution two_threads(std::uint64_t seed = 0) {
+  return {.executor = Executor(2), .seed = seed};
 }
 
 // The radius of matches, in the unit of the target: half the fine scale. `unit` brings the source to that unit.
@@ -90,7 +87,7 @@ TEST(Place, FindsTheTruthFromAnywhere) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const SyntheticPair pair = synthetic_pair({.seed = seed, .overlap = 0.5});
     const LandmarkCloud source = landmark_cloud(pair.source);
-    const Alignment result = place(source, landmark_cloud(pair.target), two_threads(seed));
+    const Alignment result = place(source, landmark_cloud(pair.target), {}, two_threads(seed));
     EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
     const Difference error =
         difference(result.registration.target_from_source, pair.target_from_source, source);
@@ -113,7 +110,7 @@ TEST(Place, MovesWithEitherMap) {
   for (int trial = 0; trial < 2; ++trial) {
     const Rigid3 a = any_pose(random, 100.0);
     const Rigid3 b = any_pose(random, 100.0);
-    const Alignment result = place(moved(source, a), moved(target, b), two_threads());
+    const Alignment result = place(moved(source, a), moved(target, b), {}, two_threads());
     EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
     const Difference error = difference(b.inverse() * result.registration.target_from_source * a,
                                         pair.target_from_source, source);
@@ -126,7 +123,7 @@ TEST(Place, WorksAtAnySize) {
   const SyntheticPair pair = synthetic_pair({.seed = 10});
   const LandmarkCloud source = scaled(landmark_cloud(pair.source), 1000.0);
   const Alignment result =
-      place(source, scaled(landmark_cloud(pair.target), 1000.0), two_threads());
+      place(source, scaled(landmark_cloud(pair.target), 1000.0), {}, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   const Rigid3 truth(pair.target_from_source.quaternion(),
                      1000.0 * pair.target_from_source.translation());
@@ -162,12 +159,13 @@ LandmarkCloud part_near(const LandmarkCloud& all, const Eigen::Vector3d& centre,
 // The source in another unit, which is to be found.
 void expect_found(const LandmarkCloud& source, const LandmarkCloud& target, const Rigid3& truth,
                   double unit, const ScaleRange& range = {}) {
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.effort = 0.25;
   options.scale = range;
   std::vector<double> progress = {0.0};
-  options.execution.progress = [&](double share) { progress.push_back(share); };
-  const Alignment result = place(scaled(source, unit), target, options);
+  Execution execution = two_threads();
+  execution.progress = [&](double share) { progress.push_back(share); };
+  const Alignment result = place(scaled(source, unit), target, options, execution);
   EXPECT_TRUE(std::is_sorted(progress.begin(), progress.end()));
   EXPECT_GT(progress.back(), 0.5);
   EXPECT_LE(progress.back(), 1.0);
@@ -215,10 +213,10 @@ TEST(Place, SearchesTheRangeOfScalesWhateverSizesSuggest) {
   const LandmarkCloud whole = part_of(other, [&](std::size_t i, const Eigen::Vector3d& position) {
     return (position - there).norm() < 0.1 || i % 12 == 0;
   });
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.effort = 0.25;
   options.scale = ScaleRange{0.9, 1.1};
-  const Alignment result = place(part, whole, options);
+  const Alignment result = place(part, whole, options, two_threads());
   EXPECT_NEAR(result.registration.scale, 1.0, 0.02) << result.reason;
   const Difference error =
       difference(result.registration.target_from_source, pair.target_from_source, part);
@@ -229,13 +227,13 @@ TEST(Place, SearchesTheRangeOfScalesWhateverSizesSuggest) {
 TEST(Place, LooksForScalesInTheRangeOnly) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 800});
   const LandmarkCloud target = landmark_cloud(pair.target);
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.effort = 0.25;
   options.scale = ScaleRange{2.0, 4.0};
-  const Alignment outside = place(landmark_cloud(pair.source), target, options);
+  const Alignment outside = place(landmark_cloud(pair.source), target, options, two_threads());
   EXPECT_NE(outside.verdict, Verdict::kAligned) << outside.reason;
   const LandmarkCloud small = scaled(landmark_cloud(pair.source), 1.0 / 3.0);
-  const Alignment inside = place(small, target, options);
+  const Alignment inside = place(small, target, options, two_threads());
   EXPECT_EQ(inside.verdict, Verdict::kAligned) << inside.reason;
   EXPECT_NEAR(inside.registration.scale, 3.0, 0.03);
   ASSERT_FALSE(inside.candidates.empty());
@@ -247,20 +245,20 @@ TEST(Place, LooksForScalesInTheRangeOnly) {
   }
   // Lengths are in the target's unit.
   options.scale = ScaleRange{200.0, 400.0};
-  const Alignment large = place(small, scaled(target, 100.0), options);
+  const Alignment large = place(small, scaled(target, 100.0), options, two_threads());
   EXPECT_NEAR(large.radius, 100.0 * inside.radius, inside.radius);
   // Of an end of the range, where no scale is found exactly, too.
   options.scale = ScaleRange{3.0, 3.0};
-  EXPECT_EQ(place(small, target, options).verdict, Verdict::kAligned);
+  EXPECT_EQ(place(small, target, options, two_threads()).verdict, Verdict::kAligned);
 }
 
 TEST(Place, RejectsMapsOfDifferentScenesAtAnyScale) {
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.effort = 0.25;
   options.scale = ScaleRange();
-  const Alignment result =
-      place(scaled(landmark_cloud(synthetic_map({.seed = 101, .landmarks = 1500})), 0.3),
-            landmark_cloud(synthetic_map({.seed = 201, .landmarks = 1500})), options);
+  const Alignment result = place(
+      scaled(landmark_cloud(synthetic_map({.seed = 101, .landmarks = 1500})), 0.3),
+      landmark_cloud(synthetic_map({.seed = 201, .landmarks = 1500})), options, two_threads());
   EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
   expect_judged_pose(result);
 }
@@ -322,9 +320,9 @@ void expect_same(const Alignment& one, const Alignment& two) {
 TEST(Place, IsTheSameForAnyNumberOfThreads) {
   const SyntheticPair pair = synthetic_pair({.seed = 11});
   const auto [source, target] = clouds_with_descriptors(pair);
-  expect_same(place(source, target), place(source, target, two_threads()));
+  expect_same(place(source, target), place(source, target, {}, two_threads()));
   const LandmarkCloud without = landmark_cloud(pair.source);
-  expect_same(place(without, target), place(without, target, two_threads()));
+  expect_same(place(without, target), place(without, target, {}, two_threads()));
 }
 
 // A star of rays that are alike: as many poses fit equally well, and more than go on.
@@ -356,9 +354,9 @@ TEST(Place, OfPosesThatFitAlikeKeepsTheOneThatLooksRight) {
           if (random.chance(changed)) byte = static_cast<std::uint8_t>(byte ^ bit);
         }
       }
-      AlignOptions options = two_threads();
+      AlignOptions options;
       options.search = PoseSearch::kAlways;
-      const Alignment result = place(source, scene, options);
+      const Alignment result = place(source, scene, options, two_threads());
       EXPECT_GT(result.probability, 0.95) << result.reason;
       const double angle = 2.0 * std::numbers::pi * static_cast<double>(turned) / kRays;
       const Rigid3 truth(rotation_exp({0, 0, angle}), Eigen::Vector3d::Zero());
@@ -373,9 +371,9 @@ TEST(Place, FindsNothingWithoutDescriptorsAndSearch) {
   const SyntheticPair pair = synthetic_pair({.seed = 11, .landmarks = 500});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.search = PoseSearch::kNever;
-  const Alignment result = place(source, target, options);
+  const Alignment result = place(source, target, options, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kRejected);
   EXPECT_FALSE(result.reason.empty());
   EXPECT_EQ(result.registration.status, RegistrationStatus::kFailed);
@@ -402,11 +400,10 @@ std::vector<Eigen::Vector3d> symmetric_scene(Random& random) {
 // Places them, and tells whether it searched.
 std::pair<Alignment, bool> placed(const LandmarkCloud& source, const LandmarkCloud& target,
                                   PoseSearch search) {
-  AlignOptions options = two_threads();
-  options.search = search;
   bool searched = false;
-  options.execution.progress = [&](double) { searched = true; };
-  return {place(source, target, options), searched};
+  Execution execution = two_threads();
+  execution.progress = [&](double) { searched = true; };
+  return {place(source, target, {.search = search}, execution), searched};
 }
 
 // Descriptors that agree in one spot, and hardly elsewhere, may be of a thing that stands in two places.
@@ -481,7 +478,7 @@ TEST(Place, HoldsAPoseByWhatDescriptorsShowWhereTheShapeDoesNot) {
   source = with_any_looks(std::move(source), random);
   target = with_any_looks(std::move(target), random);
   for (std::size_t i = 0; i < kCommon; ++i) std::copy_n(look(target, i), kBytes, look(source, i));
-  const Alignment result = place(source, target, two_threads());
+  const Alignment result = place(source, target, {}, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   ASSERT_TRUE(result.registration.covariance);
   const Difference error = difference(result.registration.target_from_source, truth, source);
@@ -498,15 +495,15 @@ TEST(Place, SearchesBesideWhatDescriptorsPropose) {
   const SyntheticPair pair = synthetic_pair({.seed = 12, .landmarks = 4000, .overlap = 0.9});
   const auto [all, target] = clouds_with_descriptors(pair);
   LandmarkCloud source = scaled(part_near(all, centroid(all.positions), 0.12), kUnit);
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.search = PoseSearch::kAlways;
   options.effort = 1.0 / 16.0;
   options.scale = ScaleRange();
-  const Alignment result = place(source, target, options);
+  const Alignment result = place(source, target, options, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   EXPECT_NEAR(result.registration.scale * kUnit, 1.0, 0.02);
   source.descriptors.reset();
-  const Alignment searched = place(source, target, options);
+  const Alignment searched = place(source, target, options, two_threads());
   EXPECT_NE(searched.verdict, Verdict::kAligned) << searched.registration.scale;
 }
 
@@ -515,7 +512,7 @@ TEST(Place, LooksAtDescriptorsEitherWay) {
   const auto [source, target] = clouds_with_descriptors(pair);
   for (const bool there : {true, false}) {
     const Alignment result =
-        there ? place(source, target, two_threads()) : place(target, source, two_threads());
+        there ? place(source, target, {}, two_threads()) : place(target, source, {}, two_threads());
     ASSERT_EQ(result.verdict, Verdict::kAligned) << result.reason;
     const auto& likeness = result.candidates.front().support.likeness;
     ASSERT_TRUE(likeness);
@@ -537,11 +534,11 @@ TEST(Place, FindsASmallMapInALargeOneAndTheOtherWayRound) {
     part.covariances.push_back(all.covariances[i]);
   }
   ASSERT_GT(part.size(), 100U);
-  const Alignment there = place(part, whole, two_threads());
+  const Alignment there = place(part, whole, {}, two_threads());
   EXPECT_LT(
       difference(there.registration.target_from_source, pair.target_from_source, part).translation,
       0.01);
-  const Alignment back = place(whole, part, two_threads());
+  const Alignment back = place(whole, part, {}, two_threads());
   EXPECT_LT(
       difference(back.registration.target_from_source.inverse(), pair.target_from_source, part)
           .translation,
@@ -556,21 +553,21 @@ TEST(Place, KeepsToGravity) {
   const LandmarkCloud tilted = moved(landmark_cloud(pair.source), turned);
   const LandmarkCloud upright = landmark_cloud(pair.target);
   const Rigid3 truth = pair.target_from_source * turned.inverse();
-  AlignOptions options = two_threads();
+  AlignOptions options;
   GravityPrior gravity;
   gravity.source = truth.quaternion().inverse() * gravity.target;
   options.gravity = gravity;
-  const Alignment result = place(tilted, upright, options);
+  const Alignment result = place(tilted, upright, options, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   EXPECT_LT(difference(result.registration.target_from_source, truth, tilted).translation, 0.005);
   options.gravity = GravityPrior{.source = gravity.target, .target = gravity.source};
-  const Alignment back = place(upright, tilted, options);
+  const Alignment back = place(upright, tilted, options, two_threads());
   EXPECT_EQ(back.verdict, Verdict::kAligned) << back.reason;
   EXPECT_LT(difference(back.registration.target_from_source, truth.inverse(), upright).translation,
             0.005);
   // A gravity that is wrong admits no pose near the truth.
   options.gravity = GravityPrior{.source = -gravity.source, .target = gravity.target};
-  const Alignment wrong = place(tilted, upright, options);
+  const Alignment wrong = place(tilted, upright, options, two_threads());
   EXPECT_NE(wrong.verdict, Verdict::kAligned) << wrong.reason;
 }
 
@@ -606,15 +603,15 @@ TEST(Place, SaysWhyAPoseIsNotAllowed) {
 TEST(Place, KeepsToTheRangeOfScalesInTheLastRefinement) {
   const SyntheticPair pair = synthetic_pair({.seed = 11, .landmarks = 2000});
   const auto [source, target] = clouds_with_descriptors(pair);
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.search = PoseSearch::kNever;
   options.scale = ScaleRange();
-  const Alignment free = place(source, target, options);
+  const Alignment free = place(source, target, options, two_threads());
   ASSERT_EQ(free.verdict, Verdict::kAligned) << free.reason;
   int found = 0;
   for (int step = -20; step <= 20; ++step) {
     options.scale = ScaleRange{(1.0 + 1e-5 * step) * 1.03 * free.registration.scale, 4.0};
-    const Alignment result = place(source, target, options);
+    const Alignment result = place(source, target, options, two_threads());
     if (result.candidates.empty()) continue;
     ++found;
     EXPECT_FALSE(forbidden(result.registration.similarity(), options)) << step;
@@ -627,7 +624,7 @@ TEST(Place, RejectsMapsOfDifferentScenes) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const Alignment result =
         place(landmark_cloud(synthetic_map({.seed = 100 + seed})),
-              landmark_cloud(synthetic_map({.seed = 200 + seed})), two_threads(seed));
+              landmark_cloud(synthetic_map({.seed = 200 + seed})), {}, two_threads(seed));
     EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
     expect_judged_pose(result);
   }
@@ -638,7 +635,7 @@ TEST(Place, CallsASymmetricSceneAmbiguous) {
   LandmarkCloud scene;
   scene.positions = symmetric_scene(random);
   const Rigid3 pose = any_pose(random, 5.0);
-  const Alignment result = place(moved(scene, pose), scene, two_threads());
+  const Alignment result = place(moved(scene, pose), scene, {}, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAmbiguous) << result.reason;
   EXPECT_THAT(result.reason, HasSubstr("2 poses"));
   ASSERT_GE(result.candidates.size(), 2U);
@@ -672,7 +669,7 @@ TEST(Place, CallsNoPoseOfARepeatedStructureAligned) {
     }
     const LandmarkCloud target = fence(field, 0, 60, random);
     const LandmarkCloud source = fence(field, 15, 45, random);
-    const Alignment result = place(source, target, two_threads(seed));
+    const Alignment result = place(source, target, {}, two_threads(seed));
     EXPECT_NE(result.verdict, Verdict::kAligned) << "seed " << seed << ": " << result.reason;
   }
 }
@@ -683,10 +680,10 @@ TEST(Place, UsesNoCovariancesThatArePlaceholders) {
   LandmarkCloud target = landmark_cloud(pair.target);
   source.covariances.clear();
   target.covariances.clear();
-  const Alignment without = place(source, target, two_threads());
+  const Alignment without = place(source, target, {}, two_threads());
   source.covariances.assign(source.size(), Eigen::Matrix3d::Identity());
   target.covariances.assign(target.size(), Eigen::Matrix3d::Identity());
-  const Alignment with = place(source, target, two_threads());
+  const Alignment with = place(source, target, {}, two_threads());
   EXPECT_EQ(with.verdict, Verdict::kAligned) << with.reason;
   EXPECT_EQ(with.registration.target_from_source.matrix(),
             without.registration.target_from_source.matrix());
@@ -709,7 +706,7 @@ TEST(Place, IsNotFooledByAPlaneUpsideDown) {
     }
   }
   const Rigid3 pose = any_pose(random, 5.0);
-  const Alignment result = place(moved(seen[0], pose), seen[1], two_threads());
+  const Alignment result = place(moved(seen[0], pose), seen[1], {}, two_threads());
   EXPECT_EQ(result.verdict, Verdict::kAligned) << result.reason;
   EXPECT_LT(difference(result.registration.target_from_source, pose.inverse(), moved(seen[0], pose))
                 .rotation_deg,
@@ -735,9 +732,10 @@ bool is_right(const Alignment& result, const Rigid3& truth, const LandmarkCloud&
 }
 
 PreparedPair prepared_pair(const LandmarkCloud& source, const LandmarkCloud& target,
-                           const AlignOptions& options = {}) {
-  const PrepareOptions preparation{.seed = options.seed, .executor = options.execution.executor};
-  return {PreparedMap(source, preparation), PreparedMap(target, preparation), options};
+                           const AlignOptions& options = {},
+                           const Execution& execution = two_threads()) {
+  return {PreparedMap(source, "cloud", execution), PreparedMap(target, "cloud", execution), options,
+          execution};
 }
 
 // A nearly symmetric box with marks on its sides; its mirror image also fits half of it.
@@ -763,10 +761,10 @@ TEST(Place, DoesNotTakeAMirrorImageForThePlace) {
         mirrored.positions.push_back(pose * (Eigen::Vector3d(-at.x(), at.y(), at.z()) + noise()));
       }
     }
-    const Alignment result = place(source, mirrored, two_threads(seed));
+    const Alignment result = place(source, mirrored, {}, two_threads(seed));
     EXPECT_EQ(result.verdict, Verdict::kRejected) << result.reason;
     EXPECT_THAT(result.reason, HasSubstr("the mirror image of the source fits better"));
-    EXPECT_EQ(place(source, same, two_threads(seed)).verdict, Verdict::kAligned);
+    EXPECT_EQ(place(source, same, {}, two_threads(seed)).verdict, Verdict::kAligned);
   }
 }
 
@@ -774,8 +772,8 @@ TEST(PreparedPair, PlacesAsPlaceDoesHoweverOftenAsked) {
   const SyntheticPair pair = synthetic_pair({.seed = 31, .overlap = 0.5});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  const Alignment once = place(source, target, two_threads());
-  PreparedPair prepared = prepared_pair(source, target, two_threads());
+  const Alignment once = place(source, target, {}, two_threads());
+  PreparedPair prepared = prepared_pair(source, target);
   for (int i = 0; i < 2; ++i) {
     const Alignment again = prepared.place();
     EXPECT_EQ(again.verdict, once.verdict);
@@ -787,8 +785,7 @@ TEST(PreparedPair, PlacesAsPlaceDoesHoweverOftenAsked) {
 
 std::pair<PreparedPair, Alignment> placed_pair() {
   const SyntheticPair pair = synthetic_pair({.seed = 32, .overlap = 0.5});
-  PreparedPair prepared =
-      prepared_pair(landmark_cloud(pair.source), landmark_cloud(pair.target), two_threads());
+  PreparedPair prepared = prepared_pair(landmark_cloud(pair.source), landmark_cloud(pair.target));
   Alignment placed = prepared.place();
   return {std::move(prepared), std::move(placed)};
 }
@@ -828,7 +825,7 @@ TEST(PreparedPair, AcceptsNoWrongPoseAndSettlesGuessesInTheTruth) {
   const SyntheticPair pair = synthetic_pair({.seed = 33, .overlap = 0.5});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  PreparedPair prepared = prepared_pair(source, target, two_threads());
+  PreparedPair prepared = prepared_pair(source, target);
   EXPECT_EQ(prepared.judge(pair.target_from_source).verdict, Verdict::kAligned);
   Random random(7);
   int elsewhere = 0;
@@ -860,7 +857,7 @@ TEST(PreparedPair, RejectsEveryPoseBetweenDifferentScenes) {
   const SyntheticPair b = synthetic_pair({.seed = 35});
   const LandmarkCloud source = landmark_cloud(a.source);
   const LandmarkCloud target = landmark_cloud(b.target);
-  PreparedPair prepared = prepared_pair(source, target, two_threads());
+  PreparedPair prepared = prepared_pair(source, target);
   Random random(8);
   for (int trial = 0; trial < 20; ++trial) {
     const Similarity3 pose = any_pose(random, 2.0);
@@ -875,9 +872,8 @@ TEST(PreparedPair, AcceptsNothingBesideASearchThatWasStopped) {
   const LandmarkCloud target = landmark_cloud(pair.target);
   std::stop_source stop;
   stop.request_stop();
-  AlignOptions options = two_threads();
-  options.execution.stop = stop.get_token();
-  const Alignment judged = prepared_pair(source, target, options).judge(pair.target_from_source);
+  const Alignment judged =
+      prepared_pair(source, target, {}, {.stop = stop.get_token()}).judge(pair.target_from_source);
   EXPECT_EQ(judged.verdict, Verdict::kRejected);
   EXPECT_EQ(judged.registration.status, RegistrationStatus::kCancelled);
 }
@@ -886,7 +882,7 @@ TEST(PreparedPair, JudgesByTheBarAskedFor) {
   const SyntheticPair pair = synthetic_pair({.seed = 36, .overlap = 0.3});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.min_probability = 0.9999999999;
   EXPECT_NE(prepared_pair(source, target, options).judge(pair.target_from_source).verdict,
             Verdict::kAligned);
@@ -986,16 +982,15 @@ TEST(Place, RefusesInvalidOptionsByName) {
 TEST(Place, ReturnsWhenAskedToStop) {
   std::stop_source stop;
   stop.request_stop();
-  AlignOptions options;
-  options.execution.stop = stop.get_token();
+  const Execution execution{.stop = stop.get_token()};
   const SyntheticPair pair = synthetic_pair({.seed = 14, .landmarks = 500});
-  const Alignment result = place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
+  const LandmarkCloud source = landmark_cloud(pair.source);
+  const LandmarkCloud target = landmark_cloud(pair.target);
+  const Alignment result = place(source, target, {}, execution);
   EXPECT_EQ(result.registration.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.verdict, Verdict::kRejected);
   // That is not the time limit's doing.
-  options.time_limit_s = 3600.0;
-  const Alignment limited =
-      place(landmark_cloud(pair.source), landmark_cloud(pair.target), options);
+  const Alignment limited = place(source, target, {.time_limit_s = 3600.0}, execution);
   EXPECT_EQ(limited.registration.status, RegistrationStatus::kCancelled);
   EXPECT_FALSE(limited.cut_short);
 }
@@ -1004,9 +999,9 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
   const SyntheticPair pair = synthetic_pair({.seed = 15, .landmarks = 1000});
   const LandmarkCloud source = landmark_cloud(pair.source);
   const LandmarkCloud target = landmark_cloud(pair.target);
-  AlignOptions options = two_threads();
+  AlignOptions options;
   options.time_limit_s = 3600.0;
-  const Alignment ample = place(source, target, options);
+  const Alignment ample = place(source, target, options, two_threads());
   EXPECT_EQ(ample.verdict, Verdict::kAligned) << ample.reason;
   EXPECT_FALSE(ample.cut_short);
   EXPECT_LT(difference(ample.registration.target_from_source, pair.target_from_source, source)
@@ -1015,7 +1010,7 @@ TEST(Place, MakesDoWithTheTimeThereIs) {
 
   options.time_limit_s = 1e-6;
   options.effort = 64.0;
-  const Alignment hasty = place(source, target, options);
+  const Alignment hasty = place(source, target, options, two_threads());
   EXPECT_TRUE(hasty.cut_short);
   EXPECT_THAT(hasty.reason, HasSubstr("time limit cut the work short"));
   EXPECT_EQ(hasty.registration.stop_reason, StopReason::kTimeLimit);
@@ -1048,7 +1043,7 @@ TEST(Place, FindsOnePoseForTheHalvesOfARealMapNearlyAlways) {
     const Rigid3 a = any_pose(random, 5.0);
     const Rigid3 b = any_pose(random, 5.0);
     const Alignment result =
-        place(moved(some, a), moved(part(target, random), b), two_threads(seed));
+        place(moved(some, a), moved(part(target, random), b), {}, two_threads(seed));
     const Difference error =
         difference(b.inverse() * result.registration.target_from_source * a, Rigid3(), some);
     EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;

@@ -11,17 +11,18 @@
 
 namespace cairn {
 
-PreparedMap::PreparedMap(LandmarkCloud cloud, const PrepareOptions& options, std::string_view name)
-    : cloud_(std::make_shared<const detail::PreparedCloud>(std::move(cloud), options.seed,
-                                                           options.executor, name)) {
+PreparedMap::PreparedMap(LandmarkCloud cloud, std::string_view name, const Execution& execution)
+    : cloud_(std::make_shared<const detail::PreparedCloud>(std::move(cloud), execution.seed,
+                                                           execution.executor, name)) {
   constexpr std::size_t kDense = 2 * detail::PreparedCloud::kSample;
   const LandmarkCloud& landmarks = cloud_->landmarks();
   if (landmarks.size() <= kDense || landmarks.descriptors || !landmarks.views.empty()) return;
-  even_ = std::make_shared<const detail::PreparedCloud>(cloud_->even(options.executor));
+  even_ = std::make_shared<const detail::PreparedCloud>(cloud_->even(execution.executor));
 }
 
-PreparedMap::PreparedMap(const LandmarkMap& map, const PrepareOptions& options)
-    : PreparedMap(landmark_cloud(map, options.confidence, options.points), options) {
+PreparedMap::PreparedMap(const LandmarkMap& map, const PrepareOptions& options,
+                         const Execution& execution)
+    : PreparedMap(landmark_cloud(map, options.confidence, options.points), "cloud", execution) {
   length_unit_ = map.info().length_unit;
   gravity_ = map.info().gravity;
   MapImages images(map);
@@ -33,7 +34,7 @@ PreparedMap::PreparedMap(const LandmarkMap& map, const PrepareOptions& options)
     }
     images_ = std::make_shared<const MapImages>(std::move(images).renumbered(in_cloud));
   }
-  parts_ = std::make_shared<detail::PreparedParts>(map, options);
+  parts_ = std::make_shared<detail::PreparedParts>(map, options, execution.seed);
 }
 
 }  // namespace cairn

@@ -73,8 +73,6 @@ struct PrepareOptions {
   PointSetOptions points = {};  ///< landmarks that take part
   std::size_t part_landmarks =
       600;  ///< approximate number in each part that the map can be cut into; at least 1
-  std::uint64_t seed = 0;
-  Executor executor = Executor();
 };
 
 /// A map prepared for alignments with many others: computes shared work once. Does not refer to the map.
@@ -82,13 +80,13 @@ struct PrepareOptions {
 class PreparedMap {
  public:
   /// @throws Error (input) if the map lacks the input of the confidence metric
-  explicit PreparedMap(const LandmarkMap& map, const PrepareOptions& options = {});
-  /// Landmarks in metres, without a vertical and without parts. PrepareOptions::confidence and points have no
-  /// effect.
+  explicit PreparedMap(const LandmarkMap& map, const PrepareOptions& options = {},
+                       const Execution& execution = {});
+  /// Landmarks in metres, without a vertical and without parts.
   /// @param name of the cloud, for messages
   /// @throws Error (misuse) as LandmarkCloud::validate()
-  explicit PreparedMap(LandmarkCloud cloud, const PrepareOptions& options = {},
-                       std::string_view name = "cloud");
+  explicit PreparedMap(LandmarkCloud cloud, std::string_view name = "cloud",
+                       const Execution& execution = {});
 
   LengthUnit length_unit() const { return length_unit_; }
   /// Unit vector downwards; std::nullopt if the map does not state it.
@@ -164,8 +162,6 @@ struct RefineOptions {
   std::optional<double> overlap_radius = {};
   bool trace = false;  ///< record score and matches of every iteration
 
-  Execution execution = {};
-
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
@@ -189,8 +185,8 @@ struct RefineOptions {
 ///
 /// @throws Error (misuse) for invalid options or clouds
 RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
-                          const RefineOptions& options = {});
+                          const RefineOptions& options = {}, const Execution& execution = {});
 RegistrationResult refine(const PreparedMap& source, const PreparedMap& target,
-                          const RefineOptions& options = {});
+                          const RefineOptions& options = {}, const Execution& execution = {});
 
 }  // namespace cairn

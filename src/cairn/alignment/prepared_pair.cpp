@@ -56,13 +56,15 @@ double precision(const Finalist& pose) {
 class PreparedPair::Work {
  public:
   // @param even whether evenly spread landmarks stand for dense clouds in the search and for the verdict
-  Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options, bool even)
-      : Work(source, target, options, even && source.even() ? *source.even() : source.cloud(),
+  Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options,
+       const Execution& execution, bool even)
+      : Work(source, target, options, execution,
+             even && source.even() ? *source.even() : source.cloud(),
              even && target.even() ? *target.even() : target.cloud()) {}
 
   // The same with all landmarks.
   std::unique_ptr<Work> with_all() const {
-    return std::make_unique<Work>(source_, target_, callers_, false);
+    return std::make_unique<Work>(source_, target_, callers_, execution_, false);
   }
 
   Alignment place() {
@@ -79,11 +81,13 @@ class PreparedPair::Work {
   };
 
   Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options,
-       const PreparedCloud& source_cloud, const PreparedCloud& target_cloud)
+       const Execution& execution, const PreparedCloud& source_cloud,
+       const PreparedCloud& target_cloud)
       : source_(source),
         target_(target),
         callers_(options),
         options_(options),
+        execution_(execution),
         unit_(options.scale ? std::clamp(likely_scale(source_cloud.scales(), target_cloud.scales()),
                                          options.scale->least, options.scale->most)
                             : 1.0),
@@ -106,7 +110,7 @@ class PreparedPair::Work {
       if (*equal < options_.scale->least || *equal > options_.scale->most) equal.reset();
       if (equal && *equal != 1.0) scales.push_back(*equal);
     }
-    const PreparedCloud moving = source_cloud.scaled(unit_, options.execution.executor);
+    const PreparedCloud moving = source_cloud.scaled(unit_, execution.executor);
     CommonImages common;
     if (source.images() && target.images()) {
       common = cairn::common_images(*source.images(), *target.images());
@@ -118,9 +122,11 @@ class PreparedPair::Work {
     }
     if (inverted_) {
       for (DescriptorMatch& match : identities) std::swap(match.source, match.target);
-      placement_.emplace(target_cloud, moving, std::move(scales), equal, options_, identities);
+      placement_.emplace(target_cloud, moving, std::move(scales), equal, options_, execution_,
+                         identities);
     } else {
-      placement_.emplace(moving, target_cloud, std::move(scales), equal, options_, identities);
+      placement_.emplace(moving, target_cloud, std::move(scales), equal, options_, execution_,
+                         identities);
     }
   }
 
@@ -163,7 +169,8 @@ class PreparedPair::Work {
   const PreparedMap target_;
   const AlignOptions callers_;
   AlignOptions options_;  // in the placement's unit
-  double unit_;           // factor of the source
+  const Execution execution_;
+  double unit_;  // factor of the source
   bool inverted_;
   std::size_t common_images_ = 0;
   std::optional<Placement> placement_;  // std::nullopt if there are too few landmarks
@@ -189,12 +196,11 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
   refinement.fine = refinement.finest = kernel;
   refinement.error_scale = std::min(kErrorScale * kernel, fine(best));
   refinement.overlap_radius = callers_.overlap_radius.value_or(result.radius);
-  refinement.execution.executor = callers_.execution.executor;
   refinement.trace = callers_.trace;
   RegistrationResult alignment;
   const bool unfinished = time.cuts(1.0, [&](const std::stop_token& stop) {
-    refinement.execution.stop = stop;
-    alignment = refine_with_known(source_, target_, refinement, known);
+    alignment = refine_with_known(source_, target_, refinement, known,
+                                  {.executor = execution_.executor, .stop = stop});
   });
   if (unfinished && alignment.status == RegistrationStatus::kCancelled) {
     result.cut_short = true;
@@ -299,10 +305,10 @@ std::optional<std::string> PreparedPair::Work::fits_mirrored(const Finalist& bes
   constexpr double kClearlyMore = 1.5;
   constexpr double kBeyondChance = 20.0;  // matches
   if (are_told_by_descriptors(best) || is_proven(best.support)) return std::nullopt;
-  const auto image = placement_->of_mirror_image(callers_.execution.stop);
+  const auto image = placement_->of_mirror_image(execution_.stop);
   if (!image) return std::nullopt;
   // A given pose may lie beside its optimum, where few matches are close; the image's pose does not.
-  const Finalist settled = placement_->settled(best.similarity(), callers_.execution.stop);
+  const Finalist settled = placement_->settled(best.similarity(), execution_.stop);
   for (std::size_t i = Support::kFine; i < Support::kRadii; ++i) {
     const std::size_t here = std::max(best.support.within[i], settled.support.within[i]);
     const std::size_t there = image->support.within[i];
@@ -341,7 +347,7 @@ void PreparedPair::Work::conclude_held(const Placed& placed, const Finalist& hel
   result.radius = kMatched * fine(held);
   result.registration = refined(held, true, time, result);
   // A stopped search may have missed likelier poses.
-  if (callers_.execution.stop.stop_requested()) {
+  if (execution_.stop.stop_requested()) {
     result.registration.status = RegistrationStatus::kCancelled;
     result.registration.stop_reason = StopReason::kCancelled;
     result.registration.reason = result.reason = "cancelled before the pose was judged";
@@ -411,7 +417,7 @@ Alignment PreparedPair::Work::timed(const Stages& stages) {
                                 source_.cloud().size(), target_.cloud().size(), kFewestLandmarks);
     result.registration.reason = result.reason;
   } else {
-    stages(TimeLimit(start, callers_), result);
+    stages(TimeLimit(start, callers_.time_limit_s, execution_.stop), result);
     result.common_images = common_images_;
     if (common_images_ > 0) {
       result.reason += fmt::format(
@@ -449,7 +455,7 @@ Alignment PreparedPair::Work::settle(const Similarity3& pose) {
   require_scale(pose);
   return timed([&](const TimeLimit& time, Alignment& result) {
     const Candidates& found = searched(time);
-    Finalist settled = placement_->settled(centred(pose), callers_.execution.stop);
+    Finalist settled = placement_->settled(centred(pose), execution_.stop);
     if (const auto better = placement_->better_near(found.poses, settled).first) settled = *better;
     Placed placed = beside(found, settled);
     if (placed.own == 0 && placement_->allows(settled)) {
@@ -460,14 +466,14 @@ Alignment PreparedPair::Work::settle(const Similarity3& pose) {
 }
 
 PreparedPair::PreparedPair(const PreparedMap& source, const PreparedMap& target,
-                           const AlignOptions& options) {
+                           const AlignOptions& options, const Execution& execution) {
   options.validate();
   AlignOptions each = options;
   if (source.even() || target.even()) {
     if (each.time_limit_s) *each.time_limit_s *= 0.5;
-    even_ = std::make_unique<Work>(source, target, each, true);
+    even_ = std::make_unique<Work>(source, target, each, execution, true);
   } else {
-    work_ = std::make_unique<Work>(source, target, each, false);
+    work_ = std::make_unique<Work>(source, target, each, execution, false);
   }
 }
 PreparedPair::~PreparedPair() = default;
@@ -499,12 +505,11 @@ Alignment PreparedPair::settle(const Similarity3& target_from_source) {
 }
 
 Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,
-                const AlignOptions& options) {
+                const AlignOptions& options, const Execution& execution) {
   const auto start = std::chrono::steady_clock::now();
   options.validate();
-  const PrepareOptions preparation{.seed = options.seed, .executor = options.execution.executor};
-  Alignment result = PreparedPair(PreparedMap(source, preparation, "source"),
-                                  PreparedMap(target, preparation, "target"), options)
+  Alignment result = PreparedPair(PreparedMap(source, "source", execution),
+                                  PreparedMap(target, "target", execution), options, execution)
                          .place();
   result.duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -217,8 +217,8 @@ TEST(Refine, IsTheSameForAnyNumberOfThreads) {
   RefineOptions options;
   options.initial = pair.truth;
   const RegistrationResult one = refine(pair.source, pair.target, options);
-  options.execution.executor = Executor(2);
-  const RegistrationResult two = refine(pair.source, pair.target, options);
+  const RegistrationResult two =
+      refine(pair.source, pair.target, options, {.executor = Executor(2)});
   EXPECT_EQ(one.target_from_source.matrix(), two.target_from_source.matrix());
   EXPECT_EQ(*one.covariance, *two.covariance);
 }
@@ -431,8 +431,8 @@ TEST(Refine, SaysNothingOfAPoseThatIsNoOptimum) {
   stop.request_stop();
   RefineOptions options;
   options.initial = pair.truth;
-  options.execution.stop = stop.get_token();
-  const RegistrationResult result = refine(pair.source, pair.target, options);
+  const RegistrationResult result =
+      refine(pair.source, pair.target, options, {.stop = stop.get_token()});
   EXPECT_EQ(result.status, RegistrationStatus::kCancelled);
   EXPECT_FALSE(result.covariance);
   EXPECT_TRUE(result.unobservable.empty());

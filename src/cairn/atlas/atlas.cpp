@@ -261,7 +261,7 @@ bool is_used(const AtlasState& state, const Link& link) {
 }
 
 MergeResult Atlas::merge(const FusionOptions& options, std::optional<NodeId> frame,
-                         std::optional<CommitId> at) {
+                         std::optional<CommitId> at, const Execution& execution) {
   const AtlasState state = store_->state(at);
   const AtlasComponent chosen = component_with(state, frame, store_->name());
   std::map<NodeId, NodeId> index_of;
@@ -291,7 +291,7 @@ MergeResult Atlas::merge(const FusionOptions& options, std::optional<NodeId> fra
     held.source = index_of.at(link.source);
     result.used.push_back(is_used(state, link));
   }
-  fuse_placed(inputs, options, result);
+  fuse_placed(inputs, options, result, execution);
   return result;
 }
 

@@ -99,7 +99,7 @@ class Atlas {
   /// an interruption, another call continues. The same maps and seed give the same links for any number of
   /// threads. With PostgreSQL, concurrent processes share the pairs and together give the same result as
   /// one; others take over the pairs of a process that ends.
-  AtlasLinkResult link(const AtlasLinkOptions& options = {});
+  AtlasLinkResult link(const AtlasLinkOptions& options = {}, const Execution& execution = {});
 
   /// Adds a link stated by a person. It counts like a judged one.
   LinkId link_manually(NodeId target, NodeId source, const Similarity3& target_from_source,
@@ -120,7 +120,7 @@ class Atlas {
   /// @return of all maps of the atlas, by ascending id
   /// @throws Error (misuse) if no two maps have poses in one frame, or in that of `frame`
   MergeResult merge(const FusionOptions& options = {}, std::optional<NodeId> frame = std::nullopt,
-                    std::optional<CommitId> at = std::nullopt);
+                    std::optional<CommitId> at = std::nullopt, const Execution& execution = {});
 
   /// Removes a map, its links and its pose, and the poses in its frame.
   void remove(NodeId node);

@@ -172,7 +172,7 @@ TEST_F(AtlasTest, LinksOptimisesAndMergesTwoSessions) {
 TEST_F(AtlasTest, KeepsTheMergedWorldUntilAnythingChanges) {
   add_optimised_chain();
   const auto world = [&](std::uint64_t seed = 0) {
-    return merged_world(again(), atlas().state(), seed);
+    return merged_world(again(), atlas().state(), {.seed = seed});
   };
   const std::filesystem::path file = merged_world_file(location_);
   const LandmarkMap made = world();
@@ -220,11 +220,11 @@ TEST_F(AtlasTest, MergesTheWorldEachTimeWhereItCannotBeKept) {
   const std::filesystem::path file = merged_world_file(location_);
   const std::filesystem::path other = folder_.write("other", "of somebody");
   std::filesystem::create_symlink(other, file);
-  EXPECT_EQ(merged_world(again(), atlas().state(), 0).landmark_count(), 120U);
+  EXPECT_EQ(merged_world(again(), atlas().state()).landmark_count(), 120U);
   EXPECT_EQ(std::filesystem::file_size(other), 11U) << "no link is followed";
   std::filesystem::remove(file);
   std::filesystem::create_directory(file);
-  EXPECT_EQ(merged_world(again(), atlas().state(), 0).landmark_count(), 120U);
+  EXPECT_EQ(merged_world(again(), atlas().state()).landmark_count(), 120U);
   EXPECT_TRUE(std::filesystem::is_empty(file));
 }
 
@@ -675,8 +675,8 @@ TEST_F(AtlasTest, RecognitionStopsWhenAsked) {
   options.links.candidates = 1;
   std::stop_source stop;
   stop.request_stop();
-  options.links.execution.stop = stop.get_token();
-  EXPECT_THAT(testing::message_of(ErrorKind::kCancelled, [&] { again().link(options); }),
+  EXPECT_THAT(testing::message_of(ErrorKind::kCancelled,
+                                  [&] { again().link(options, {.stop = stop.get_token()}); }),
               HasSubstr("recognition was cancelled"));
 }
 

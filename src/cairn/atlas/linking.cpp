@@ -77,22 +77,19 @@ struct KnownPairs {
   std::map<NodePair, std::vector<LinkId>> replaced;  // links that a new result replaces
 };
 
-LinkOptions without_progress(LinkOptions options) {
-  options.execution = options.execution.without_progress();
-  return options;
-}
-
 // Aligns pairs and stores the results.
 class Linker {
  public:
   using Commit = std::function<AtlasCommitted(const AtlasStore::Make& make)>;
 
-  Linker(AtlasMaps& maps, const AtlasLinkOptions& options, Commit commit, AtlasLinkResult& result)
+  Linker(AtlasMaps& maps, const AtlasLinkOptions& options, const Execution& execution,
+         Commit commit, AtlasLinkResult& result)
       : maps_(maps),
         options_(options),
+        execution_(execution),
         commit_(std::move(commit)),
         result_(result),
-        linker_(maps, without_progress(options.links)) {}
+        linker_(maps, options.links, execution.without_progress()) {}
 
   /// @param expected total number of pairs, for the progress
   void align(std::span<const NodePair> pairs, const AtlasState& state, const KnownPairs& known,
@@ -111,8 +108,8 @@ class Linker {
         flush(state, known);
       }
       ++done_;
-      if (options_.links.execution.progress) {
-        options_.links.execution.progress(
+      if (execution_.progress) {
+        execution_.progress(
             std::min(1.0, static_cast<double>(done_) / static_cast<double>(expected)));
       }
     };
@@ -175,6 +172,7 @@ class Linker {
 
   AtlasMaps& maps_;
   const AtlasLinkOptions& options_;
+  const Execution& execution_;
   Commit commit_;
   AtlasLinkResult& result_;
   PairLinker linker_;  // keeps prepared maps from batch to batch
@@ -191,7 +189,7 @@ void AtlasLinkOptions::validate() const {
             fmt::format("{} of {}", shard, shards), "a number below that of the shards");
 }
 
-AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
+AtlasLinkResult Atlas::link(const AtlasLinkOptions& options, const Execution& execution) {
   options.validate();
   AtlasState state = store_->state();
   AtlasLinkResult result;
@@ -199,7 +197,7 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   const std::set<NodeId> only(options.only.begin(), options.only.end());
   for (const NodeId id : only) require_node(state, id);
   AtlasMaps maps(*this, state);
-  const std::vector<IndexPair> likely = pairs_to_link(maps, options.links);
+  const std::vector<IndexPair> likely = pairs_to_link(maps, options.links, execution);
   auto next = likely.begin();  // in the order of all pairs
   std::vector<NodePair> pairs;
   std::size_t number = 0;
@@ -222,14 +220,15 @@ AtlasLinkResult Atlas::link(const AtlasLinkOptions& options) {
   }
 
   Linker linker(
-      maps, options, [this](const AtlasStore::Make& make) { return commit("link", make); }, result);
+      maps, options, execution,
+      [this](const AtlasStore::Make& make) { return commit("link", make); }, result);
   const std::unique_ptr<AtlasPairQueue> queue = store_->share(pairs);
   if (queue == nullptr) {
     linker.align(pairs, state, known, pairs.size());
     return result;
   }
   // A few at a time, so that all processes end at about the same time.
-  const std::size_t batch = 2 * std::size_t{options.links.execution.executor.threads()};
+  const std::size_t batch = 2 * std::size_t{execution.executor.threads()};
   for (std::vector<NodePair> taken = queue->take(batch); !taken.empty();
        taken = queue->take(batch)) {
     // Others may have added maps, and links, since.

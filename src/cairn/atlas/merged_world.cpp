@@ -112,20 +112,16 @@ LandmarkMap keep(LandmarkMap map, const fs::path& path, const std::string& key) 
 
 }  // namespace
 
-LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, std::uint64_t seed,
-                         const Execution& execution) {
+LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, const Execution& execution) {
   if (state.nodes.size() == 1) return atlas.map(state.nodes.begin()->second);
   const fs::path location = atlas.store().name();
   const bool is_file = is_atlas_file(location);
   const fs::path path = merged_world_file(location);
-  const std::string key = key_of(state, seed);
+  const std::string key = key_of(state, execution.seed);
   if (is_file) {
     if (auto map = kept(path, key)) return *std::move(map);
   }
-  FusionOptions options;
-  options.seed = seed;
-  options.execution = execution;
-  LandmarkMap map = *std::move(atlas.merge(options, {}, state.commit).map);
+  LandmarkMap map = *std::move(atlas.merge({}, {}, state.commit, execution).map);
   if (!is_file || ::access(location.c_str(), W_OK) != 0) return map;
   return keep(std::move(map), path, key);
 }

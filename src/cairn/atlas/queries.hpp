@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -58,14 +57,13 @@ std::vector<NodeId> placed_of_session(const AtlasState& state, const std::string
 /// @throws Error (misuse) if a set is empty, a map is in both, or one has no pose in the common frame
 ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
                               const std::vector<NodeId>& first, const std::vector<NodeId>& second,
-                              const ChangeOptions& options = {});
+                              const ChangeOptions& options = {}, const Execution& execution = {});
 
 /// The largest group of placed maps of an atlas as one map, for reading: Atlas::merge(), or the map of an atlas of one.
 ///
 /// Beside an atlas in a file that this user may change, the merged map is kept in merged_world_file(). It holds a hash
 /// of the maps, links and poses that it was made of, of the seed and of Cairn's version, and is used only while these
 /// are the atlas's. AtlasStore::compact() removes it.
-LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, std::uint64_t seed,
-                         const Execution& execution = {});
+LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, const Execution& execution = {});
 
 }  // namespace cairn

@@ -14,7 +14,7 @@ namespace {
 
 // The maps as one; `kept` keeps what the result refers to.
 PlacedMap as_one(Atlas& atlas, const AtlasState& state, const std::vector<NodeId>& nodes,
-                 const ChangeOptions& options, std::deque<LandmarkMap>& kept) {
+                 const Execution& execution, std::deque<LandmarkMap>& kept) {
   std::vector<PlacedMap> placed;
   for (const NodeId id : nodes) {
     const AtlasNode& node = state.nodes.at(id);
@@ -23,10 +23,7 @@ PlacedMap as_one(Atlas& atlas, const AtlasState& state, const std::vector<NodeId
     placed.push_back({&kept.back(), node.name, pose.frame_from_node, pose.covariance});
   }
   if (placed.size() == 1) return placed.front();
-  FusionOptions fusion;
-  fusion.seed = options.seed;
-  fusion.execution = options.execution;
-  kept.push_back(fuse_maps(placed, fusion).map);
+  kept.push_back(fuse_maps(placed, {}, execution).map);
   return {&kept.back(), "", Similarity3(), Matrix7d::Zero()};
 }
 
@@ -42,7 +39,7 @@ std::vector<NodeId> placed_of_session(const AtlasState& state, const std::string
 
 ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
                               const std::vector<NodeId>& first, const std::vector<NodeId>& second,
-                              const ChangeOptions& options) {
+                              const ChangeOptions& options, const Execution& execution) {
   std::optional<NodeId> frame;
   for (const auto* const nodes : {&first, &second}) {
     refuse_if(nodes->empty(), atlas.store().name(), "no maps to compare",
@@ -64,9 +61,9 @@ ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
                 fmt::format("{} is on both sides", state.nodes.at(id).name), "two different sides");
   }
   std::deque<LandmarkMap> kept;
-  const PlacedMap before = as_one(atlas, state, first, options, kept);
-  const PlacedMap after = as_one(atlas, state, second, options, kept);
-  return find_changes(before, after, options);
+  const PlacedMap before = as_one(atlas, state, first, execution, kept);
+  const PlacedMap after = as_one(atlas, state, second, execution, kept);
+  return find_changes(before, after, options, execution);
 }
 
 }  // namespace cairn

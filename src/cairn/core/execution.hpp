@@ -2,10 +2,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <stop_token>
 #include <utility>
+
+#include "cairn/core/log.hpp"
 
 namespace cairn {
 
@@ -50,14 +53,27 @@ class Executor {
 /// be empty. To cancel the work, use the std::stop_token passed with it.
 using Progress = std::function<void(double share)>;
 
-/// Where work runs, its cancellation and its progress.
+/// How a call runs: beside its options, which say what is asked. The same input, options and seed give the same bytes
+/// for any number of threads.
 struct Execution {
-  Executor executor = Executor();  ///< one thread by default; results do not depend on the number
+  Executor executor = Executor();  ///< one thread by default
   std::stop_token stop = {};
   Progress progress = {};
+  std::uint64_t seed = 0;  ///< of the random numbers
+  LogSink log = {};        ///< reports what the result does not keep
 
   /// For work within other work that reports its own progress.
-  Execution without_progress() const { return {executor, stop, {}}; }
+  Execution without_progress() const { return {executor, stop, {}, seed, log}; }
+  /// For a stage that extends from `begin` to `end` of the whole progress.
+  Execution stage(double begin, double end) const {
+    Execution part = *this;
+    if (progress) {
+      part.progress = [begin, end, whole = progress](double share) {
+        whole(begin + (end - begin) * share);
+      };
+    }
+    return part;
+  }
 };
 
 }  // namespace cairn

@@ -103,5 +103,24 @@ TEST(Executor, PassesOnWhatMakingAndUsingThrow) {
   }
 }
 
+TEST(Execution, TellsTheWholeProgressOfAStage) {
+  std::vector<double> shares;
+  const Execution whole{.progress = [&](double share) { shares.push_back(share); }, .seed = 7};
+  const Execution stage = whole.stage(0.5, 1.0);
+  for (const double share : {0.0, 0.5, 1.0}) stage.progress(share);
+  EXPECT_EQ(shares, (std::vector<double>{0.5, 0.75, 1.0}));
+  EXPECT_EQ(stage.seed, 7U);
+  EXPECT_FALSE(Execution().stage(0.5, 1.0).progress) << "nobody asked";
+}
+
+TEST(Execution, KeepsSeedAndLogWithoutProgress) {
+  const Execution silent =
+      Execution{.progress = [](double) {}, .seed = 7, .log = [](const Remark&) {}}
+          .without_progress();
+  EXPECT_FALSE(silent.progress);
+  EXPECT_EQ(silent.seed, 7U);
+  EXPECT_TRUE(silent.log);
+}
+
 }  // namespace
 }  // namespace cairn

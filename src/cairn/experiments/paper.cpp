@@ -20,9 +20,8 @@ constexpr std::size_t kStrategyCount = kPaperStrategies.size();
 
 class PaperRunner {
  public:
-  PaperRunner(const MapPair& pair, const PaperOptions& options) : pair_(pair), options_(options) {
-    // Runs are spread over threads, not the work of one.
-    options_.align.execution = {.stop = options.execution.stop};
+  PaperRunner(const MapPair& pair, const PaperOptions& options, const Execution& execution)
+      : pair_(pair), options_(options), of_run_{.stop = execution.stop} {
     points_.reserve(kStrategyCount);
     for (const std::string_view name : kPaperStrategies) {
       points_.push_back(pair_points(pair, strategy_named(name), options.points));
@@ -38,7 +37,7 @@ class PaperRunner {
                 .k = k,
                 .initial = initial};
     return run_trial(std::move(trial), points_[strategy], initial_pose(initial, pair_.truth),
-                     pair_.truth, options_.align);
+                     pair_.truth, options_.align, of_run_);
   }
 
   std::span<const Eigen::Vector3d> source() const { return points_.front().source.positions; }
@@ -100,16 +99,17 @@ class PaperRunner {
   }
 
   const MapPair& pair_;
-  PaperOptions options_;
+  const PaperOptions& options_;
+  Execution of_run_;  // the runs are spread over threads, not the work of one
   std::vector<PairPoints> points_;
 };
 
-std::vector<TrialResult> run_all(const PaperRunner& runner, const PaperOptions& options) {
+std::vector<TrialResult> run_all(const PaperRunner& runner, const Execution& execution) {
   const auto published = published_experiments();
   std::vector<TrialResult> runs(published.size() * kStrategyCount);
   std::mutex mutex;
   std::size_t done = 0;
-  options.execution.executor.for_blocks(runs.size(), 1, [&](std::size_t begin, std::size_t end) {
+  execution.executor.for_blocks(runs.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::size_t configuration = i / kStrategyCount;
       const PublishedExperiment& experiment = published[configuration];
@@ -117,8 +117,8 @@ std::vector<TrialResult> run_all(const PaperRunner& runner, const PaperOptions& 
                            experiment.k, experiment.initial, i % kStrategyCount);
       const std::lock_guard lock(mutex);
       ++done;
-      if (options.execution.progress) {
-        options.execution.progress(static_cast<double>(done) / static_cast<double>(runs.size()));
+      if (execution.progress) {
+        execution.progress(static_cast<double>(done) / static_cast<double>(runs.size()));
       }
     }
   });
@@ -138,15 +138,14 @@ double relative_success_score(const PaperResults& results) {
 }
 
 std::vector<QuadrantSearch> search_quadrants(const PaperRunner& runner, const PaperResults& results,
-                                             const PaperOptions& options) {
+                                             const Executor& executor) {
   constexpr std::array<std::pair<int, int>, 4> kQuadrants = {{{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
   std::vector<QuadrantSearch> searches(kQuadrants.size());
-  options.execution.executor.for_blocks(
-      kQuadrants.size(), 1, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-          searches[i] = runner.search(kQuadrants[i].first, kQuadrants[i].second, results);
-        }
-      });
+  executor.for_blocks(kQuadrants.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      searches[i] = runner.search(kQuadrants[i].first, kQuadrants[i].second, results);
+    }
+  });
   return searches;
 }
 
@@ -185,20 +184,21 @@ void PaperOptions::validate() const {
                   search_resolution_m, "a positive number");
 }
 
-PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options) {
+PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options,
+                                   const Execution& execution) {
   options.validate();
-  const PaperRunner runner(pair, options);
+  const PaperRunner runner(pair, options, execution);
   PaperResults results;
   results.has_truth = pair.truth.has_value();
   results.fits_inverse = runner.fits_inverse();
-  results.runs = run_all(runner, options);
+  results.runs = run_all(runner, execution);
   results.success_score =
       options.success_score ? *options.success_score : relative_success_score(results);
   std::vector<std::optional<Rigid3>> poses;
   poses.reserve(results.runs.size());
   for (const TrialResult& run : results.runs) poses.push_back(run.target_from_source);
   results.agreement = find_agreement(poses, runner.source(), options.tolerance);
-  if (options.search_xy) results.searches = search_quadrants(runner, results, options);
+  if (options.search_xy) results.searches = search_quadrants(runner, results, execution.executor);
   return results;
 }
 

@@ -65,8 +65,7 @@ double published_reference_score();
 double success_score_above(double good_score);
 
 struct PaperOptions {
-  IcpOptions
-      align;  ///< the paper's by default; initial pose, k, executor and callbacks are ignored
+  IcpOptions align;  ///< the paper's by default; initial pose and k are ignored
   PointSetOptions points;
   /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP without
   /// displacement, the ratio of the paper's 0.0037 to its own.
@@ -76,7 +75,6 @@ struct PaperOptions {
   bool search_xy = false;
   double search_limit_m = 5.0;        ///< of |x| and |y|; positive
   double search_resolution_m = 0.01;  ///< positive
-  Execution execution = {};
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field
@@ -113,7 +111,8 @@ struct PaperResults {
 /// The paper's experiments on another pair of maps. Runs are spread over the executor's threads; the
 /// results do not depend on their number. Each starts from initial_pose().
 /// @throws Error (misuse); (input) if a map lacks a metric's input; (cancelled)
-PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options = {});
+PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options = {},
+                                   const Execution& execution = {});
 
 /// Initial target_from_source of a run: the true pose, or the pose as read if the truth is unknown, displaced as the
 /// paper's maps were: turned about the target's origin, then moved.

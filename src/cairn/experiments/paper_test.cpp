@@ -73,11 +73,11 @@ TEST(PaperExperiments, StartFromTheTruthOrElseFromTheMapsAsRead) {
 
 TEST(PaperExperiments, AreTheSameWithAnyNumberOfThreads) {
   const MapPair pair = paper_pair();
+  PaperOptions options;
+  options.search_xy = true;
   const auto text = [&](unsigned threads) {
-    PaperOptions options;
-    options.execution.executor = Executor(threads);
-    options.search_xy = true;
-    const PaperResults results = run_paper_experiments(pair, options);
+    const PaperResults results =
+        run_paper_experiments(pair, options, {.executor = Executor(threads)});
     std::string rows;
     for (const TrialResult& run : results.runs) rows += runs_row(run);
     for (const QuadrantSearch& search : results.searches) {
@@ -139,12 +139,10 @@ TEST(PaperExperiments, SearchTheFirstFailureOfEachQuadrant) {
 TEST(PaperExperiments, StopWhenAsked) {
   const MapPair pair = paper_pair();
   std::stop_source stop;
-  PaperOptions options;
-  options.execution.stop = stop.get_token();
-  options.execution.progress = [&](double share) {
-    if (share > 0.1) stop.request_stop();
-  };
-  EXPECT_THROW(run_paper_experiments(pair, options), Error);
+  const Execution execution{.stop = stop.get_token(), .progress = [&](double share) {
+                              if (share > 0.1) stop.request_stop();
+                            }};
+  EXPECT_THROW(run_paper_experiments(pair, {}, execution), Error);
 }
 
 TEST(PaperExperiments, RefuseOptionsByName) {

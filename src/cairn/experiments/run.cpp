@@ -15,11 +15,8 @@
 namespace cairn {
 namespace {
 
-RegistrationResult placed(const PairPoints& points, std::uint64_t seed, const IcpOptions& options) {
-  AlignOptions placement;
-  placement.seed = seed;
-  placement.execution = options.execution.without_progress();
-  Alignment result = place(points.source_cloud, points.target_cloud, placement);
+RegistrationResult placed(const PairPoints& points, const Execution& execution) {
+  Alignment result = place(points.source_cloud, points.target_cloud, {}, execution);
   const bool cancelled = result.registration.status == RegistrationStatus::kCancelled;
   if (!cancelled && result.verdict != Verdict::kAligned) {
     // The score of a pose that is not aligned has no meaning.
@@ -32,7 +29,7 @@ RegistrationResult placed(const PairPoints& points, std::uint64_t seed, const Ic
 }
 
 RegistrationResult found(const Trial& trial, const PairPoints& points, IcpOptions options,
-                         std::uint64_t seed) {
+                         const Execution& execution) {
   switch (trial.method) {
     case Method::kIcp:
       options.stop_at_repetition = false;
@@ -42,13 +39,12 @@ RegistrationResult found(const Trial& trial, const PairPoints& points, IcpOption
       break;
     case Method::kRobust:
       return refine(points.source_cloud, points.target_cloud,
-                    {.initial = options.initial,
-                     .max_iterations = options.max_iterations,
-                     .execution = options.execution.without_progress()});
+                    {.initial = options.initial, .max_iterations = options.max_iterations},
+                    execution);
     case Method::kAnywhere:
-      return placed(points, seed, options);
+      return placed(points, execution);
   }
-  return icp(points.source, points.target, options);
+  return icp(points.source, points.target, options, execution);
 }
 
 }  // namespace
@@ -119,10 +115,11 @@ std::string describe(const Displacement& displacement) {
 }
 
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
-                      const std::optional<Rigid3>& truth, IcpOptions options, std::uint64_t seed) {
+                      const std::optional<Rigid3>& truth, IcpOptions options,
+                      const Execution& execution) {
   options.initial = initial;
   options.k = trial.k;
-  const RegistrationResult result = found(trial, points, options, seed);
+  const RegistrationResult result = found(trial, points, options, execution);
   if (result.status == RegistrationStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "experiment", "cancelled", "");
   }

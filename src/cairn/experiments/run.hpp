@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "cairn/alignment/prepared_map.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/evaluation/pose_error.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/landmark_map.hpp"
@@ -123,11 +123,10 @@ struct TrialResult {
 /// placement use those of the others that apply.
 /// @param points with clouds if the method belongs to placement
 /// @param initial initial target_from_source
-/// @param seed of the method's random numbers
-/// @throws Error (cancelled) if options.stop requests it
+/// @throws Error (cancelled)
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
                       const std::optional<Rigid3>& truth, IcpOptions options,
-                      std::uint64_t seed = 0);
+                      const Execution& execution = {});
 
 /// Runs as rows of two tables (docs/experiments.md): `runs.csv`, which is reproducible, and `timings.csv`
 /// with the same keys and the durations.

@@ -74,11 +74,9 @@ TEST(RunTrial, IsCancelledByItsToken) {
   const MapPair pair = small_pair();
   std::stop_source stop;
   stop.request_stop();
-  IcpOptions options;
-  options.execution.stop = stop.get_token();
-  EXPECT_THROW(
-      run_trial({.strategy = "base"}, pair_points(pair, strategy_named("base")), {}, {}, options),
-      Error);
+  EXPECT_THROW(run_trial({.strategy = "base"}, pair_points(pair, strategy_named("base")), {}, {},
+                         {}, {.stop = stop.get_token()}),
+               Error);
 }
 
 TEST(PoseTolerance, HoldsWithBothPartsInside) {

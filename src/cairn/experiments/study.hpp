@@ -173,13 +173,13 @@ class StudyFolder {
 
 /// Makes the missing runs of the folder, in order, several at once; loads a pair's maps only if one of its
 /// runs is missing. The rows do not depend on the number of threads.
-/// @param execution its progress is called after each run
 /// @param each_run  called with each run, before the progress
+/// @param execution its progress is called after each run
 /// @throws Error (cancelled); what `load_pair` and the folder throw
 void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
-               const Execution& execution = {},
-               const std::function<void(const TrialResult& run)>& each_run = {});
+               const std::function<void(const TrialResult& run)>& each_run = {},
+               const Execution& execution = {});
 
 /// Whether the folder holds all runs of the shard, each row sound. Changes nothing.
 /// @param inputs as of StudyFolder

@@ -296,16 +296,12 @@ void StudyFolder::sync() {
 
 void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
-               const Execution& execution,
-               const std::function<void(const TrialResult& run)>& each_run) {
+               const std::function<void(const TrialResult& run)>& each_run,
+               const Execution& execution) {
   shard.validate();
   const Study& study = plan.study();
   const std::size_t first = shard.begin(plan.size());
   const std::size_t end = shard.end(plan.size());
-  IcpOptions align = study.align;
-  align.execution.executor = Executor();  // runs are spread over threads, not the work of one
-  align.execution.stop = execution.stop;
-
   const bool with_clouds = std::any_of(study.methods.begin(), study.methods.end(), needs_clouds);
   for (std::size_t next = first + folder.done(); next < end;) {
     const std::size_t pair_number = plan.pair_of(next);
@@ -323,8 +319,9 @@ void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
           Trial trial = plan.trial(next + i);
           const Rigid3 initial = displaced(trial.initial, pair.truth, centre);
           const PairPoints& strategy_points = points.at(trial.strategy);
-          return run_trial(std::move(trial), strategy_points, initial, pair.truth, align,
-                           plan.seed_of(next + i));
+          // On one thread, because the runs are spread over them.
+          return run_trial(std::move(trial), strategy_points, initial, pair.truth, study.align,
+                           {.stop = execution.stop, .seed = plan.seed_of(next + i)});
         },
         [&](std::size_t, const TrialResult& run) {
           folder.append(run);

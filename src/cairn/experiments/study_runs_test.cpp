@@ -57,7 +57,7 @@ class StudyRunsTest : public ::testing::Test {
  protected:
   void run(const fs::path& folder, const Shard& shard = {}, unsigned threads = 1) const {
     StudyFolder rows(folder, plan_, shard);
-    run_study(plan_, shard, rows, load, {.executor = Executor(threads)});
+    run_study(plan_, shard, rows, load, {}, {.executor = Executor(threads)});
   }
 
   // The message of a refusal; the folder must be what it was.
@@ -148,7 +148,7 @@ TEST_F(StudyRunsTest, GoOnAfterTheyWereStopped) {
       if (rows.done() == 5) stop.request_stop();
     };
     const Execution execution{.stop = stop.get_token(), .progress = stop_after_five};
-    EXPECT_THROW(run_study(plan_, {}, rows, load, execution), Error);
+    EXPECT_THROW(run_study(plan_, {}, rows, load, {}, execution), Error);
     EXPECT_LT(rows.done(), plan_.size());
   }
   run(folder_ / "a");

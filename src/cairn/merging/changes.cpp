@@ -267,7 +267,7 @@ class OneSide {
  public:
   /// @param swapped whether `own` is the second map of `looks`
   OneSide(const PlacedMap& own, const PlacedMap& other, const Looks& looks, bool swapped,
-          const ChangeOptions& options)
+          const ChangeOptions& options, const Execution& execution)
       : options_(options), positions_(in_world(own)) {
     const LandmarkMap& map = *own.map;
     const std::vector<Eigen::Vector3d> others = in_world(other);
@@ -276,7 +276,7 @@ class OneSide {
     std::vector<std::optional<Comparable>> compared(map.landmark_count());
     constexpr std::size_t kBlock = 256;
     const auto compare = [&](std::size_t begin, std::size_t end) {
-      if (options.execution.stop.stop_requested()) {
+      if (execution.stop.stop_requested()) {
         throw Error(ErrorKind::kCancelled, "changes", "the comparison was cancelled", "");
       }
       for (std::size_t i = begin; i < end; ++i) {
@@ -289,7 +289,7 @@ class OneSide {
         });
       }
     };
-    options.execution.executor.for_blocks(compared.size(), kBlock, compare);
+    execution.executor.for_blocks(compared.size(), kBlock, compare);
     for (const std::optional<Comparable>& one : compared) {
       if (one) comparable_.push_back(*one);
     }
@@ -455,11 +455,12 @@ SimilarLandmarks similar_landmarks(const ChangedPlace& before, const ChangedPlac
 // The rigid motion that explains most of the similar landmarks of two places.
 Motion motion_between(const ChangedPlace& before, const ChangedPlace& after, const Looks& looks,
                       const std::vector<Eigen::Vector3d>& first,
-                      const std::vector<Eigen::Vector3d>& second, const ChangeOptions& options) {
+                      const std::vector<Eigen::Vector3d>& second, const ChangeOptions& options,
+                      std::uint64_t seed) {
   Motion best;
   const auto [from, to] = similar_landmarks(before, after, looks, first, second);
   if (from.size() < kMovedLeast) return best;
-  Random random(options.seed);
+  Random random(seed);
   for (std::size_t attempt = 0; attempt < kMotions; ++attempt) {
     std::array<std::size_t, 3> pick = {random.index(from.size()), random.index(from.size()),
                                        random.index(from.size())};
@@ -506,14 +507,14 @@ struct PlacePair {
 std::vector<PlacePair> moved_pairs(const std::vector<OneSide::Group>& before,
                                    const std::vector<OneSide::Group>& after, const Looks& looks,
                                    const PlacedMap& first, const PlacedMap& second,
-                                   const ChangeOptions& options) {
+                                   const ChangeOptions& options, std::uint64_t seed) {
   const std::vector<Eigen::Vector3d> first_positions = in_world(first);
   const std::vector<Eigen::Vector3d> second_positions = in_world(second);
   std::vector<PlacePair> pairs;
   for (std::size_t i = 0; i < before.size(); ++i) {
     for (std::size_t j = 0; j < after.size(); ++j) {
       const Motion motion = motion_between(before[i].place, after[j].place, looks, first_positions,
-                                           second_positions, options);
+                                           second_positions, options, seed);
       const std::size_t lesser =
           std::min(before[i].place.landmarks.size(), after[j].place.landmarks.size());
       const bool agrees =
@@ -553,7 +554,6 @@ constexpr OptionField kChangeFields[] = {
       .most_is = OptionRange::End::kExcluded},
      "--min-confidence",
      "With --world: least confidence of a reported thing, above 0 and below 1"},
-    {"seed", option_at<&ChangeOptions::seed>},
 };
 constinit const OptionTable ChangeOptions::table = {"ChangeOptions", kChangeFields};
 
@@ -574,11 +574,11 @@ std::string_view to_string(ChangeKind kind) {
 }
 
 ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
-                          const ChangeOptions& options) {
+                          const ChangeOptions& options, const Execution& execution) {
   options.validate();
   const Looks looks(*first.map, *second.map);
-  OneSide vanished(first, second, looks, false, options);
-  OneSide appeared(second, first, looks, true, options);
+  OneSide vanished(first, second, looks, false, options, execution);
+  OneSide appeared(second, first, looks, true, options, execution);
   ChangeResult result;
   result.comparable_first = vanished.comparable().size();
   result.comparable_second = appeared.comparable().size();
@@ -616,7 +616,7 @@ ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
   std::vector<bool> before_taken(before.size(), false);
   std::vector<bool> after_taken(after.size(), false);
   const std::vector<PlacePair> pairs =
-      looks.known() ? moved_pairs(before, after, looks, first, second, options)
+      looks.known() ? moved_pairs(before, after, looks, first, second, options, execution.seed)
                     : std::vector<PlacePair>();
   for (const PlacePair& pair : pairs) {
     if (before_taken[pair.before] || after_taken[pair.after]) continue;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -28,8 +27,6 @@ struct ChangeOptions {
   double min_size = 0.1;
   /// Least confidence of a reported thing; in (0, 1).
   double min_confidence = 0.9;
-  std::uint64_t seed = 0;
-  Execution execution = {};  ///< its progress is not used
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
@@ -79,9 +76,9 @@ struct ChangeResult {
 /// motion explains these.
 ///
 /// Maps without observations have no views, so no landmark is comparable. The same input and seed give the
-/// same result for any number of threads.
+/// same result for any number of threads. Reports no progress.
 /// @throws Error (misuse) for invalid options, (cancelled)
 ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
-                          const ChangeOptions& options = {});
+                          const ChangeOptions& options = {}, const Execution& execution = {});
 
 }  // namespace cairn

@@ -131,9 +131,7 @@ TEST(FindChanges, IsTheSameForAnyNumberOfThreadsAndStopsWhenAsked) {
   const PlacedMap before{.map = &first, .name = "a", .world_from_map = {}};
   const PlacedMap after{.map = &second, .name = "b", .world_from_map = {}};
   const ChangeResult one = find_changes(before, after);
-  ChangeOptions options;
-  options.execution.executor = Executor(2);
-  const ChangeResult two = find_changes(before, after, options);
+  const ChangeResult two = find_changes(before, after, {}, {.executor = Executor(2)});
   EXPECT_EQ(one.comparable_first, two.comparable_first);
   EXPECT_EQ(one.comparable_second, two.comparable_second);
   EXPECT_EQ(one.repeated, two.repeated);
@@ -143,9 +141,9 @@ TEST(FindChanges, IsTheSameForAnyNumberOfThreadsAndStopsWhenAsked) {
   EXPECT_EQ(one.changes[0].before->landmarks, two.changes[0].before->landmarks);
   std::stop_source stop;
   stop.request_stop();
-  options.execution.stop = stop.get_token();
   EXPECT_THAT(
-      testing::refusal(ErrorKind::kCancelled, [&] { find_changes(before, after, options); }),
+      testing::refusal(ErrorKind::kCancelled,
+                       [&] { find_changes(before, after, {}, {.stop = stop.get_token()}); }),
       ::testing::HasSubstr("cancelled"));
 }
 

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "cairn/alignment/alignment.hpp"
-#include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/join_splats.hpp"
@@ -61,12 +60,6 @@ void MergeOptions::validate() const {
   FusionOptions::validate();
 }
 
-FusionOptions MergeOptions::fusing_from(double begin) const {
-  FusionOptions fusing = *this;
-  fusing.execution.progress = detail::stage_of(execution.progress, begin, 1.0);
-  return fusing;
-}
-
 std::size_t MergeResult::placed() const {
   return static_cast<std::size_t>(
       std::count_if(maps.begin(), maps.end(), [](const MergedMap& one) { return one.placed; }));
@@ -83,7 +76,8 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
   return graph;
 }
 
-MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options) {
+MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options,
+                       const Execution& execution) {
   options.validate();
   if (maps.size() < 2) {
     throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} of them", maps.size()),
@@ -115,11 +109,8 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
     sessions.push_back(input.session);
     extents.push_back(node_extent(input.map->landmarks().positions));
   }
-  LinkOptions how = options.links;
-  how.seed = options.seed;
-  how.execution = options.execution;
   MapsInMemory store(pointers, std::move(sessions));
-  result.links = link_maps(store, how);
+  result.links = link_maps(store, options.links, execution);
   for (const Link& stated : options.stated) {
     Link& link = result.links.emplace_back(stated);
     link.verdict.reset();
@@ -148,8 +139,8 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
 }
 
 std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
-                                                 const FusionOptions& options,
-                                                 MergeResult& result) {
+                                                 const FusionOptions& options, MergeResult& result,
+                                                 const Execution& execution) {
   std::vector<std::vector<FrameIndex>> frames(maps.size());
   std::vector<PlacedMap> placed;
   std::vector<std::size_t> index_of;
@@ -170,7 +161,7 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
     link.target = NodeId{place_of[link.target.value]};
     link.source = NodeId{place_of[link.source.value]};
   }
-  MergedPlaced merged = merge_placed(placed, used, options);
+  MergedPlaced merged = merge_placed(placed, used, options, execution);
   for (std::size_t i = 0; i < index_of.size(); ++i) {
     MergedMap& map = result.maps[index_of[i]];
     map.fusion = merged.maps[i];
@@ -184,11 +175,10 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
   return frames;
 }
 
-MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options) {
-  MergeOptions placing = options;
-  placing.execution.progress = detail::stage_of(options.execution.progress, 0.0, 0.9);
-  MergeResult result = place_maps(maps, placing);
-  fuse_placed(maps, options.fusing_from(0.9), result);
+MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options,
+                  const Execution& execution) {
+  MergeResult result = place_maps(maps, options, execution.stage(0.0, 0.9));
+  fuse_placed(maps, options, result, execution.stage(0.9, 1.0));
   return result;
 }
 

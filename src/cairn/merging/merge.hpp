@@ -20,15 +20,12 @@ struct MergeInput {
   std::string session = {};          ///< shared by maps of one run; empty if unknown
 };
 
-/// Options of merge(): those of the fusion, whose seed, execution and log are of the whole, and of the links.
+/// Options of merge(): those of the fusion and of the links.
 struct MergeOptions : FusionOptions {
-  LinkOptions links = {};  ///< its seed and execution have no effect
+  LinkOptions links = {};
   /// Known links, of maps by index, such as odometry between mini-maps of one run.
   std::vector<Link> stated = {};
 
-  /// Those of fuse_placed().
-  /// @param begin share of the progress at which the fusion begins
-  FusionOptions fusing_from(double begin) const;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
 };
@@ -68,13 +65,15 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
 
 /// Merges maps of one place: place_maps(), then fuse_placed().
 /// @throws Error (misuse) for fewer than two maps or invalid options, (cancelled)
-MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {});
+MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {},
+                  const Execution& execution = {});
 
 /// The first half of merge(): link_maps(), then optimise_poses(). Only aligned and stated links place a map; maps without a
 /// link to the largest group are left out. The order of the maps decides the frame and the numbers, and nothing else.
 /// @return without a map
 /// @throws Error as merge(), and (misuse) for a map that is given twice, whatever its name
-MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options = {});
+MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options = {},
+                       const Execution& execution = {});
 
 /// The second half of merge(): merge_placed() of the maps that are placed, if any, by the links between them that are
 /// used.
@@ -82,6 +81,7 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
 /// @return per map and frame that is not left out as folded: its index in the map; nothing for a map that is not placed
 /// @throws Error as merge_placed()
 std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
-                                                 const FusionOptions& options, MergeResult& result);
+                                                 const FusionOptions& options, MergeResult& result,
+                                                 const Execution& execution = {});
 
 }  // namespace cairn

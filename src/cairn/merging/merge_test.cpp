@@ -146,8 +146,8 @@ TEST(Merge, MapsWithoutCamerasAreMergedButNotAdjusted) {
   MergeOptions options;
   options.adjust = true;
   std::vector<std::string> lines;
-  options.log = [&](std::string_view line) { lines.emplace_back(line); };
-  const MergeResult result = merge(inputs, options);
+  const MergeResult result =
+      merge(inputs, options, {.log = [&](std::string_view line) { lines.emplace_back(line); }});
   EXPECT_TRUE(result.map);
   EXPECT_FALSE(result.adjustment);
   EXPECT_THAT(lines, ::testing::Contains(HasSubstr("has no camera")));
@@ -193,11 +193,9 @@ TEST(Merge, IsTheSameForAnyNumberOfThreads) {
       transformed(maps.target, Rigid3::from_roll_pitch_yaw({1.0, 2.0, 3.0}, 1.0, 0.5, -2.0));
   const std::vector<MergeInput> inputs = {
       {"target", &maps.target}, {"source", &maps.source}, {"third", &third}};
-  MergeOptions options;
-  const MergeResult one = merge(inputs, options);
+  const MergeResult one = merge(inputs);
   ASSERT_EQ(one.placed(), 3U);
-  options.execution.executor = Executor(2);
-  const MergeResult two = merge(inputs, options);
+  const MergeResult two = merge(inputs, {}, {.executor = Executor(2)});
   EXPECT_THAT(*two.map, EqualsMap(*one.map));
 }
 
@@ -205,10 +203,9 @@ TEST(Merge, StopsWhenAsked) {
   const SyntheticPair maps = pair(4);
   std::stop_source stop;
   stop.request_stop();
-  MergeOptions options;
-  options.execution.stop = stop.get_token();
   const std::vector<MergeInput> inputs = {{"a", &maps.target}, {"b", &maps.source}};
-  EXPECT_THAT(testing::refusal(ErrorKind::kCancelled, [&] { merge(inputs, options); }),
+  EXPECT_THAT(testing::refusal(ErrorKind::kCancelled,
+                               [&] { merge(inputs, {}, {.stop = stop.get_token()}); }),
               HasSubstr("cancelled"));
 }
 

@@ -6,7 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
@@ -29,7 +28,6 @@ struct PoseOptimisationOptions {
   /// logarithms of scale; in (0, 1].
   double agreement = 0.1;
   int max_iterations = 100;  ///< of the solver
-  Execution execution = {};  ///< one thread, so that results do not depend on their number
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint

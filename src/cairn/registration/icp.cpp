@@ -98,8 +98,10 @@ class Repetition {
 // by the initial pose, so that coordinates far from the origin cost no precision.
 class IcpAlignment {
  public:
-  IcpAlignment(const PointSet& source, const PointSet& target, const IcpOptions& options)
+  IcpAlignment(const PointSet& source, const PointSet& target, const IcpOptions& options,
+               const Execution& execution)
       : options_(options),
+        execution_(execution),
         centre_(central_part(target.positions).centre),
         centred_from_source_(Rigid3(Eigen::Quaterniond::Identity(), -centre_) * options.initial),
         source_(moved_points(source.positions, centred_from_source_)),
@@ -140,8 +142,8 @@ class IcpAlignment {
       start = coarse.target_from_source;
       result.coarse_iterations = coarse.iterations;
     }
-    IcpRun run = run_icp(source_, start, find_matches, estimate_step, converged,
-                         options_.execution.stop, [&](Iteration iteration) {
+    IcpRun run = run_icp(source_, start, find_matches, estimate_step, converged, execution_.stop,
+                         [&](Iteration iteration) {
                            repetition.add(iteration);
                            result.history.push_back(record(std::move(iteration), queries));
                            report_progress(result.history.size());
@@ -163,7 +165,7 @@ class IcpAlignment {
   Correspondence correspondence() const {
     std::optional<ConfidentSet<BatchTree>> source;
     if (options_.reciprocal) source.emplace(*source_tree_, source_, source_confidences_);
-    return {target_set(), source, options_};
+    return {target_set(), source, options_, execution_.executor};
   }
 
   ConfidentSet<BatchTree> target_set() const {
@@ -171,7 +173,8 @@ class IcpAlignment {
   }
 
   detail::CoarseAlignment align_samples() const {
-    return detail::align_samples({source_, source_confidences_, weights_}, target_set(), options_);
+    return detail::align_samples({source_, source_confidences_, weights_}, target_set(), options_,
+                                 execution_);
   }
 
   // centred_target_from_centred_source as target_from_source.
@@ -180,8 +183,7 @@ class IcpAlignment {
   }
 
   std::optional<double> score(const Rigid3& pose, BatchTree::Batch& queries) const {
-    return fitness_score(
-        nearest_squared_distances(source_, pose, queries, options_.execution.executor));
+    return fitness_score(nearest_squared_distances(source_, pose, queries, execution_.executor));
   }
 
   IterationRecord record(Iteration iteration, BatchTree::Batch& queries) const {
@@ -197,18 +199,18 @@ class IcpAlignment {
   }
 
   void report_progress(std::size_t iterations) const {
-    if (!options_.execution.progress) return;
-    options_.execution.progress(static_cast<double>(iterations) / options_.max_iterations);
+    if (!execution_.progress) return;
+    execution_.progress(static_cast<double>(iterations) / options_.max_iterations);
   }
 
   void describe_fit(const Rigid3& pose, BatchTree::Batch& queries,
                     RegistrationResult& result) const {
     const std::vector<double> distances =
-        nearest_squared_distances(source_, pose, queries, options_.execution.executor);
+        nearest_squared_distances(source_, pose, queries, execution_.executor);
     result.score = fitness_score(distances);
     if (options_.overlap_radius) {
-      const std::vector<double> back = nearest_squared_distances(
-          target_, pose.inverse(), *source_tree_, options_.execution.executor);
+      const std::vector<double> back =
+          nearest_squared_distances(target_, pose.inverse(), *source_tree_, execution_.executor);
       result.overlap = Overlap{*share_within(distances, *options_.overlap_radius),
                                *share_within(back, *options_.overlap_radius)};
     }
@@ -228,6 +230,7 @@ class IcpAlignment {
   }
 
   const IcpOptions& options_;
+  const Execution& execution_;
   Eigen::Vector3d centre_;
   Rigid3 centred_from_source_;
   Points source_;
@@ -315,7 +318,8 @@ void IcpOptions::validate() const {
   check_options(*this);
 }
 
-RegistrationResult icp(const PointSet& source, const PointSet& target, const IcpOptions& options) {
+RegistrationResult icp(const PointSet& source, const PointSet& target, const IcpOptions& options,
+                       const Execution& execution) {
   const auto start = std::chrono::steady_clock::now();
   options.validate();
   check_points(source, "source");
@@ -327,7 +331,7 @@ RegistrationResult icp(const PointSet& source, const PointSet& target, const Icp
   RegistrationResult result;
   result.target_from_source = options.initial;
   if (!source.positions.empty() && !target.positions.empty()) {
-    result = IcpAlignment(source, target, options).run();
+    result = IcpAlignment(source, target, options, execution).run();
   }
   result.status = status_of(result.stop_reason);
   result.reason = sentence(result, source.positions.size(), target.positions.size());
@@ -338,9 +342,9 @@ RegistrationResult icp(const PointSet& source, const PointSet& target, const Icp
 
 RegistrationResult icp(const LandmarkMap& source, const LandmarkMap& target,
                        const std::optional<Metric>& metric, const IcpOptions& options,
-                       const PointSetOptions& point_options) {
+                       const PointSetOptions& point_options, const Execution& execution) {
   return icp(point_set(source, metric, point_options), point_set(target, metric, point_options),
-             options);
+             options, execution);
 }
 
 }  // namespace cairn

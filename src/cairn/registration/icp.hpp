@@ -38,8 +38,6 @@ struct IcpOptions {
   std::optional<double> overlap_radius = {};
   bool trace = false;  ///< record score and matches of every iteration
 
-  Execution execution = {};
-
   static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
   void validate() const;
@@ -54,13 +52,13 @@ struct IcpOptions {
 /// @throws Error (misuse) for invalid options, a wrong number of confidences, or positions or confidences
 ///        that are not finite
 RegistrationResult icp(const PointSet& source, const PointSet& target,
-                       const IcpOptions& options = {});
+                       const IcpOptions& options = {}, const Execution& execution = {});
 
 /// Aligns two maps with the confidences of one metric.
 /// @param metric std::nullopt: base ICP
 /// @throws Error also (input) if a map lacks the metric's input
 RegistrationResult icp(const LandmarkMap& source, const LandmarkMap& target,
                        const std::optional<Metric>& metric, const IcpOptions& options = {},
-                       const PointSetOptions& point_options = {});
+                       const PointSetOptions& point_options = {}, const Execution& execution = {});
 
 }  // namespace cairn

@@ -191,8 +191,8 @@ TEST(Align, GivesTheSameBytesWithAnyNumberOfThreads) {
   options.overlap_radius = 0.05;
   options.reciprocal = true;
   const auto run = [&](unsigned threads) {
-    options.execution.executor = Executor(threads);
-    return icp(pair.source, pair.target, observations_metric(), options);
+    return icp(pair.source, pair.target, observations_metric(), options, {},
+               {.executor = Executor(threads)});
   };
   const RegistrationResult one = run(1);
   for (const unsigned threads : {2U, 3U}) {
@@ -323,8 +323,9 @@ TEST(Align, ReportsProgressAsShareOfTheMostIterations) {
   options.max_iterations = 5;
   options.mse_change_threshold = 0.0;
   std::vector<double> shares;
-  options.execution.progress = [&](double share) { shares.push_back(share); };
-  const RegistrationResult result = icp(random_points(34, 100), random_points(35, 100), options);
+  const RegistrationResult result =
+      icp(random_points(34, 100), random_points(35, 100), options,
+          {.progress = [&](double share) { shares.push_back(share); }});
   ASSERT_EQ(result.stop_reason, StopReason::kIterationLimit);
   EXPECT_EQ(shares, (std::vector<double>{0.2, 0.4, 0.6, 0.8, 1.0}));
 }
@@ -355,8 +356,8 @@ TEST(Align, SaysHowItEndedAndHowLongItTook) {
 
   std::stop_source stop;
   stop.request_stop();
-  options.execution.stop = stop.get_token();
-  EXPECT_EQ(icp(source, target, options).reason, "cancelled after 0 iterations");
+  EXPECT_EQ(icp(source, target, options, {.stop = stop.get_token()}).reason,
+            "cancelled after 0 iterations");
 }
 
 TEST(Align, AcceptsOptionsAtTheirLimits) {
@@ -464,13 +465,12 @@ TEST(Align, CovarianceHoldsTheTruthOfRightMatchesFarFromTheOrigin) {
 
 TEST(Align, StopsWhenAsked) {
   std::stop_source stop;
-  IcpOptions options;
-  options.execution.stop = stop.get_token();
-  options.execution.progress = [&](double share) {
-    EXPECT_GT(share, 0.0);
-    stop.request_stop();
-  };
-  const RegistrationResult result = icp(random_points(16, 100), random_points(17, 100), options);
+  const Execution execution{.stop = stop.get_token(), .progress = [&](double share) {
+                              EXPECT_GT(share, 0.0);
+                              stop.request_stop();
+                            }};
+  const RegistrationResult result =
+      icp(random_points(16, 100), random_points(17, 100), {}, execution);
   EXPECT_EQ(result.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.stop_reason, StopReason::kCancelled);
   EXPECT_EQ(result.iterations, 1);

@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/covariance.hpp"
@@ -147,7 +146,7 @@ void take_largest_moves(const std::vector<detail::CorrectedKeyframe>& keyframes,
 }  // namespace
 
 ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& options,
-                        std::size_t min_observations) {
+                        std::size_t min_observations, const Execution& execution) {
   options.validate();
   refuse_if(session.maps.empty() || session.links.size() + 1 != session.maps.size(), "session",
             fmt::format("{} maps, {} links", session.maps.size(), session.links.size()),
@@ -161,8 +160,7 @@ ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& optio
   if (!how.links.candidates && count > kMiniMapsTriedInFull) {
     how.links.candidates = kDefaultCandidates;
   }
-  how.execution.progress = detail::stage_of(options.execution.progress, 0.0, 0.5);
-  MergeResult merged = place_maps(inputs, how);
+  MergeResult merged = place_maps(inputs, how, execution.stage(0.0, 0.5));
   const std::size_t tried = merged.links.size() - session.links.size();
   result.odometry_refuted = static_cast<std::size_t>(std::count(
       merged.used.begin() + static_cast<std::ptrdiff_t>(tried), merged.used.end(), false));
@@ -177,10 +175,11 @@ ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& optio
   if (result.closed == 0) return result;
 
   place_all(session, merged.maps);
-  FusionOptions fusing = options.fusing_from(0.5);
+  FusionOptions fusing = options;
   fusing.straighten = false;
   fusing.adjust = true;
-  const std::vector<std::vector<FrameIndex>> frames = fuse_placed(inputs, fusing, merged);
+  const std::vector<std::vector<FrameIndex>> frames =
+      fuse_placed(inputs, fusing, merged, execution.stage(0.5, 1.0));
   reject_if(!merged.adjustment, "session", "its maps cannot be adjusted",
             "maps whose keyframes have cameras");
   result.adjustment = *merged.adjustment;
@@ -201,7 +200,7 @@ MiniMapLength usual_length_to_close_loops() {
 
 LoopClosedSequence map_and_close_loops(const ImageSequence& sequence, const Camera& camera,
                                        const MapSequenceOptions& mapping,
-                                       const MergeOptions& options) {
+                                       const MergeOptions& options, const Execution& execution) {
   options.validate();
   MapSequenceOptions in_pieces = mapping;
   if (!in_pieces.mini_maps) in_pieces.mini_maps = usual_length_to_close_loops();
@@ -209,10 +208,11 @@ LoopClosedSequence map_and_close_loops(const ImageSequence& sequence, const Came
   in_pieces.map.min_observations = 1;
   in_pieces.map.descriptors = true;  // to align by
   LoopClosedSequence result;
-  result.mapped = map_sequence(sequence, camera, in_pieces);
+  Execution mapping_it = execution.without_progress();
+  result.mapped = map_sequence(sequence, camera, in_pieces, mapping_it);
   result.mini_maps = result.mapped.maps.size();
   if (result.mapped.maps.empty()) return result;
-  result.loops = close_loops(result.mapped, options, mapping.map.min_observations);
+  result.loops = close_loops(result.mapped, options, mapping.map.min_observations, execution);
   if (result.loops.map) {
     MappedSequence& mapped = result.mapped;
     mapped.maps.clear();
@@ -227,8 +227,8 @@ LoopClosedSequence map_and_close_loops(const ImageSequence& sequence, const Came
   } else {
     MapSequenceOptions in_one = mapping;
     in_one.mini_maps.reset();
-    in_one.log = {};  // avoids repeated remarks
-    result.mapped = map_sequence(sequence, camera, in_one);
+    mapping_it.log = {};  // avoids repeated remarks
+    result.mapped = map_sequence(sequence, camera, in_one, mapping_it);
   }
   return result;
 }

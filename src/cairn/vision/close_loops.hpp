@@ -37,7 +37,7 @@ struct ClosedLoops {
 /// @param session maps in metres whose keyframes have cameras and timestamps, as from map_sequence()
 /// @throws Error (misuse) for invalid options or a session without maps, (cancelled)
 ClosedLoops close_loops(const MappedSequence& session, const MergeOptions& options = {},
-                        std::size_t min_observations = 1);
+                        std::size_t min_observations = 1, const Execution& execution = {});
 
 /// Default length of mini-maps for closing loops: short enough for small odometry errors within one, by
 /// path and by rotation.
@@ -52,10 +52,12 @@ struct LoopClosedSequence {
 
 /// map_sequence() and close_loops(). If no loop closes, maps the sequence again as one map.
 /// @param mapping without mini_maps, the default length is used
-/// @param options as for close_loops()
+/// @param options   as for close_loops()
+/// @param execution its progress is that of close_loops(); MapSequenceOptions::on_frame tells that of the mapping
 /// @throws Error as both
 LoopClosedSequence map_and_close_loops(const ImageSequence& sequence, const Camera& camera,
                                        const MapSequenceOptions& mapping,
-                                       const MergeOptions& options = {});
+                                       const MergeOptions& options = {},
+                                       const Execution& execution = {});
 
 }  // namespace cairn

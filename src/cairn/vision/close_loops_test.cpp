@@ -145,8 +145,7 @@ TEST(CloseLoops, SameResultWithAnyNumberOfThreadsAndByRecognition) {
   MergeOptions options;
   options.matching_rounds = 0;
   const ClosedLoops one = close_loops(session, options);
-  options.execution.executor = Executor(2);
-  const ClosedLoops two = close_loops(session, options);
+  const ClosedLoops two = close_loops(session, options, 1, {.executor = Executor(2)});
   ASSERT_TRUE(one.map && two.map);
   EXPECT_THAT(*two.map, EqualsMap(*one.map));
 }

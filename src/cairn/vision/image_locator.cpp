@@ -51,7 +51,6 @@ constexpr OptionField kLocateFields[] = {
      "Number of corners to detect in an image; of SIFT features four times as many"},
     {"min_probability", option_at<&LocateOptions::min_probability>, kProbability,
      "--min-probability", "Least probability of a located image, at least 0.5 and below 1"},
-    {"seed", option_at<&LocateOptions::seed>},
 };
 constinit const OptionTable LocateOptions::table = {"LocateOptions", kLocateFields};
 
@@ -84,13 +83,13 @@ class ImageLocator::View {
   const LocateOptions& options() const { return options_; }
   const std::shared_ptr<const Landmarks>& landmarks() const { return landmarks_; }
 
-  ImageLocation locate(const GrayImage& image, const DepthImage& depth) const {
+  ImageLocation locate(const GrayImage& image, const DepthImage& depth, std::uint64_t seed) const {
     require_size(image.width, image.height, "image");
     if (!depth.empty()) require_size(depth.width, depth.height, "depth image");
     const cv::Mat depth_m =
         landmarks_->metric && !depth.empty() ? detail::matrix_of(depth) : cv::Mat();
     const DescribedImage described = describer_.describe(detail::matrix_of(image), depth_m);
-    const ImagePoseSearch search(landmarks_->described, describer_, described, options_.seed);
+    const ImagePoseSearch search(landmarks_->described, describer_, described, seed);
     if (focal_length_ == FocalLength::kUnknown) return locate_with_lens(search, described);
     return judged(search, described, search.best(sensor()));
   }
@@ -239,8 +238,9 @@ ImageLocator ImageLocator::with_camera(const Camera& camera, FocalLength focal_l
       std::make_unique<const View>(view_->landmarks(), camera, focal_length, view_->options()));
 }
 
-ImageLocation ImageLocator::locate(const GrayImage& image, const DepthImage& depth) const {
-  return view_->locate(image, depth);
+ImageLocation ImageLocator::locate(const GrayImage& image, const DepthImage& depth,
+                                   const Execution& execution) const {
+  return view_->locate(image, depth, execution.seed);
 }
 
 }  // namespace cairn

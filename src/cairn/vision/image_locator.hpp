@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cairn/core/execution.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/map/landmark_map.hpp"
@@ -19,7 +20,6 @@ namespace cairn {
 struct LocateOptions {
   FeatureOptions features = {};
   double min_probability = 0.99;  ///< least probability of a located pose; at least 0.5 and below 1
-  std::uint64_t seed = 0;
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field
@@ -85,8 +85,10 @@ class ImageLocator {
   /// Thread-safe. The same input gives the same result.
   /// @param image   of the camera's size
   /// @param depth   of the same size; empty if unknown. Ignored if the map's unit of length is free.
+  /// @param execution of which only the seed counts
   /// @throws Error (input) for an image of another size
-  ImageLocation locate(const GrayImage& image, const DepthImage& depth = {}) const;
+  ImageLocation locate(const GrayImage& image, const DepthImage& depth = {},
+                       const Execution& execution = {}) const;
 
  private:
   struct Landmarks;

@@ -151,11 +151,11 @@ struct PosedImages {
 MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
                          const std::function<FrameImages(std::size_t frame)>& read_frame,
                          const Camera& camera, const MapAtPosesOptions& options,
-                         MapAtPoses result) {
+                         const Execution& execution, MapAtPoses result) {
   const std::vector<PosedFrame> keyframes = choose_keyframes(frames);
   PosedMapping mapping(camera, options);
   const auto prepare = [&](std::size_t i) {
-    if (options.stop.stop_requested()) {
+    if (execution.stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
     }
     const FrameImages images = read_frame(keyframes[i].frame);
@@ -177,12 +177,15 @@ MapAtPoses map_keyframes(std::span<const PosedFrame> frames,
       landmarks = mapping.add(std::move(prepared.frame));
     } else {
       ++result.unreadable;
-      if (options.log) options.log("left out: " + prepared.defect);
+      if (execution.log) execution.log("left out: " + prepared.defect);
     }
-    if (options.progress) options.progress({i + 1, keyframes.size(), landmarks, 0});
+    if (options.on_frame) options.on_frame({i + 1, keyframes.size(), landmarks, 0});
+    if (execution.progress) {
+      execution.progress(static_cast<double>(i + 1) / static_cast<double>(keyframes.size()));
+    }
   };
   constexpr std::size_t kFramesAhead = 6;
-  options.executor.in_order(keyframes.size(), kFramesAhead, prepare, add);
+  execution.executor.in_order(keyframes.size(), kFramesAhead, prepare, add);
   result.map = with_content_uuid(mapping.finish(options.map));
   reject_if(result.map.landmark_count() == 0, "sequence",
             fmt::format("no landmark in {} keyframes", keyframes.size()),
@@ -217,14 +220,16 @@ void MapAtPosesOptions::validate() const {
 MapAtPoses map_at_poses(std::span<const double> timestamps_s,
                         const std::function<FrameImages(std::size_t frame)>& read_frame,
                         const Trajectory& poses, const Camera& camera,
-                        const MapAtPosesOptions& options) {
+                        const MapAtPosesOptions& options, const Execution& execution) {
   options.validate();
   const auto posed = frames_with_pose(timestamps_s, poses, options.max_time_difference_s);
-  return map_keyframes(posed, read_frame, camera, options, counted(posed, timestamps_s.size()));
+  return map_keyframes(posed, read_frame, camera, options, execution,
+                       counted(posed, timestamps_s.size()));
 }
 
 MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses,
-                        const Camera& camera, const MapAtPosesOptions& options) {
+                        const Camera& camera, const MapAtPosesOptions& options,
+                        const Execution& execution) {
   options.validate();
   std::vector<double> timestamps;
   for (const SequenceFrame& frame : sequence.frames()) timestamps.push_back(frame.timestamp_s);
@@ -239,8 +244,8 @@ MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses,
   };
   MapAtPosesOptions with_baseline = options;
   with_baseline.features.baseline_m = sequence.baseline_m();
-  result = map_keyframes(posed, read, camera, with_baseline, std::move(result));
-  result.map = detail::with_colors(std::move(result.map), sequence, options.executor, options.stop);
+  result = map_keyframes(posed, read, camera, with_baseline, execution, std::move(result));
+  result.map = detail::with_colors(std::move(result.map), sequence, execution);
   return result;
 }
 

@@ -62,8 +62,8 @@ PreparedFrame prepare(const FrameImages& images, const detail::FeatureExtractor&
 // Combines the frames' results, in order.
 class Mapping {
  public:
-  Mapping(const Camera& camera, const MapSequenceOptions& options)
-      : tracker_(camera, options.odometry), options_(&options) {}
+  Mapping(const Camera& camera, const MapSequenceOptions& options, const Execution& execution)
+      : tracker_(camera, options.odometry), options_(&options), execution_(&execution) {}
 
   const detail::FeatureExtractor& extractor() const { return tracker_.extractor(); }
 
@@ -79,7 +79,7 @@ class Mapping {
       report = tracker_.track(frame.timestamp_s, std::move(*frame.features), frame.name);
     } else {
       ++result_.unreadable;
-      if (options_->log) options_->log("left out: " + frame.defect);
+      if (execution_->log) execution_->log("left out: " + frame.defect);
       report.status = result_.tracked > 0 ? FrameStatus::kLost : FrameStatus::kWaiting;
     }
     if (report.status == FrameStatus::kTracked) note_tracked(report);
@@ -102,8 +102,11 @@ class Mapping {
       turn_in_map_ = 0.0;
       last_pose_ = tracker_.last_pose();
     }
-    if (options_->progress) {
-      options_->progress({result_.frames, frames, report.landmarks, result_.lost_frames()});
+    if (options_->on_frame) {
+      options_->on_frame({result_.frames, frames, report.landmarks, result_.lost_frames()});
+    }
+    if (execution_->progress) {
+      execution_->progress(static_cast<double>(result_.frames) / static_cast<double>(frames));
     }
   }
 
@@ -152,14 +155,14 @@ class Mapping {
   // Depth images in the wrong unit give a map that is wrong only by a factor, which only implausible lengths
   // reveal.
   void remark_on_depth() {
-    if (!options_->log || depth_reaches_m_.empty()) return;
+    if (!execution_->log || depth_reaches_m_.empty()) return;
     const double middle = upper_median(depth_middles_m_);
     const double reach = upper_median(depth_reaches_m_);
     constexpr double kLeast = 0.4;  // least range of most depth cameras
     const double most = options_->odometry.features.max_depth_m;
     if (middle >= kLeast && reach <= most) return;
     const bool near = middle < kLeast;
-    options_->log(fmt::format(
+    execution_->log(fmt::format(
         "{} {:.3g} m, where depth cameras measure {} to {} m: check the depth images' units per "
         "metre (--depth-units; 1000 for millimetres), on which all lengths depend",
         near ? "half of all depths are below" : "the depth images reach", near ? middle : reach,
@@ -184,6 +187,7 @@ class Mapping {
 
   detail::Tracker tracker_;
   const MapSequenceOptions* options_;
+  const Execution* execution_;
   MappedSequence result_;
   std::vector<TimedPose> poses_;
   Rigid3 first_from_map_;  // the map being built, in the frame of the first
@@ -225,13 +229,14 @@ std::size_t MappedSequence::lost_frames() const {
 
 MappedSequence map_frames(std::size_t frames,
                           const std::function<FrameImages(std::size_t frame)>& read_frame,
-                          const Camera& camera, const MapSequenceOptions& options) {
+                          const Camera& camera, const MapSequenceOptions& options,
+                          const Execution& execution) {
   options.validate();
-  Mapping mapping(camera, options);
-  options.executor.in_order(
+  Mapping mapping(camera, options, execution);
+  execution.executor.in_order(
       frames, kFramesAhead,
       [&](std::size_t i) {
-        if (options.stop.stop_requested()) {
+        if (execution.stop.stop_requested()) {
           throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
         }
         return prepare(read_frame(i), mapping.extractor());
@@ -241,15 +246,16 @@ MappedSequence map_frames(std::size_t frames,
 }
 
 MappedSequence map_sequence(const ImageSequence& sequence, const Camera& camera,
-                            const MapSequenceOptions& options) {
+                            const MapSequenceOptions& options, const Execution& execution) {
   const auto read = [&](std::size_t frame) {
     return frame_images(sequence, frame, camera, options.skip_unreadable);
   };
   MapSequenceOptions with_baseline = options;
   with_baseline.odometry.features.baseline_m = sequence.baseline_m();
-  MappedSequence mapped = map_frames(sequence.frames().size(), read, camera, with_baseline);
+  MappedSequence mapped =
+      map_frames(sequence.frames().size(), read, camera, with_baseline, execution);
   for (LandmarkMap& map : mapped.maps) {
-    map = detail::with_colors(std::move(map), sequence, options.executor, options.stop);
+    map = detail::with_colors(std::move(map), sequence, execution);
   }
   return mapped;
 }

@@ -5,12 +5,10 @@
 #include <functional>
 #include <optional>
 #include <span>
-#include <stop_token>
 #include <string>
 #include <vector>
 
 #include "cairn/core/execution.hpp"
-#include "cairn/core/log.hpp"
 #include "cairn/geometry/trajectory.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
@@ -26,7 +24,7 @@ struct MiniMapLength {
   std::optional<double> turn_rad;     ///< sum of the angles between tracked frames; positive
 };
 
-/// Progress of mapping, reported after each frame.
+/// How far the mapping is, after each frame.
 struct MappingProgress {
   std::size_t frame = 0;  ///< frames done so far
   std::size_t frames = 0;
@@ -41,10 +39,8 @@ struct MapSequenceOptions {
   /// For map_sequence: treat an image that cannot be read as if it did not exist; if false, that is an
   /// error.
   bool skip_unreadable = false;
-  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
-  std::stop_token stop = {};
-  std::function<void(const MappingProgress&)> progress = {};
-  LogSink log = {};
+  /// Called after each frame, for more than the share that Execution::progress gets.
+  std::function<void(const MappingProgress&)> on_frame = {};
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -89,13 +85,15 @@ struct MappedSequence {
 ///        (cancelled); what read_frame throws
 MappedSequence map_frames(std::size_t frames,
                           const std::function<FrameImages(std::size_t frame)>& read_frame,
-                          const Camera& camera, const MapSequenceOptions& options = {});
+                          const Camera& camera, const MapSequenceOptions& options = {},
+                          const Execution& execution = {});
 
 /// The same for a sequence on disk; its landmarks get the colours of the images.
 /// @throws Error (input) naming an image that cannot be read or does not have the camera's size; (misuse);
 ///        (cancelled)
 MappedSequence map_sequence(const ImageSequence& sequence, const Camera& camera,
-                            const MapSequenceOptions& options = {});
+                            const MapSequenceOptions& options = {},
+                            const Execution& execution = {});
 
 /// The mini-maps of a sequence as a graph: a node for each, with its position in time as id, and odometry
 /// links between neighbours. Poses are in the frame of the first mini-map, from the links alone. The
@@ -120,10 +118,7 @@ struct MapAtPosesOptions {
   double max_time_difference_s = 0.02;  ///< between a frame and the nearest pose; positive
   /// Skip keyframes whose image cannot be read; if false, that is an error.
   bool skip_unreadable = false;
-  Executor executor = Executor();  ///< one thread by default; results do not depend on how many
-  std::stop_token stop = {};
-  std::function<void(const MappingProgress&)> progress = {};  ///< of keyframes
-  LogSink log = {};
+  std::function<void(const MappingProgress&)> on_frame = {};  ///< after each keyframe
 
   /// @throws Error (misuse) naming the field
   void validate() const;
@@ -151,11 +146,12 @@ struct MapAtPoses {
 MapAtPoses map_at_poses(std::span<const double> timestamps_s,
                         const std::function<FrameImages(std::size_t frame)>& read_frame,
                         const Trajectory& poses, const Camera& camera,
-                        const MapAtPosesOptions& options = {});
+                        const MapAtPosesOptions& options = {}, const Execution& execution = {});
 
 /// The same for a sequence on disk; frames without depth are not keyframes.
 /// @throws Error (input) naming an image that cannot be read or does not have the camera's size
 MapAtPoses map_at_poses(const ImageSequence& sequence, const Trajectory& poses,
-                        const Camera& camera, const MapAtPosesOptions& options = {});
+                        const Camera& camera, const MapAtPosesOptions& options = {},
+                        const Execution& execution = {});
 
 }  // namespace cairn

@@ -86,7 +86,7 @@ void expect_true(const Trajectory& trajectory, double tolerance_m = 0.01) {
 TEST(MapFrames, CountsWhatBecameOfEachFrame) {
   std::vector<MappingProgress> told;
   MapSequenceOptions options;
-  options.progress = [&](const MappingProgress& progress) { told.push_back(progress); };
+  options.on_frame = [&](const MappingProgress& progress) { told.push_back(progress); };
   const MappedSequence mapped = map_frames(30, frame_at, kCamera, options);
   EXPECT_EQ(mapped.frames, 30U);
   EXPECT_EQ(mapped.tracked, 30U);
@@ -199,9 +199,9 @@ TEST(MapFrames, UnreadableFramesAreLeftOutAndLogged) {
     return frame;
   };
   std::vector<std::string> log;
-  MapSequenceOptions options;
-  options.log = [&](std::string_view line) { log.emplace_back(line); };
-  const MappedSequence mapped = map_frames(12, read, kCamera, options);
+  const MappedSequence mapped =
+      map_frames(12, read, kCamera, kDefaults,
+                 {.log = [&](std::string_view line) { log.emplace_back(line); }});
   EXPECT_EQ(mapped.unreadable, 2U);
   EXPECT_EQ(mapped.waiting, 1U);
   EXPECT_EQ(mapped.lost_frames(), 1U);
@@ -309,13 +309,11 @@ TEST(MapFrames, NoFramesNoMap) {
 
 TEST(MapFrames, StopsWhenAsked) {
   std::stop_source source;
-  MapSequenceOptions options;
-  options.stop = source.get_token();
-  options.progress = [&](const MappingProgress& progress) {
-    if (progress.frame == 5) source.request_stop();
-  };
+  const Execution execution{.stop = source.get_token(), .progress = [&](double share) {
+                              if (share == 5.0 / 40.0) source.request_stop();
+                            }};
   try {
-    map_frames(40, frame_at, kCamera, options);
+    map_frames(40, frame_at, kCamera, kDefaults, execution);
     FAIL() << "it went on";
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kCancelled);

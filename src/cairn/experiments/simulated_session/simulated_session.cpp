@@ -36,8 +36,9 @@ Rigid3 SimulatedSession::world_from_map() const {
 }
 
 SimulatedSession map_simulated_session(const EnvironmentOptions& environment, PathOptions path,
-                                       SessionStart start, MapSequenceOptions mapping) {
-  const RgbdSimulator simulator = make_simulator(environment, path, mapping.executor);
+                                       SessionStart start, MapSequenceOptions mapping,
+                                       const Execution& execution) {
+  const RgbdSimulator simulator = make_simulator(environment, path, execution.executor);
   SimulatedSession session;
   session.truth = simulator.trajectory();
   mapping.odometry.start = {};
@@ -48,7 +49,7 @@ SimulatedSession map_simulated_session(const EnvironmentOptions& environment, Pa
   }
   session.mapped = map_frames(
       path.frames, [&](std::size_t index) { return render(simulator, index); },
-      default_simulated_camera(), mapping);
+      default_simulated_camera(), mapping, execution);
   refuse_if(session.mapped.maps.empty(), "PathOptions.frames",
             fmt::format("none of {} frames of session {} could be tracked", path.frames,
                         environment.session),
@@ -60,7 +61,8 @@ SimulatedSession map_simulated_session(const EnvironmentOptions& environment, Pa
   return session;
 }
 
-MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping) {
+MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping,
+                       const Execution& execution) {
   const auto& simulation = std::get<PairSimulation>(pair.maps);
   const auto session = [&](std::uint64_t number) {
     return map_simulated_session({.kind = environment_kind(simulation.environment),
@@ -70,7 +72,7 @@ MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping)
                                  {.kind = path_kind(simulation.path),
                                   .frames = simulation.frames,
                                   .rate_hz = simulation.rate_hz},
-                                 SessionStart::kTruePose, mapping);
+                                 SessionStart::kTruePose, mapping, execution);
   };
   SimulatedSession target = session(0);
   SimulatedSession source = session(1);

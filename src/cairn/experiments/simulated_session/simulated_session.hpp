@@ -35,10 +35,12 @@ enum class SessionStart {
 /// @param mapping its `odometry.start` has no effect
 /// @throws Error (misuse) for options out of range, or if no frame could be tracked; (cancelled)
 SimulatedSession map_simulated_session(const EnvironmentOptions& environment, PathOptions path,
-                                       SessionStart start, MapSequenceOptions mapping);
+                                       SessionStart start, MapSequenceOptions mapping,
+                                       const Execution& execution = {});
 
 /// The maps of two sessions of one place, both in its world frame.
 /// @throws Error as map_simulated_session, and (misuse) for an unknown environment or path
-MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping);
+MapPair simulated_pair(const StudyPair& pair, const MapSequenceOptions& mapping,
+                       const Execution& execution = {});
 
 }  // namespace cairn

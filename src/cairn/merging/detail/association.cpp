@@ -97,12 +97,11 @@ struct Hypothesis {
 
 class Associator {
  public:
-  Associator(const LandmarkSet& first, const LandmarkSet& second, std::uint64_t seed,
-             const Executor& executor)
-      : first_(first), second_(second), executor_(executor) {
+  Associator(const LandmarkSet& first, const LandmarkSet& second, const Execution& execution)
+      : first_(first), second_(second), executor_(execution.executor) {
     if (first.descriptors != nullptr && second.descriptors != nullptr &&
         comparable(*first.descriptors, *second.descriptors)) {
-      likeness_.emplace(*first.descriptors, *second.descriptors, seed);
+      likeness_.emplace(*first.descriptors, *second.descriptors, execution.seed);
     }
     look_around();
   }
@@ -290,10 +289,10 @@ std::vector<Association> Associator::likeliest(const Model& model) const {
 }  // namespace
 
 AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
-                            double min_probability, std::uint64_t seed, const Executor& executor) {
+                            double min_probability, const Execution& execution) {
   AssociationResult result;
   if (first.positions.empty() || second.positions.empty()) return result;
-  const Associator associator(first, second, seed, executor);
+  const Associator associator(first, second, execution);
   const Model model = associator.estimate();
   result.deviation = std::sqrt(model.variance);
   result.share = model.share;

@@ -47,7 +47,6 @@ struct AssociationResult {
 /// result for any number of threads.
 /// @param min_probability least probability that a pair is one landmark; in [0.5, 1]
 AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
-                            double min_probability = 0.5, std::uint64_t seed = 0,
-                            const Executor& executor = Executor());
+                            double min_probability = 0.5, const Execution& execution = {});
 
 }  // namespace cairn::detail

@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include "cairn/core/detail/progress_share.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
@@ -154,31 +153,29 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
   return LandmarkMap(std::move(tables));
 }
 
-MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOptions& options) {
+MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOptions& options,
+                             const Execution& execution) {
   MergedPlaced result;
   MergeAdjustment& adjustment = result.adjustment.emplace();
   std::vector<PlacedMap> placed(maps.begin(), maps.end());
   std::vector<LandmarkMap> moved(maps.size());
   const double rounds = options.matching_rounds + 1;
-  FusionOptions fusion = options;
-  fusion.execution.progress = {};
+  Execution fusing = execution.without_progress();
   std::optional<MeasurementNoise> noise;  // estimated in the first round
   for (int round = 0; round <= options.matching_rounds; ++round) {
     const bool last = round == options.matching_rounds;
-    FusionResult fused = fuse_maps(placed, fusion);
-    fusion.log = {};  // avoids repeated remarks
+    FusionResult fused = fuse_maps(placed, options, fusing);
+    fusing.log = {};  // avoids repeated remarks
     result.maps = std::move(fused.maps);
     result.frames = std::move(fused.frames);
     AdjustOptions how = options.adjustment;
-    how.execution = options.execution;
-    how.execution.progress =
-        stage_of(options.execution.progress, round / rounds, (round + 1) / rounds);
     if (!last) {
       how.covariances = false;
       how.max_iterations = std::min(how.max_iterations, kIterationsBetween);
     }
     if (noise) how.noise = noise;
-    AdjustResult adjusted = adjust(fused.map, how);
+    AdjustResult adjusted =
+        adjust(fused.map, how, execution.stage(round / rounds, (round + 1) / rounds));
     noise = adjusted.noise;
     result.map = std::move(adjusted.map);
     adjustment.converged = adjusted.converged;
@@ -191,8 +188,8 @@ MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOption
       if (!adjusted.covariance_references.empty()) {
         result.map = with_uncertain_references(std::move(result.map),
                                                adjusted.covariance_references, maps, result.frames);
-      } else if (!adjusted.why_no_covariances.empty() && options.log) {
-        options.log("the adjusted map has no covariances: " + adjusted.why_no_covariances);
+      } else if (!adjusted.why_no_covariances.empty() && execution.log) {
+        execution.log("the adjusted map has no covariances: " + adjusted.why_no_covariances);
       }
       break;
     }

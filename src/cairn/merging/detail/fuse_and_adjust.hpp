@@ -16,6 +16,7 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
                               const LandmarkMap& adjusted, std::span<const FrameIndex> frames);
 
 /// The rounds of fusing and adjusting of merge_placed(), which uses its progress for the adjustment.
-MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOptions& options);
+MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOptions& options,
+                             const Execution& execution = {});
 
 }  // namespace cairn::detail

@@ -124,8 +124,7 @@ TEST(FuseAndAdjust, SameResultWithAnyNumberOfThreads) {
   FusionOptions options;
   options.matching_rounds = 1;
   const MergedPlaced one = fuse_and_adjust(placed, options);
-  options.execution.executor = Executor(2);
-  EXPECT_THAT(fuse_and_adjust(placed, options).map, EqualsMap(one.map));
+  EXPECT_THAT(fuse_and_adjust(placed, options, {.executor = Executor(2)}).map, EqualsMap(one.map));
 }
 
 // Matching again starts from the maps in their own frames, of which the first is any.

@@ -209,7 +209,7 @@ std::vector<std::optional<FrameIndex>> Fusion::known_images_of(std::size_t m) {
     const std::size_t later = is_first ? k : m;
     const CommonImages common = common_images(images_[earlier], images_[later]);
     if (common.same.empty()) continue;
-    if (options_.log) log_common_images(earlier, later, common);
+    if (execution_.log) log_common_images(earlier, later, common);
     if (original_[m] == m && original_[k] == k) {
       identities_.push_back({earlier, later, common.landmarks});
     }
@@ -225,7 +225,7 @@ void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages&
   PoseDifferences poses = pose_differences({maps_[k].map, maps_[k].world_from_map},
                                            {maps_[m].map, maps_[m].world_from_map}, common);
   const auto rounded = [](double value) { return value < 1e-9 ? 0.0 : value; };
-  options_.log(
+  execution_.log(
       fmt::format("{} images are both in {} and in {}, and count once; their poses differ by "
                   "{:.3g} and {:.2g}° (medians)",
                   common.same.size(), maps_[k].name, maps_[m].name,
@@ -299,8 +299,8 @@ void Fusion::tell_images_apart() {
     if (renamed == kShown + 1) folders += ", ...";
   }
   for (std::size_t i = 0; i < names.size(); ++i) names[i] = image_name(map_of[i], names[i]);
-  if (options_.log) {
-    options_.log(fmt::format(
+  if (execution_.log) {
+    execution_.log(fmt::format(
         "names that images of different maps share: {}, e.g. {}; the names of all images of these "
         "{} maps begin with the map's name now. Programs find the images if those of each map are "
         "copied into a folder of that name: {}",
@@ -343,9 +343,9 @@ void Fusion::set_observations() {
     octaves = octaves || !theirs.octaves.empty();
     sources = sources || !theirs.sources.empty();
     sigmas = sigmas || !theirs.sigmas_px.empty();
-    if (!placed.map->has_observations() && options_.log) {
-      options_.log(placed.name +
-                   ": does not know who observed its landmarks, which count as not observed");
+    if (!placed.map->has_observations() && execution_.log) {
+      execution_.log(placed.name +
+                     ": does not know who observed its landmarks, which count as not observed");
     }
   }
   if (!any) return;

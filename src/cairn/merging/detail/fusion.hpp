@@ -57,7 +57,7 @@ MapInfo info_of_world(std::span<const PlacedMap> maps);
 // The fused map under construction.
 class Fusion {
  public:
-  Fusion(std::span<const PlacedMap> maps, const FusionOptions& options);
+  Fusion(std::span<const PlacedMap> maps, const FusionOptions& options, const Execution& execution);
 
   FusionResult run();
 
@@ -105,6 +105,7 @@ class Fusion {
 
   std::span<const PlacedMap> maps_;
   const FusionOptions& options_;
+  const Execution& execution_;
   std::vector<std::size_t> order_;  // in which maps are added, whatever order they are given in
   FusionResult result_;
   MapTables tables_;

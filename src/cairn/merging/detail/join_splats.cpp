@@ -94,11 +94,11 @@ void mark_duplicates(const WorldSplats& map, const WorldSplats& other, const Bat
 
 // By map and splat: whether it is left out.
 std::vector<std::vector<std::uint8_t>> thinned_splats(std::span<const PlacedMap> maps,
-                                                      const FusionOptions& options) {
+                                                      const FusionOptions& options,
+                                                      const Executor& executor) {
   std::vector<std::vector<std::uint8_t>> thinned;
   for (const PlacedMap& placed : maps) thinned.emplace_back(placed.map->landmark_count(), 0);
   if (!options.thin_splats) return thinned;
-  const Executor& executor = options.execution.executor;
   std::vector<WorldSplats> worlds;
   std::vector<BatchTree> trees;
   for (const PlacedMap& placed : maps) {
@@ -223,8 +223,9 @@ bool are_splats(std::span<const PlacedMap> maps) {
   return first.has_value();
 }
 
-FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& options) {
-  const std::vector<std::vector<std::uint8_t>> thinned = thinned_splats(maps, options);
+FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& options,
+                         const Executor& executor) {
+  const std::vector<std::vector<std::uint8_t>> thinned = thinned_splats(maps, options, executor);
   const std::vector<JoinedColumn> joined = joined_columns(maps);
   FusionResult result;
   result.frames.resize(maps.size());

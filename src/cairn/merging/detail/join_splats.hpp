@@ -13,6 +13,7 @@ bool are_splats(std::span<const PlacedMap> maps);
 
 /// Joins splats into one, in the world: see fuse_maps().
 /// @param maps for which are_splats()
-FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& options);
+FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& options,
+                         const Executor& executor = Executor());
 
 }  // namespace cairn::detail

@@ -23,13 +23,11 @@ constexpr double kLeastScaleRatio = 1.02;  // of a deformation that bends less
 
 // Number of landmarks of the source that are fused with one of the target.
 double fused(const LandmarkMap& target, const LandmarkMap& source, const Link& link,
-             FusionOptions options) {
+             const FusionOptions& options, const Execution& execution) {
   PlacedMap placed{&source, "source", *link.target_from_source};
   placed.covariance = link.full_covariance().value_or(Matrix7d::Zero());
   const std::vector<PlacedMap> both = {{&target, "target", Similarity3()}, placed};
-  options.execution = options.execution.without_progress();
-  options.log = {};
-  return static_cast<double>(fuse_maps(both, options).maps[1].fused);
+  return static_cast<double>(fuse_maps(both, options, execution).maps[1].fused);
 }
 
 // In the frame in which the link's pose holds, not that of the parts.
@@ -86,25 +84,24 @@ std::vector<std::size_t> order_of(std::span<const Link> links, std::span<const P
 
 std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
                                                             std::span<const Link> links,
-                                                            const FusionOptions& options) {
-  LinkOptions how;
-  how.seed = options.seed;
-  how.execution = options.execution.without_progress();
+                                                            const FusionOptions& options,
+                                                            const Execution& execution) {
+  Execution quiet = execution.without_progress();
+  quiet.log = {};
   std::vector<std::optional<PreparedMap>> prepared(maps.size());
   // Smaller parts than where the maps are not aligned: the pose is known, and the bend shows in three or more.
   const auto prepare = [&](std::size_t map) -> const PreparedMap& {
     if (!prepared[map]) {
-      prepared[map].emplace(*maps[map].map,
-                            PrepareOptions{.part_landmarks = 300, .seed = how.seed});
+      prepared[map].emplace(*maps[map].map, PrepareOptions{.part_landmarks = 300}, quiet);
     }
     return *prepared[map];
   };
   const auto parts_of = [&](const Link& link) {
-    auto parts = parts_of_pair(prepare(link.target.value), prepare(link.source.value), how);
+    auto parts = parts_of_pair(prepare(link.target.value), prepare(link.source.value), {}, quiet);
     if (parts) return parts;
     // Larger ones, by which maps are aligned that are not as a whole.
-    return parts_of_pair(prepared_to_link(*maps[link.target.value].map, how),
-                         prepared_to_link(*maps[link.source.value].map, how), how);
+    return parts_of_pair(prepared_to_link(*maps[link.target.value].map, {}, quiet),
+                         prepared_to_link(*maps[link.source.value].map, {}, quiet), {}, quiet);
   };
   std::vector<std::optional<StraightenedMap>> straight(maps.size());
   const auto now = [&](std::size_t map) -> const LandmarkMap& {
@@ -121,9 +118,9 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     if (link.covariance_with_scale && !straight[link.source.value]) {
       auto mended = undeformed(*maps[link.source.value].map, prepare(link.source.value),
                                prepare(link.target.value), link);
-      if (mended &&
-          fused(now(link.target.value), mended->map, link, options) >=
-              kLeastGain * fused(now(link.target.value), now(link.source.value), link, options)) {
+      if (mended && fused(now(link.target.value), mended->map, link, options, quiet) >=
+                        kLeastGain * fused(now(link.target.value), now(link.source.value), link,
+                                           options, quiet)) {
         straight[link.source.value] = std::move(mended);
         continue;
       }
@@ -134,9 +131,10 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     const std::size_t bent = of_source ? link.source.value : link.target.value;
     if (straight[bent]) continue;
     LandmarkMap map = straightened_for(*maps[bent].map, *parts, *link.target_from_source);
-    const double before = fused(now(link.target.value), now(link.source.value), link, options);
+    const double before =
+        fused(now(link.target.value), now(link.source.value), link, options, quiet);
     const double after = fused(of_source ? now(link.target.value) : map,
-                               of_source ? map : now(link.source.value), link, options);
+                               of_source ? map : now(link.source.value), link, options, quiet);
     if (after >= kLeastGain * before) straight[bent] = {std::move(map), *parts->bend};
   }
   return straight;

@@ -21,6 +21,7 @@ struct StraightenedMap {
 /// @return one per map; std::nullopt for a map that stays as it is
 std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
                                                             std::span<const Link> links,
-                                                            const FusionOptions& options = {});
+                                                            const FusionOptions& options = {},
+                                                            const Execution& execution = {});
 
 }  // namespace cairn::detail

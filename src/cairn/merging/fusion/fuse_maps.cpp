@@ -119,9 +119,11 @@ Estimate combined(std::span<const Estimate> measured, double wrong) {
 
 }  // namespace
 
-Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
+Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options,
+               const Execution& execution)
     : maps_(maps),
       options_(options),
+      execution_(execution),
       order_(largest_first(maps)),
       world_(maps.size()),
       variances_(maps.size()),
@@ -150,8 +152,8 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options)
     const bool fits =
         kept->kind == descriptors->kind && kept->bytes_each == descriptors->bytes_each;
     has_further_ = has_further_ || (fits && descriptors->has_further());
-    if (!fits && options_.log) {
-      options_.log(
+    if (!fits && execution_.log) {
+      execution_.log(
           fmt::format("{}: its descriptors ({}, {} bytes) are left out: a map has one kind",
                       placed.name, printable(descriptors->kind), descriptors->bytes_each));
     }
@@ -174,12 +176,12 @@ FusionResult Fusion::run() {
   drop_unused_cameras();
   std::size_t added = 0;
   for (const std::size_t m : order_) {
-    if (options_.execution.stop.stop_requested()) {
+    if (execution_.stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, "merge", "fusion was cancelled", "");
     }
     add(m);
-    if (options_.execution.progress) {
-      options_.execution.progress(static_cast<double>(++added) / static_cast<double>(maps_.size()));
+    if (execution_.progress) {
+      execution_.progress(static_cast<double>(++added) / static_cast<double>(maps_.size()));
     }
   }
   count_fused();
@@ -198,7 +200,7 @@ FusionResult Fusion::run() {
 
 void Fusion::add(std::size_t m) {
   const LandmarkMap& map = *maps_[m].map;
-  const WorldLandmarks& world = world_[m] = in_world(maps_[m], options_.execution.executor);
+  const WorldLandmarks& world = world_[m] = in_world(maps_[m], execution_.executor);
   AssociationResult association;
   if (original_[m] != m) {
     for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
@@ -213,10 +215,9 @@ void Fusion::add(std::size_t m) {
       covariances[i] +=
           covariance_by_pose(maps_[m], relative_covariance(maps_[m]), world.positions[i]);
     }
-    association =
-        associate({positions_, covariances_, looks(tables_.landmarks.descriptors)},
-                  {world.positions, covariances, looks(map.landmarks().descriptors)},
-                  options_.fusion_probability, options_.seed, options_.execution.executor);
+    association = associate({positions_, covariances_, looks(tables_.landmarks.descriptors)},
+                            {world.positions, covariances, looks(map.landmarks().descriptors)},
+                            options_.fusion_probability, execution_);
     association = with_identities(m, std::move(association));
   }
   result_.maps[m].landmarks = map.landmark_count();
@@ -407,7 +408,7 @@ void Fusion::set_positions() {
   landmarks.positions = std::move(positions_);
   landmarks.covariances.resize(count);
   std::vector<std::uint8_t> known(count, 1);  // whether all of its landmarks have a covariance
-  options_.execution.executor.for_blocks(count, kSlice, [&](std::size_t begin, std::size_t end) {
+  execution_.executor.for_blocks(count, kSlice, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto landmark = static_cast<std::uint32_t>(i);
       const Member& last = members_[last_member_[i]];
@@ -596,7 +597,6 @@ constexpr OptionField kFusionFields[] = {
      "--refine-intrinsics",
      "With --adjust: also adjust the cameras' parameters"},
     {"matching_rounds", option_at<&FusionOptions::matching_rounds>, within(0, 10)},
-    {"seed", option_at<&FusionOptions::seed>},
 };
 constinit const OptionTable FusionOptions::table = {"FusionOptions", kFusionFields};
 
@@ -605,11 +605,12 @@ void FusionOptions::validate() const {
   adjustment.validate();
 }
 
-FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options) {
+FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options,
+                       const Execution& execution) {
   options.validate();
   if (maps.empty()) throw Error(ErrorKind::kMisuse, "maps", "none", "at least one map");
-  return detail::are_splats(maps) ? detail::join_splats(maps, options)
-                                  : detail::Fusion(maps, options).run();
+  return detail::are_splats(maps) ? detail::join_splats(maps, options, execution.executor)
+                                  : detail::Fusion(maps, options, execution).run();
 }
 
 }  // namespace cairn

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,7 +9,6 @@
 
 #include "cairn/adjustment/adjust.hpp"
 #include "cairn/core/execution.hpp"
-#include "cairn/core/log.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/map/folds.hpp"
 
@@ -45,12 +43,9 @@ struct FusionOptions {
   bool thin_splats = true;
   /// merge_placed(): whether to bundle-adjust all keyframes and landmarks of the merged map.
   bool adjust = false;
-  AdjustOptions adjustment = {};  ///< its execution is the one below
+  AdjustOptions adjustment = {};
   /// Rounds of matching landmarks again after an adjustment, and adjusting again; 0 to 10.
   int matching_rounds = 2;
-  std::uint64_t seed = 0;
-  Execution execution = {};
-  LogSink log = {};  ///< reports what cannot be kept
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
@@ -110,6 +105,7 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks i
 ///
 /// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices, or for splats
 ///         with maps that are none
-FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {});
+FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {},
+                       const Execution& execution = {});
 
 }  // namespace cairn

@@ -171,9 +171,8 @@ TEST(FuseMaps, CountsWhatAMapAndItsDescendantHaveInCommonOnce) {
     const FusionResult without = fuse_maps(maps);
     maps.push_back({&part, "part", moved.inverse()});
     std::vector<std::string> remarks;
-    FusionOptions options;
-    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-    const FusionResult fused = fuse_maps(maps, options);
+    const Execution logged{.log = [&](std::string_view remark) { remarks.emplace_back(remark); }};
+    const FusionResult fused = fuse_maps(maps, {}, logged);
     EXPECT_THAT(remarks, ::testing::Contains(
                              HasSubstr("9 images are both in map and in part, and count once")));
     EXPECT_EQ(fused.map.frame_count(), without.map.frame_count());
@@ -503,9 +502,8 @@ TEST(FuseMaps, TellsImagesOfOneNameApartByTheirMaps) {
                                  {&second, "b", pair.target_from_source},
                                  {&third, "c", pair.target_from_source}};
   std::vector<std::string> remarks;
-  FusionOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-  const FusionResult two = fuse_maps(std::span(maps).first(2), options);
+  const Execution logged{.log = [&](std::string_view remark) { remarks.emplace_back(remark); }};
+  const FusionResult two = fuse_maps(std::span(maps).first(2), {}, logged);
   EXPECT_THAT(
       two.map.frames().image_names,
       ::testing::ElementsAre("day_one/frame_0.jpg", "day_one/frame_1.jpg", "day_one/frame_2.jpg",
@@ -519,7 +517,7 @@ TEST(FuseMaps, TellsImagesOfOneNameApartByTheirMaps) {
   const auto three = fuse_maps(maps).map.frames().image_names;
   EXPECT_EQ(std::set<std::string>(three.begin(), three.end()).size(), 9U);
   remarks.clear();
-  const FusionResult apart = fuse_maps(std::vector{maps[0], maps[2]}, options);
+  const FusionResult apart = fuse_maps(std::vector{maps[0], maps[2]}, {}, logged);
   EXPECT_EQ(apart.map.frames().image_names[0], "frame_0.jpg") << "no name is shared";
   EXPECT_THAT(remarks, ::testing::IsEmpty());
 }
@@ -535,10 +533,9 @@ TEST(FuseMaps, MakesOneFrameOfAnImageThatSeveralMapsContain) {
   const LandmarkMap second =
       transformed(cut_frames(whole, FrameId{5}, FrameId{12}), pose.inverse());
   std::vector<std::string> remarks;
-  FusionOptions options;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+  const Execution logged{.log = [&](std::string_view remark) { remarks.emplace_back(remark); }};
   const std::vector<PlacedMap> maps = {{&first, "first", {}}, {&second, "second", pose}};
-  const FusionResult result = fuse_maps(maps, options);
+  const FusionResult result = fuse_maps(maps, {}, logged);
   EXPECT_EQ(result.map.frame_count(), 12U);
   const auto& names = result.map.frames().image_names;
   EXPECT_EQ(std::set<std::string>(names.begin(), names.end()).size(), 12U);
@@ -604,10 +601,8 @@ TEST(FuseMaps, TurnsNormals) {
 
 TEST(FuseMaps, IsTheSameForAnyNumberOfThreads) {
   const Sessions two = sessions(7);
-  FusionOptions options;
-  const LandmarkMap one = fuse_maps(placed(two.maps), options).map;
-  options.execution.executor = Executor(2);
-  EXPECT_THAT(fuse_maps(placed(two.maps), options).map, EqualsMap(one));
+  const LandmarkMap one = fuse_maps(placed(two.maps)).map;
+  EXPECT_THAT(fuse_maps(placed(two.maps), {}, {.executor = Executor(2)}).map, EqualsMap(one));
 }
 
 LandmarkMap without_covariances(LandmarkMap map) {

@@ -75,7 +75,7 @@ LandmarkMap with_provenance(LandmarkMap map, const MergeAdjustment& adjustment) 
 }  // namespace
 
 MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link> links,
-                          const FusionOptions& options) {
+                          const FusionOptions& options, const Execution& execution) {
   options.validate();
   std::vector<PlacedMap> maps(given.begin(), given.end());
   std::vector<MapInWorld> in_world;
@@ -84,16 +84,16 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link
   std::vector<LandmarkMap> unfolded(maps.size());
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!folds[i]) continue;
-    if (options.log) {
-      options.log(fold_text(*folds[i], *maps[i].map, maps[i].name, maps[folds[i]->other].name) +
-                  "; they are left out");
+    if (execution.log) {
+      execution.log(fold_text(*folds[i], *maps[i].map, maps[i].name, maps[folds[i]->other].name) +
+                    "; they are left out");
     }
     unfolded[i] = without_frames(*maps[i].map, folds[i]->frames);
     maps[i].map = &unfolded[i];
   }
   std::vector<std::optional<MapBend>> bends(maps.size());
   std::vector<std::optional<detail::StraightenedMap>> straight(maps.size());
-  if (options.straighten) straight = detail::straighten_maps(maps, links, options);
+  if (options.straighten) straight = detail::straighten_maps(maps, links, options, execution);
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!straight[i]) continue;
     maps[i].map = &straight[i]->map;
@@ -101,13 +101,13 @@ MergedPlaced merge_placed(std::span<const PlacedMap> given, std::span<const Link
   }
   set_relative_covariances(links, maps);
   const std::string defect = options.adjust ? adjustment_defect(maps) : "";
-  if (!defect.empty() && options.log) options.log("not adjusted: " + defect);
+  if (!defect.empty() && execution.log) execution.log("not adjusted: " + defect);
   MergedPlaced merged;
   if (options.adjust && defect.empty()) {
-    merged = detail::fuse_and_adjust(maps, options);
+    merged = detail::fuse_and_adjust(maps, options, execution);
     merged.map = with_provenance(std::move(merged.map), *merged.adjustment);
   } else {
-    FusionResult fused = fuse_maps(maps, options);
+    FusionResult fused = fuse_maps(maps, options, execution);
     merged.map = std::move(fused.map);
     merged.maps = std::move(fused.maps);
     merged.frames = std::move(fused.frames);

@@ -54,6 +54,6 @@ struct MergedPlaced {
 ///        certain ones that connect all maps are used. Their poses stay those of the straightened maps
 /// @throws Error as fuse_maps() and adjust()
 MergedPlaced merge_placed(std::span<const PlacedMap> maps, std::span<const Link> links,
-                          const FusionOptions& options = {});
+                          const FusionOptions& options = {}, const Execution& execution = {});
 
 }  // namespace cairn

@@ -24,13 +24,12 @@ AlignOptions align_options(const LinkOptions& options) {
   align.prior_odds = options.prior_odds;
   align.effort = options.effort;
   align.points = options.points;
-  align.seed = options.seed;
-  align.execution = options.execution;
   return align;
 }
 
-Link linked(const PreparedMap& target, const PreparedMap& source, const AlignOptions& options) {
-  Alignment alignment = align(source, target, options);
+Link linked(const PreparedMap& target, const PreparedMap& source, const AlignOptions& options,
+            const Execution& execution) {
+  Alignment alignment = align(source, target, options, execution);
   if (alignment.registration.status == RegistrationStatus::kCancelled) {
     throw Error(ErrorKind::kCancelled, "merge", "linking was cancelled", "");
   }
@@ -56,19 +55,17 @@ std::shared_ptr<const LandmarkMap> MapsInMemory::load(std::size_t map) {
   return {std::shared_ptr<void>(), maps_[map]};  // of the caller
 }
 
-PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options) {
-  return PreparedMap(map, {.confidence = {},
-                           .points = options.points,
-                           .seed = options.seed,
-                           .executor = options.execution.executor});
+PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options,
+                             const Execution& execution) {
+  return PreparedMap(map, {.points = options.points}, execution);
 }
 
 std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
-                                            const LinkOptions& options) {
+                                            const LinkOptions& options,
+                                            const Execution& execution) {
   AlignOptions placement = align_options(options);
   placement.scale = scale_range(placement, source.length_unit(), target.length_unit());
-  placement.execution = options.execution.without_progress();
-  PartsAlignment parts = place_by_parts(source, target, placement);
+  PartsAlignment parts = place_by_parts(source, target, placement, execution.without_progress());
   if (!parts.consensus) return std::nullopt;
   return parts;
 }
@@ -100,7 +97,6 @@ constexpr OptionField kLinkFields[] = {
      "--candidates",
      "Number of other maps to try each map with, the likeliest; 0: all (default: all for up to 32 "
      "maps, else 10)"},
-    {"seed", option_at<&LinkOptions::seed>, {}},
 };
 static_assert(kMapsTriedInFull == 32 && kDefaultCandidates == 10, "the help says so");
 constinit const OptionTable LinkOptions::table = {"LinkOptions", kLinkFields};
@@ -110,7 +106,8 @@ void LinkOptions::validate() const {
   align_options(*this).validate();
 }
 
-std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options) {
+std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options,
+                                     const Execution& execution) {
   const std::size_t count = maps.size();
   const std::size_t candidates =
       options.candidates.value_or(count > kMapsTriedInFull ? kDefaultCandidates : 0);
@@ -126,10 +123,10 @@ std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options)
   if (candidates == 0) {
     for (std::size_t map = 0; map < count; ++map) add_all_with(map, map);
   } else {
-    MapIndex index(options.seed);
+    MapIndex index(execution.seed);
     std::map<std::string, std::size_t> last_of_session;
     for (std::size_t map = 0; map < count; ++map) {
-      if (options.execution.stop.stop_requested()) {
+      if (execution.stop.stop_requested()) {
         throw Error(ErrorKind::kCancelled, "link", "recognition was cancelled", "");
       }
       index.add(*maps.load(map));
@@ -139,7 +136,7 @@ std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options)
       if (!is_first) add(std::exchange(before->second, map), map);
     }
     std::vector<std::vector<RecognitionCandidate>> found(count);
-    options.execution.executor.for_blocks(count, 8, [&](std::size_t begin, std::size_t end) {
+    execution.executor.for_blocks(count, 8, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         found[i] = index.find(i, candidates);
       }
@@ -159,7 +156,7 @@ class PairLinker::PreparedMaps {
  public:
   explicit PreparedMaps(MapStore& maps) : maps_(maps) {}
 
-  PreparedMap get(std::size_t map, const LinkOptions& how) {
+  PreparedMap get(std::size_t map, const LinkOptions& options, const Execution& execution) {
     const std::lock_guard lock(mutex_);
     const auto found = std::find_if(prepared_.begin(), prepared_.end(),
                                     [&](const auto& one) { return one.first == map; });
@@ -167,7 +164,7 @@ class PairLinker::PreparedMaps {
       prepared_.splice(prepared_.begin(), prepared_, found);
       return prepared_.front().second;
     }
-    prepared_.emplace_front(map, prepared_to_link(*maps_.load(map), how));
+    prepared_.emplace_front(map, prepared_to_link(*maps_.load(map), options, execution));
     if (prepared_.size() > maps_.capacity()) prepared_.pop_back();
     return prepared_.front().second;
   }
@@ -192,8 +189,11 @@ class PairLinker::PreparedMaps {
   std::list<std::pair<std::size_t, PreparedMap>> prepared_;  // last used first
 };
 
-PairLinker::PairLinker(MapStore& maps, const LinkOptions& options)
-    : maps_(maps), options_(options), prepared_(std::make_unique<PreparedMaps>(maps)) {
+PairLinker::PairLinker(MapStore& maps, const LinkOptions& options, const Execution& execution)
+    : maps_(maps),
+      options_(options),
+      execution_(execution),
+      prepared_(std::make_unique<PreparedMaps>(maps)) {
   options.validate();
 }
 
@@ -206,17 +206,17 @@ void PairLinker::link(std::span<const IndexPair> pairs,
     throw Error(ErrorKind::kMisuse, "pairs", fmt::format("({}, {})", a, b),
                 fmt::format("two of {} maps", maps_.size()));
   }
-  const Executor& executor = options_.execution.executor;
+  const Executor& executor = execution_.executor;
   // With many pairs, the pairs run in parallel rather than the work within each.
   const bool by_pairs = pairs.size() >= executor.threads();
-  LinkOptions how = options_;
-  how.execution = options_.execution.without_progress();
+  Execution each = execution_.without_progress();
   // A thread that waits for others while holding the mutex could be given work that waits for the mutex.
-  if (by_pairs) how.execution.executor = Executor(1);
-  const AlignOptions align = align_options(how);
+  if (by_pairs) each.executor = Executor(1);
+  const AlignOptions align = align_options(options_);
   const auto make = [&](std::size_t i) {
     const auto [target, source] = prepared_->larger_first(pairs[i]);
-    Link link = linked(prepared_->get(target, how), prepared_->get(source, how), align);
+    Link link = linked(prepared_->get(target, options_, each),
+                       prepared_->get(source, options_, each), align, each);
     link.target = NodeId{target};
     link.source = NodeId{source};
     return link;
@@ -226,8 +226,8 @@ void PairLinker::link(std::span<const IndexPair> pairs,
     const std::lock_guard lock(prepared_->mutex());
     take(std::move(link));
     ++done;
-    if (options_.execution.progress) {
-      options_.execution.progress(static_cast<double>(done) / static_cast<double>(pairs.size()));
+    if (execution_.progress) {
+      execution_.progress(static_cast<double>(done) / static_cast<double>(pairs.size()));
     }
   };
   if (by_pairs) {
@@ -237,10 +237,12 @@ void PairLinker::link(std::span<const IndexPair> pairs,
   }
 }
 
-std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options) {
-  PairLinker linker(maps, options);
+std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options,
+                            const Execution& execution) {
+  PairLinker linker(maps, options, execution);
   std::vector<Link> links;
-  linker.link(pairs_to_link(maps, options), [&](Link link) { links.push_back(std::move(link)); });
+  linker.link(pairs_to_link(maps, options, execution),
+              [&](Link link) { links.push_back(std::move(link)); });
   return links;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "cairn/alignment/align.hpp"
+#include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/pose_graph/pose_graph.hpp"
 
@@ -69,8 +69,6 @@ struct LinkOptions {
   /// Number of other maps to try each map with, the likeliest by recognition; 0: all. std::nullopt: all of up to
   /// kMapsTriedInFull maps, else kDefaultCandidates.
   std::optional<std::size_t> candidates = {};
-  std::uint64_t seed = 0;
-  Execution execution = {};
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
@@ -81,17 +79,20 @@ inline constexpr std::size_t kMapsTriedInFull = 32;
 inline constexpr std::size_t kDefaultCandidates = 10;
 
 /// A map prepared to be linked with these options.
-PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options = {});
+PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options = {},
+                             const Execution& execution = {});
 
 /// The parts of two maps, which show whether one is bent: place_by_parts(). std::nullopt if they do not agree.
 std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
-                                            const LinkOptions& options = {});
+                                            const LinkOptions& options = {},
+                                            const Execution& execution = {});
 
 /// The pairs that may show one place: all, or those found by recognition, neighbours in a session, and all pairs with
 /// maps whose descriptors cannot be compared.
 /// @return by the higher index, then the lower
 /// @throws Error (cancelled) if the caller asked to stop
-std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options = {});
+std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options = {},
+                                     const Execution& execution = {});
 
 /// Aligns pairs of maps, and keeps the maps that it prepared for further pairs. The larger of two maps is the target
 /// (precedes()), so that the order of the maps does not matter. Estimates the scale if one of the two has a free scale.
@@ -100,7 +101,7 @@ class PairLinker {
  public:
   /// @param maps outlives the linker; an index always names the same map, but maps may be added
   /// @throws Error (misuse) for invalid options
-  PairLinker(MapStore& maps, const LinkOptions& options);
+  PairLinker(MapStore& maps, const LinkOptions& options, const Execution& execution = {});
   ~PairLinker();
   PairLinker(const PairLinker&) = delete;
   PairLinker& operator=(const PairLinker&) = delete;
@@ -114,11 +115,13 @@ class PairLinker {
 
   MapStore& maps_;
   LinkOptions options_;
+  Execution execution_;
   std::unique_ptr<PreparedMaps> prepared_;
 };
 
 /// Links all pairs_to_link().
 /// @return one link per pair, in their order
-std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options = {});
+std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options = {},
+                            const Execution& execution = {});
 
 }  // namespace cairn

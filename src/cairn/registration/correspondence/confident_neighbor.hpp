@@ -65,16 +65,16 @@ template <NeighborSearch Search>
 class ConfidentNeighborCorrespondence {
  public:
   /// @param source  in the source frame; std::nullopt: matches need not be reciprocal
-  /// @param options k, max_distance, trimmed_fraction and the executor count
+  /// @param options k, max_distance and trimmed_fraction count
   ConfidentNeighborCorrespondence(ConfidentSet<Search> target,
                                   std::optional<ConfidentSet<Search>> source,
-                                  const IcpOptions& options)
+                                  const IcpOptions& options, const Executor& executor = Executor())
       : target_(target),
         source_(source),
         k_(std::min(options.k, target.positions.size())),
         max_distance_(options.max_distance),
         trimmed_fraction_(options.trimmed_fraction),
-        executor_(options.execution.executor),
+        executor_(executor),
         source_queries_(query_batch(target.search, candidates(target))) {}
 
   std::vector<Match> operator()(std::span<const Eigen::Vector3d> moved_source,

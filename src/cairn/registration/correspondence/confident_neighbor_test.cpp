@@ -152,10 +152,8 @@ TEST(ConfidentNeighborCorrespondence, IsTheSameWithAnyNumberOfThreads) {
   for (double& confidence : confidences) confidence = static_cast<double>(random.index(4));
   const BruteForceSearch search(target);
   const auto run = [&](unsigned threads) {
-    return Correspondence(
-        {search, target, confidences}, std::nullopt,
-        {.k = 3, .max_distance = 0.1, .execution = {.executor = Executor(threads)}})(source,
-                                                                                     Rigid3());
+    return Correspondence({search, target, confidences}, std::nullopt,
+                          {.k = 3, .max_distance = 0.1}, Executor(threads))(source, Rigid3());
   };
   const auto one = run(1);
   EXPECT_LT(one.size(), source.size()) << "some have no match";

@@ -108,7 +108,7 @@ class WithinChance {
 }  // namespace
 
 CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<BatchTree>& target,
-                              const IcpOptions& options) {
+                              const IcpOptions& options, const Execution& execution) {
   const Samples moving(
       source, [&](std::size_t i) { return source.weights.empty() || source.weights[i] > 0.0; });
   const Samples searched({target.positions, target.confidences, {}}, [&](std::size_t i) {
@@ -132,11 +132,11 @@ CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<Ba
       tree.emplace(positions);
       both_ways.emplace(ConfidentSet<BatchTree>{*tree, positions, sample.confidences});
     }
-    const ConfidentNeighborCorrespondence<BatchTree> find_matches(among.set(), both_ways, options);
-    const IcpRun icp =
-        run_icp(positions, result.target_from_source, find_matches,
-                PointToPointEstimation(among.set().positions, sample.weights),
-                WithinChance(positions, options.max_iterations), options.execution.stop);
+    const ConfidentNeighborCorrespondence<BatchTree> find_matches(among.set(), both_ways, options,
+                                                                  execution.executor);
+    const IcpRun icp = run_icp(positions, result.target_from_source, find_matches,
+                               PointToPointEstimation(among.set().positions, sample.weights),
+                               WithinChance(positions, options.max_iterations), execution.stop);
     // With too few matches in the sample, all points may still have enough.
     if (icp.stop_reason != StopReason::kTooFewMatches) {
       result.target_from_source = icp.target_from_source;

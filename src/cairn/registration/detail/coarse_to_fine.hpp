@@ -35,6 +35,6 @@ struct CoarseAlignment {
 /// @param source  near the target; its confidences matter only for reciprocal matches
 /// @param options reciprocal matches are those within a sample; `initial` has no effect
 CoarseAlignment align_samples(const SampledPoints& source, const ConfidentSet<BatchTree>& target,
-                              const IcpOptions& options);
+                              const IcpOptions& options, const Execution& execution = {});
 
 }  // namespace cairn::detail

@@ -269,8 +269,7 @@ TEST(CoarseToFine, GivesTheSameBytesWithAnyNumberOfThreads) {
   options.reciprocal = true;
   options.trimmed_fraction = 0.1;
   const auto run = [&](unsigned threads) {
-    options.execution.executor = Executor(threads);
-    return icp(pair.source, pair.target, options);
+    return icp(pair.source, pair.target, options, {.executor = Executor(threads)});
   };
   const RegistrationResult one = run(1);
   const RegistrationResult two = run(2);
@@ -311,9 +310,8 @@ TEST(CoarseToFine, StopsWhenAsked) {
   const Maps pair = maps();
   std::stop_source stop;
   stop.request_stop();
-  IcpOptions options = from_afar(pair);
-  options.execution.stop = stop.get_token();
-  const RegistrationResult result = icp(pair.source, pair.target, options);
+  const RegistrationResult result =
+      icp(pair.source, pair.target, from_afar(pair), {.stop = stop.get_token()});
   EXPECT_EQ(result.status, RegistrationStatus::kCancelled);
   EXPECT_EQ(result.coarse_iterations, 0);
 }

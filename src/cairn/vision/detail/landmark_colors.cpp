@@ -47,8 +47,8 @@ std::optional<std::size_t> frame_at(const ImageSequence& sequence, double timest
 
 }  // namespace
 
-LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence, const Executor& executor,
-                        const std::stop_token& stop) {
+LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence,
+                        const Execution& execution) {
   const ObservationTable& observations = map.observations();
   if (observations.frames.empty() || map.frames().timestamps_s.empty()) return map;
   std::vector<std::vector<std::size_t>> seen_by(map.frame_count());
@@ -56,8 +56,9 @@ LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence, const Ex
     seen_by[observations.frames[i].value].push_back(i);
   }
   std::vector<std::optional<Bgr>> samples(observations.frames.size());
-  executor.for_blocks(map.frame_count(), 1, [&](std::size_t frame, std::size_t) {
-    if (stop.stop_requested()) throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
+  execution.executor.for_blocks(map.frame_count(), 1, [&](std::size_t frame, std::size_t) {
+    if (execution.stop.stop_requested())
+      throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
     const auto time = map.frames().timestamps_s[frame];
     const auto in_sequence = time ? frame_at(sequence, *time) : std::nullopt;
     if (!in_sequence) return;

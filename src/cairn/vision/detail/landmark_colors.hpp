@@ -14,7 +14,6 @@ namespace cairn::detail {
 /// UUID is that of the new content.
 /// @param sequence of the map; images are found by the keyframes' times
 /// @throws Error (cancelled)
-LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence, const Executor& executor,
-                        const std::stop_token& stop);
+LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence, const Execution& execution);
 
 }  // namespace cairn::detail

@@ -65,7 +65,8 @@ TEST(LandmarkColors, AreTheMedianOfTheImagesThatObserved) {
   const TemporaryFolder folder;
   write_sequence(folder / "s");
   const LandmarkMap before = seen_map();
-  const LandmarkMap map = with_colors(before, ImageSequence(folder / "s"), Executor(2), {});
+  const LandmarkMap map =
+      with_colors(before, ImageSequence(folder / "s"), {.executor = Executor(2)});
   const auto& colors = map.landmarks().colors;
   ASSERT_EQ(colors.size(), 4U);
   EXPECT_EQ(colors[0], (Color{110, 20, 10}));
@@ -81,7 +82,7 @@ TEST(LandmarkColors, AreUnknownWhereNoImageCanBeRead) {
   write_sequence(folder / "s");
   const ImageSequence sequence(folder / "s");
   std::filesystem::remove(sequence.frames()[2].color);
-  const LandmarkMap map = with_colors(seen_map(), sequence, Executor(2), {});
+  const LandmarkMap map = with_colors(seen_map(), sequence, {.executor = Executor(2)});
   EXPECT_EQ(map.landmarks().colors[2], std::nullopt);
   EXPECT_EQ(map.landmarks().colors[0], (Color{100, 20, 10})) << "the lower of two";
 }

@@ -89,12 +89,13 @@ struct Side {
   }
 };
 
-Trial trial(const Side& side, const PreparedPart& part, AlignOptions options) {
+Trial trial(const Side& side, const PreparedPart& part, AlignOptions options,
+            const Execution& execution) {
   options.search = PoseSearch::kNever;
   options.trace = false;
   const bool of_source = side.role == MapRole::kSource;
   Alignment placed = PreparedPair(of_source ? part.cloud : *side.other,
-                                  of_source ? *side.other : part.cloud, options)
+                                  of_source ? *side.other : part.cloud, options, execution)
                          .place();
   Trial result;
   PartPose& pose = result.pose;
@@ -398,7 +399,7 @@ void conclude(Side& side, const Agreement& agree, bool free_scale, PartsAlignmen
 }  // namespace
 
 PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& target,
-                              const AlignOptions& options) {
+                              const AlignOptions& options, const Execution& execution) {
   PartsAlignment result;
   const bool described =
       source.cloud().landmarks().descriptors && target.cloud().landmarks().descriptors;
@@ -407,18 +408,17 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
                              {MapRole::kTarget, &target, &source}};
   if (source.parts()->prepared().empty() || target.parts()->prepared().empty()) return result;
   // The parts run in parallel, each on one thread.
-  AlignOptions of_part = options;
-  of_part.execution = {.executor = Executor(), .stop = options.execution.stop, .progress = {}};
+  const Execution of_part{.stop = execution.stop, .seed = execution.seed};
   for (Side& side : sides) {
     const auto parts = side.map->parts()->prepared();
     side.trials.resize(parts.size());
-    options.execution.executor.for_blocks(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    execution.executor.for_blocks(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        if (options.execution.stop.stop_requested()) return;
-        side.trials[i] = trial(side, parts[i], of_part);
+        if (execution.stop.stop_requested()) return;
+        side.trials[i] = trial(side, parts[i], options, of_part);
       }
     });
-    if (options.execution.stop.stop_requested()) return {};
+    if (execution.stop.stop_requested()) return {};
     for (std::size_t i = 0; i < parts.size(); ++i) {
       if (side.trials[i].decisive) side.decisive.push_back(i);
     }
@@ -454,20 +454,19 @@ PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& targ
 namespace detail {
 
 bool is_aligned_straightened(const PartsAlignment& parts, const PreparedMap& source,
-                             const PreparedMap& target, const AlignOptions& options) {
+                             const PreparedMap& target, const AlignOptions& options,
+                             const Execution& execution) {
   const MapRole role = parts.bend->map;
   const bool of_source = role == MapRole::kSource;
   const PreparedMap& map = of_source ? source : target;
   const PreparedMap straight(straightened(map.cloud(), straightening(parts, map.parts()->along())),
-                             {.seed = options.seed, .executor = options.execution.executor},
-                             to_string(role));
+                             to_string(role), execution);
   AlignOptions placement = options;
   placement.search = PoseSearch::kNever;
   placement.trace = false;
-  placement.execution = options.execution.without_progress();
-  const Alignment placed =
-      PreparedPair(of_source ? straight : source, of_source ? target : straight, placement)
-          .settle(*parts.target_from_source);
+  const Alignment placed = PreparedPair(of_source ? straight : source,
+                                        of_source ? target : straight, placement, execution)
+                               .settle(*parts.target_from_source);
   return placed.verdict == Verdict::kAligned && is_decided(placed);
 }
 

@@ -14,6 +14,7 @@ namespace cairn::detail {
 /// @param parts   with a consensus
 /// @param options of the placement; `search` and `trace` have no effect
 bool is_aligned_straightened(const PartsAlignment& parts, const PreparedMap& source,
-                             const PreparedMap& target, const AlignOptions& options);
+                             const PreparedMap& target, const AlignOptions& options,
+                             const Execution& execution);
 
 }  // namespace cairn::detail

@@ -214,14 +214,15 @@ std::optional<DeformedPose> DeformablePair::fit(std::span<const Similarity3> sta
   return described(*best, std::move(deformation));
 }
 
-Alignment DeformablePair::judge(const DeformedPose& pose, const AlignOptions& options) const {
+Alignment DeformablePair::judge(const DeformedPose& pose, const AlignOptions& options,
+                                const Execution& execution) const {
   AlignOptions placement = options;
   placement.search = PoseSearch::kNever;
   placement.trace = false;
-  const PreparedMap source(deformed_by_folds(source_.cloud(), *pose.deformation),
-                           {.seed = options.seed, .executor = options.execution.executor},
-                           "source");
-  Alignment placed = PreparedPair(source, target_, placement).settle(pose.deformation->start);
+  const PreparedMap source(deformed_by_folds(source_.cloud(), *pose.deformation), "source",
+                           execution);
+  Alignment placed =
+      PreparedPair(source, target_, placement, execution).settle(pose.deformation->start);
   if (placed.verdict == Verdict::kAligned && !(is_decided(placed) && pose.is_small)) {
     placed.verdict = Verdict::kAmbiguous;
     placed.target_from_source.reset();

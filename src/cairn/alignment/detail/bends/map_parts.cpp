@@ -152,8 +152,9 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
   return parts;
 }
 
-PreparedParts::PreparedParts(const LandmarkMap& map, const PrepareOptions& options)
-    : seed_(options.seed) {
+PreparedParts::PreparedParts(const LandmarkMap& map, const PrepareOptions& options,
+                             std::uint64_t seed)
+    : seed_(seed) {
   parts_ = cut_into_parts(map, options.points, options.part_landmarks);
   if (parts_.size() < 2) parts_.clear();
   std::vector<std::uint32_t> of_landmark(map.landmark_count(),
@@ -183,7 +184,7 @@ std::span<const PreparedPart> PreparedParts::prepared() {
     for (std::size_t i = 0; i < parts_.size(); ++i) {
       // On this thread only, because executing other tasks here could deadlock.
       prepared_.push_back(
-          {std::move(parts_[i]), PreparedMap(std::move(clouds_[i]), {.seed = seed_}, "part")});
+          {std::move(parts_[i]), PreparedMap(std::move(clouds_[i]), "part", {.seed = seed_})});
     }
     clouds_.clear();
   });

@@ -55,7 +55,7 @@ struct PreparedPart {
 /// The parts of a prepared map.
 class PreparedParts {
  public:
-  PreparedParts(const LandmarkMap& map, const PrepareOptions& options);
+  PreparedParts(const LandmarkMap& map, const PrepareOptions& options, std::uint64_t seed);
 
   /// Prepared on first use; empty if the map is too small for two.
   std::span<const PreparedPart> prepared();

@@ -18,6 +18,7 @@ struct KnownMatches {
 /// As refine(). If the objective leaves a direction open or gives no covariance, the known matches decide: well-spread
 /// landmarks that are the same determine a pose whatever the others do.
 RegistrationResult refine_with_known(const PreparedMap& source, const PreparedMap& target,
-                                     const RefineOptions& options, KnownMatches known);
+                                     const RefineOptions& options, KnownMatches known,
+                                     const Execution& execution);
 
 }  // namespace cairn::detail

@@ -92,12 +92,13 @@ class Refinement {
   /// @param inverted moves the caller's target
   /// @param known    see refine_with_known(), of this source and target
   Refinement(const PreparedCloud& source, const PreparedCloud& target, bool inverted,
-             const RefineOptions& options, KnownMatches known)
+             const RefineOptions& options, KnownMatches known, const Execution& execution)
       : source_(source),
         target_(target),
         inverted_(inverted),
         options_(options),
-        known_(std::move(known)) {}
+        known_(std::move(known)),
+        execution_(execution) {}
 
   void run(RegistrationResult& result) const;
 
@@ -123,11 +124,11 @@ class Refinement {
   }
   std::vector<double> from_source(const Similarity3& pose) const {
     return nearest_squared_distances(source_.landmarks().positions, pose, target_.tree(),
-                                     options_.execution.executor);
+                                     execution_.executor);
   }
   std::vector<double> from_target(const Similarity3& pose) const {
     return nearest_squared_distances(target_.landmarks().positions, pose.inverse(), source_.tree(),
-                                     options_.execution.executor);
+                                     execution_.executor);
   }
   // For the caller's source landmarks and the tree of the caller's target, also if inverted.
   std::vector<double> distances(const Similarity3& pose) const {
@@ -151,6 +152,7 @@ class Refinement {
   bool inverted_;
   const RefineOptions& options_;
   KnownMatches known_;
+  const Execution& execution_;
 };
 
 std::vector<Match> Refinement::as_given(std::vector<Match> matches) const {
@@ -168,9 +170,8 @@ KernelScales Refinement::kernel() const {
   const KernelScales own =
       options_.fine && options_.coarse
           ? KernelScales{}
-          : kernel_scales(
-                cloud_scales(source_.landmarks(), source_.tree(), options_.execution.executor),
-                cloud_scales(target_.landmarks(), target_.tree(), options_.execution.executor));
+          : kernel_scales(cloud_scales(source_.landmarks(), source_.tree(), execution_.executor),
+                          cloud_scales(target_.landmarks(), target_.tree(), execution_.executor));
   const double fine =
       options_.fine.value_or(std::min(own.fine, options_.coarse.value_or(own.fine)));
   return {.coarse = options_.coarse.value_or(std::max(own.coarse, fine)), .fine = fine};
@@ -202,10 +203,10 @@ std::optional<Refinement::Path> Refinement::drawn_in(const Similarity3& initial)
   drawing.max_iterations = options_.max_iterations;
   drawing.coarse_to_fine = true;
   drawing.trace = options_.trace;
-  drawing.execution = options_.execution.without_progress();
   RegistrationResult result =
       icp(PointSet{.positions = source_.landmarks().positions, .confidences = {}},
-          PointSet{.positions = target_.landmarks().positions, .confidences = {}}, drawing);
+          PointSet{.positions = target_.landmarks().positions, .confidences = {}}, drawing,
+          execution_.without_progress());
   if (!result.has_pose()) return std::nullopt;
   Path path;
   path.run.target_from_source = Similarity3(1.0, result.target_from_source);
@@ -228,12 +229,12 @@ void Refinement::follow(const RobustAlignment& alignment, const KernelScales& ke
        .finest = finest_of(kernel),
        .max_iterations = options_.max_iterations,
        .free_scale = options_.scale.has_value()},
-      options_.execution.stop, [&](RobustAlignment::Iteration iteration) {
+      execution_.stop, [&](RobustAlignment::Iteration iteration) {
         const std::size_t count = iteration.matches.size();
         path.history.push_back(record(std::move(iteration), count));
-        if (options_.execution.progress) {
+        if (execution_.progress) {
           const auto done = static_cast<int>(path.history.size()) - path.icp_iterations;
-          options_.execution.progress(static_cast<double>(done) / options_.max_iterations);
+          execution_.progress(static_cast<double>(done) / options_.max_iterations);
         }
       });
   path.matches = alignment.matches(path.run.target_from_source);
@@ -242,8 +243,7 @@ void Refinement::follow(const RobustAlignment& alignment, const KernelScales& ke
 
 void Refinement::run(RegistrationResult& result) const {
   const KernelScales scales = kernel();
-  const RobustAlignment alignment(source_, target_, options_.one_to_one,
-                                  options_.execution.executor);
+  const RobustAlignment alignment(source_, target_, options_.one_to_one, execution_.executor);
   const bool free_scale = options_.scale.has_value();
   const Similarity3 initial =
       centred_pose(source_, target_, inverted_ ? options_.initial.inverse() : options_.initial);
@@ -379,7 +379,8 @@ void RefineOptions::validate() const {
 namespace {
 
 RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& target,
-                           const RefineOptions& options, KnownMatches known = {}) {
+                           const RefineOptions& options, const Execution& execution,
+                           KnownMatches known = {}) {
   const auto start = std::chrono::steady_clock::now();
   RegistrationResult result;
   result.target_from_source = options.initial;
@@ -397,7 +398,7 @@ RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& tar
       for (Match& match : known.pairs) std::swap(match.source, match.target);
     }
     Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options,
-               std::move(known))
+               std::move(known), execution)
         .run(result);
     result.scale *= scale;  // run() estimated the scale of the scaled source
     for (IterationRecord& record : result.history) record.scale *= scale;
@@ -411,23 +412,24 @@ RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& tar
 }  // namespace
 
 RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,
-                          const RefineOptions& options) {
+                          const RefineOptions& options, const Execution& execution) {
   options.validate();
   source.validate("source");
   target.validate("target");
-  return refined(PreparedCloud::plain(source), PreparedCloud::plain(target), options);
+  return refined(PreparedCloud::plain(source), PreparedCloud::plain(target), options, execution);
 }
 
 RegistrationResult refine(const PreparedMap& source, const PreparedMap& target,
-                          const RefineOptions& options) {
+                          const RefineOptions& options, const Execution& execution) {
   options.validate();
-  return refined(source.cloud(), target.cloud(), options);
+  return refined(source.cloud(), target.cloud(), options, execution);
 }
 
 RegistrationResult detail::refine_with_known(const PreparedMap& source, const PreparedMap& target,
-                                             const RefineOptions& options, KnownMatches known) {
+                                             const RefineOptions& options, KnownMatches known,
+                                             const Execution& execution) {
   options.validate();
-  return refined(source.cloud(), target.cloud(), options, std::move(known));
+  return refined(source.cloud(), target.cloud(), options, execution, std::move(known));
 }
 
 }  // namespace cairn

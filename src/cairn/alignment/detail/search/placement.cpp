@@ -87,13 +87,15 @@ void set_similarity(PlacementCandidate& candidate, const Similarity3& pose) {
 
 Placement::Placement(const PreparedCloud& source, const PreparedCloud& target,
                      std::vector<double> scales, std::optional<double> equal,
-                     const AlignOptions& options, std::span<const DescriptorMatch> identities)
+                     const AlignOptions& options, const Execution& execution,
+                     std::span<const DescriptorMatch> identities)
     : options_(options),
+      execution_(execution),
       scales_(std::move(scales)),
       equal_(equal),
       source_(source),
       target_(target),
-      support_(source, target, PreparedCloud::kSample, Random(options.seed).fork(5)),
+      support_(source, target, PreparedCloud::kSample, Random(execution.seed).fork(5)),
       matches_(source.landmarks(), target.landmarks(), identities),
       all_{source.scales(), target.scales()},
       sample_{source.sample_scales(), target.sample_scales()},
@@ -167,7 +169,7 @@ std::pair<std::optional<Finalist>, double> Placement::better_near(
 std::optional<Finalist> Placement::of_mirror_image(const std::stop_token& stop) const {
   AlignOptions options = options_;
   options.gravity.reset();
-  const Placement mirror(source_.mirrored(), target_, scales_, equal_, options);
+  const Placement mirror(source_.mirrored(), target_, scales_, equal_, options, execution_);
   constexpr std::size_t kMost = 6;
   std::vector<Finalist> poses;
   for (const QuadPose& quad : mirror.quads(stop)) {
@@ -284,7 +286,7 @@ Candidates Placement::candidates(const TimeLimit& time) const {
   }
   const bool clear = is_clear(from_quads);
   const std::vector<double> scales = scales_to_search(from_quads, clear);
-  const auto turns = rotations(options_, Random(options_.seed).fork(3));
+  const auto turns = rotations(options_, Random(execution_.seed).fork(3));
   for (std::size_t i = 0; i < scales.size(); ++i) {
     // Each scale has an equal share of the time.
     const double done = static_cast<double>(i) / static_cast<double>(scales.size());
@@ -330,7 +332,7 @@ std::vector<DescriptorPose> Placement::proposals() const {
   // With a free scale, only the target's lengths are known.
   const double tolerance =
       kMatched * (options_.scale ? kernel_scales(all_.target, all_.target).fine : fine(1.0));
-  return descriptor_poses(matches_, Random(options_.seed).fork(4), tolerance, options_.scale);
+  return descriptor_poses(matches_, Random(execution_.seed).fork(4), tolerance, options_.scale);
 }
 
 std::vector<ConstellationPose> Placement::constellations(const std::stop_token& stop) const {
@@ -339,9 +341,9 @@ std::vector<ConstellationPose> Placement::constellations(const std::stop_token& 
   const auto sample = source_.sample();
   std::vector<Eigen::Vector3d> source(sample.begin(), sample.end());
   for (Eigen::Vector3d& position : source) position *= *equal_;
-  return constellation_poses(source, target_.sample(), Random(options_.seed).fork(6),
+  return constellation_poses(source, target_.sample(), Random(execution_.seed).fork(6),
                              sample_.at(*equal_).fine, draws,
-                             {.executor = options_.execution.executor, .stop = stop});
+                             {.executor = execution_.executor, .stop = stop});
 }
 
 std::vector<QuadPose> Placement::quads(const std::stop_token& stop) const {
@@ -350,7 +352,7 @@ std::vector<QuadPose> Placement::quads(const std::stop_token& stop) const {
   const ScaleRange range = options_.scale.value_or(ScaleRange{1.0 / kQuadScale, kQuadScale});
   std::vector<QuadPose> found =
       quad_poses(source_, target_, range, kernel_scales(all_.target, all_.target).fine,
-                 {.executor = options_.execution.executor, .stop = stop});
+                 {.executor = execution_.executor, .stop = stop});
   // A pose that gravity forbids must not end the search.
   std::erase_if(found, [&](const QuadPose& pose) {
     return is_tilted(pose.target_from_source.rigid(), options_);
@@ -419,12 +421,8 @@ void Placement::search(double scale, double progress, std::size_t scales,
   constexpr std::size_t kCandidatesBeside =
       48;  // in addition to those from quads and constellations
   const std::size_t candidates = scales > 1 ? kCandidatesAScale : kCandidatesBeside;
-  Execution execution{.executor = options_.execution.executor, .stop = stop};
-  if (options_.execution.progress) {
-    execution.progress = [&](double share) {
-      options_.execution.progress(progress + share / static_cast<double>(scales));
-    };
-  }
+  Execution execution = execution_.stage(progress, progress + 1.0 / static_cast<double>(scales));
+  execution.stop = stop;
   std::vector<Eigen::Vector3d> source = source_.landmarks().positions;
   for (Eigen::Vector3d& position : source) position *= scale;
   for (const SearchCandidate& found : search_poses(
@@ -441,7 +439,7 @@ void Placement::refine_all(std::vector<Finalist>& poses, const PairScales& lengt
   const std::size_t partners = points == PreparedCloud::kSample ? DescriptorMatches::kPartners : 32;
   // The candidates run in parallel, each on one thread.
   const RobustAlignment alignment(source_, target_, false, Executor());
-  options_.execution.executor.for_blocks(poses.size(), 1, [&](std::size_t begin, std::size_t end) {
+  execution_.executor.for_blocks(poses.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const double fine = lengths.at(poses[i].scale).fine;
       const Similarity3 pose = alignment

@@ -30,8 +30,9 @@ inline constexpr double kKeptMerit = 0.95;
 /// Time limit of a placement, if any.
 class TimeLimit {
  public:
-  TimeLimit(std::chrono::steady_clock::time_point start, const AlignOptions& options)
-      : start_(start), limit_s_(options.time_limit_s), caller_(options.execution.stop) {}
+  TimeLimit(std::chrono::steady_clock::time_point start, std::optional<double> limit_s,
+            std::stop_token caller)
+      : start_(start), limit_s_(limit_s), caller_(std::move(caller)) {}
 
   /// Calls work(stop) and requests a stop when this share of the time is over.
   /// @return whether a stop was requested
@@ -97,7 +98,7 @@ class Placement {
   /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
   /// @param identities see DescriptorMatches
   Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
-            std::optional<double> equal, const AlignOptions& options,
+            std::optional<double> equal, const AlignOptions& options, const Execution& execution,
             std::span<const DescriptorMatch> identities = {});
 
   /// Fine kernel scale for a source of this scale.
@@ -196,6 +197,7 @@ class Placement {
                                  std::ptrdiff_t variants) const;
 
   const AlignOptions& options_;
+  const Execution& execution_;
   std::vector<double> scales_;
   std::optional<double> equal_;
   PreparedCloud source_;
