@@ -640,7 +640,6 @@ struct AlignArguments {
       }
     }
     if (!has_answer(results.front().alignment)) return;
-    console.print(drift_text(source_map.map, target_map.map));
     for (const std::string& path : {output, pose}) {
       if (!path.empty() && path != "-") console.print("\nwrote {}\n", path);
     }

@@ -9,7 +9,6 @@
 
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/evaluation/map_consistency.hpp"
 
 #include "support/console.hpp"
 
@@ -151,19 +150,6 @@ std::string verdict_text(std::string_view verdict, std::string_view reason) {
     at += 3;
   }
   return text;
-}
-
-std::string drift_text(const LandmarkMap& source, const LandmarkMap& target) {
-  std::string text;
-  for (const auto& [role, map] : {std::pair{"source", &source}, {"target", &target}}) {
-    const auto poses = keyframe_uncertainties(*map);
-    if (!poses) continue;
-    text += fmt::format("{} up to {:.2g} deg and {:.2g} {} in the {}", text.empty() ? "" : ",",
-                        degrees(poses->of_worst.angle_rad), poses->of_worst.length,
-                        unit_symbol(map->info().length_unit), role);
-  }
-  if (text.empty()) return {};
-  return "  not in these deviations: drift within the maps, which they state as\n   " + text + "\n";
 }
 
 bool has_answer(const Alignment& alignment) {

@@ -49,10 +49,6 @@ std::string alignment_table(const std::vector<StrategyResult>& results, LengthUn
 std::string alignment_text(const StrategyResult& result, LengthUnit unit, bool with_scale,
                            bool with_parts);
 
-/// How far the maps may be bent by what they state of their keyframes, which deviations of the pose do not include; empty
-/// if neither states anything.
-std::string drift_text(const LandmarkMap& source, const LandmarkMap& target);
-
 /// Of the two quaternions of a rotation the one with qw >= 0.
 Eigen::Quaterniond shown_quaternion(const Rigid3& pose);
 

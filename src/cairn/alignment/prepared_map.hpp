@@ -23,6 +23,7 @@ namespace cairn {
 class MapImages;
 
 namespace detail {
+class MapDrift;
 class PreparedCloud;
 class PreparedParts;
 }  // namespace detail
@@ -99,6 +100,8 @@ class PreparedMap {
   const std::shared_ptr<const detail::PreparedCloud>& even() const { return even_; }
   /// Null for landmarks without a map. Its landmarks are indices in cloud().
   const std::shared_ptr<const MapImages>& images() const { return images_; }
+  /// Null if the map does not state how it drifts. Its landmarks are indices in cloud().
+  const std::shared_ptr<const detail::MapDrift>& drift() const { return drift_; }
   /// Null for landmarks without a map.
   const std::shared_ptr<detail::PreparedParts>& parts() const { return parts_; }
 
@@ -108,6 +111,7 @@ class PreparedMap {
   LengthUnit length_unit_ = LengthUnit::kMetres;
   std::optional<Eigen::Vector3d> gravity_;
   std::shared_ptr<const MapImages> images_;
+  std::shared_ptr<const detail::MapDrift> drift_;
   std::shared_ptr<detail::PreparedParts> parts_;
 };
 
@@ -177,8 +181,8 @@ struct RefineOptions {
 /// The pose covariance is a sandwich estimator, from the change of the objective when the pose is moved and
 /// all matches are found anew, and from the gradients of 16 groups of matches. It is enlarged for that
 /// small number, so that the 95 % ellipsoid holds 95 % of the errors: 2.4 times for 16 groups and 6 degrees
-/// of freedom. Mean squared errors are therefore smaller than its diagonal. There is no covariance for
-/// fewer than 12 groups with a match (14 with a scale). A direction is unobservable if moving by two kernel
+/// of freedom. Mean squared errors are therefore smaller than its diagonal. Prepared maps add the drift that the
+/// covariances of their keyframes' poses state. There is no covariance for fewer than 12 groups with a match (14 with a scale). A direction is unobservable if moving by two kernel
 /// scales along it hardly changes the objective, or if its standard deviation is larger than that.
 /// An expected failure (too few landmarks or matches) is a status. The same input gives the same result for
 /// any number of threads.

@@ -401,6 +401,37 @@ TEST(Refine, WithAScaleSaysTheSameOfTheSmallerMapWhicheverIsTheSource) {
               0.5);
 }
 
+// The map, whose keyframes' poses grow uncertain from the first on, as by odometry.
+LandmarkMap drifting(const LandmarkMap& map) {
+  MapTables tables = LandmarkMap(map).tables();
+  for (std::size_t i = 0; i < tables.frames.ids.size(); ++i) {
+    tables.frames.pose_covariances.push_back(
+        Matrix6d(1e-4 * static_cast<double>(i) * Matrix6d::Identity()));
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(Refine, AddsTheDriftThatEitherMapStates) {
+  const SyntheticPair pair = synthetic_pair({.seed = 7, .landmarks = 1500, .overlap = 0.5});
+  RefineOptions options;
+  options.coarse = 0.1;
+  const auto covariance = [&](const LandmarkMap& source, const LandmarkMap& target) {
+    return *refine(PreparedMap(source), PreparedMap(target), options).covariance;
+  };
+  options.initial = pair.target_from_source;
+  const Matrix6d alone = covariance(pair.source, pair.target);
+  const Matrix6d of_source = covariance(drifting(pair.source), pair.target) - alone;
+  const Matrix6d of_target = covariance(pair.source, drifting(pair.target)) - alone;
+  EXPECT_GT(of_source.trace(), 1e-4);
+  EXPECT_GT(of_target.trace(), 1e-4);
+  EXPECT_TRUE((covariance(drifting(pair.source), drifting(pair.target)) - alone)
+                  .isApprox(of_source + of_target, 1e-6));
+  options.initial = pair.target_from_source.inverse();
+  const Matrix6d back =
+      covariance(pair.target, drifting(pair.source)) - covariance(pair.target, pair.source);
+  EXPECT_TRUE(inverse_covariance(pair.target_from_source, of_source).isApprox(back, 0.01));
+}
+
 TEST(Refine, CovarianceCoversTheErrorOfTheScale) {
   constexpr int kTrials = 20;
   for (const double overlap : {0.3, 0.8}) {

@@ -12,6 +12,7 @@
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
+#include "cairn/alignment/detail/bends/map_drift.hpp"
 #include "cairn/alignment/detail/refinement/known_matches.hpp"
 #include "cairn/alignment/detail/refinement/robust_alignment.hpp"
 #include "cairn/alignment/prepared_map.hpp"
@@ -86,18 +87,27 @@ void turn_round(const Similarity3& pose, RegistrationResult& result) {
   }
 }
 
+// How a map drifts, and the scale that its cloud was multiplied by; no drift if unknown.
+struct ScaledDrift {
+  std::shared_ptr<const MapDrift> drift;
+  Similarity3 scaling;
+};
+
 // Refinement of a pair, which moves one cloud. Scores and overlap are in the unit of the caller's target.
 class Refinement {
  public:
   /// @param inverted moves the caller's target
   /// @param known    see refine_with_known(), of this source and target
   Refinement(const PreparedCloud& source, const PreparedCloud& target, bool inverted,
-             const RefineOptions& options, KnownMatches known, const Execution& execution)
+             const RefineOptions& options, KnownMatches known, ScaledDrift source_drift,
+             ScaledDrift target_drift, const Execution& execution)
       : source_(source),
         target_(target),
         inverted_(inverted),
         options_(options),
         known_(std::move(known)),
+        source_drift_(std::move(source_drift)),
+        target_drift_(std::move(target_drift)),
         execution_(execution) {}
 
   void run(RegistrationResult& result) const;
@@ -143,6 +153,9 @@ class Refinement {
   }
   IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
   PoseUncertainty uncertainty_of_fit(const Similarity3& pose) const;
+  // What the maps' drift adds to the covariance of an uncentred pose from these matches, without indices as given.
+  Matrix7d by_drift(const Similarity3& pose, double error_scale,
+                    std::span<const Match> matches) const;
 
   // With the indices of the caller's landmarks.
   std::vector<Match> as_given(std::vector<Match> matches) const;
@@ -152,6 +165,8 @@ class Refinement {
   bool inverted_;
   const RefineOptions& options_;
   KnownMatches known_;
+  ScaledDrift source_drift_;
+  ScaledDrift target_drift_;
   const Execution& execution_;
 };
 
@@ -303,6 +318,29 @@ PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
   return result;
 }
 
+Matrix7d Refinement::by_drift(const Similarity3& pose, double error_scale,
+                              std::span<const Match> matches) const {
+  std::vector<MapDrift::Term> of_source;
+  std::vector<MapDrift::Term> of_target;
+  for (const Match& match : matches) {
+    const double kernel = 1.0 / (1.0 + match.squared_distance / (error_scale * error_scale));
+    const Eigen::Vector3d place = target_.landmarks().positions[match.target] + target_.centre();
+    of_source.push_back({match.source, place, kernel * kernel});
+    of_target.push_back({match.target, place, kernel * kernel});
+  }
+  const bool free_scale = options_.scale.has_value();
+  Matrix7d sum = Matrix7d::Zero();
+  if (source_drift_.drift) {
+    sum += source_drift_.drift->covariance(of_source, pose * source_drift_.scaling,
+                                           pose.translation(), free_scale);
+  }
+  if (target_drift_.drift) {
+    sum += target_drift_.drift->covariance(of_target, target_drift_.scaling, pose.translation(),
+                                           free_scale);
+  }
+  return sum;
+}
+
 void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
                           RegistrationResult& result) const {
   const bool free_scale = options_.scale.has_value();
@@ -329,22 +367,30 @@ void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& 
   if (run.stop_reason == StopReason::kNoMotion || run.stop_reason == StopReason::kIterationLimit) {
     PoseUncertainty uncertainty =
         alignment.uncertainty(centred, error_scale_of(kernel), result.matches, free_scale);
+    std::span<const Match> matches = result.matches;
     if (known_.decide) {
       uncertainty = uncertainty_of_fit(centred);
+      matches = known_.pairs;
     } else if (!uncertainty.covariance && !known_.pairs.empty()) {
       PoseUncertainty told =
           alignment.uncertainty(centred, error_scale_of(kernel), known_.pairs, free_scale, true);
-      if (told.covariance) uncertainty = std::move(told);
+      if (told.covariance) {
+        uncertainty = std::move(told);
+        matches = known_.pairs;
+      }
     }
+    const Matrix7d drift = by_drift(pose, error_scale_of(kernel), matches);
     result.unobservable = std::move(uncertainty.unobservable);
     if (uncertainty.covariance_with_scale) {
       const Matrix7d covariance = covariance_at_point(*uncertainty.covariance_with_scale,
-                                                      -(centred.linear() * source_.centre()));
+                                                      -(centred.linear() * source_.centre())) +
+                                  drift;
       result.covariance_with_scale = covariance;
       result.covariance = covariance.topLeftCorner<6, 6>();
     } else if (uncertainty.covariance) {
       result.covariance = covariance_at_point(*uncertainty.covariance,
-                                              -(centred.rigid().quaternion() * source_.centre()));
+                                              -(centred.rigid().quaternion() * source_.centre())) +
+                          drift.topLeftCorner<6, 6>();
     }
   }
   result.matches = as_given(std::move(result.matches));
@@ -380,7 +426,9 @@ namespace {
 
 RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& target,
                            const RefineOptions& options, const Execution& execution,
-                           KnownMatches known = {}) {
+                           KnownMatches known = {},
+                           std::shared_ptr<const MapDrift> source_drift = {},
+                           std::shared_ptr<const MapDrift> target_drift = {}) {
   const auto start = std::chrono::steady_clock::now();
   RegistrationResult result;
   result.target_from_source = options.initial;
@@ -397,8 +445,11 @@ RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& tar
     if (inverted) {
       for (Match& match : known.pairs) std::swap(match.source, match.target);
     }
+    ScaledDrift of_moving{std::move(source_drift), Similarity3(scale, Rigid3())};
+    ScaledDrift of_target{std::move(target_drift), Similarity3()};
+    if (inverted) std::swap(of_moving, of_target);
     Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options,
-               std::move(known), execution)
+               std::move(known), std::move(of_moving), std::move(of_target), execution)
         .run(result);
     result.scale *= scale;  // run() estimated the scale of the scaled source
     for (IterationRecord& record : result.history) record.scale *= scale;
@@ -422,14 +473,16 @@ RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& targ
 RegistrationResult refine(const PreparedMap& source, const PreparedMap& target,
                           const RefineOptions& options, const Execution& execution) {
   options.validate();
-  return refined(source.cloud(), target.cloud(), options, execution);
+  return refined(source.cloud(), target.cloud(), options, execution, {}, source.drift(),
+                 target.drift());
 }
 
 RegistrationResult detail::refine_with_known(const PreparedMap& source, const PreparedMap& target,
                                              const RefineOptions& options, KnownMatches known,
                                              const Execution& execution) {
   options.validate();
-  return refined(source.cloud(), target.cloud(), options, execution, std::move(known));
+  return refined(source.cloud(), target.cloud(), options, execution, std::move(known),
+                 source.drift(), target.drift());
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "cairn/core/detail/descriptor_kernel.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -21,6 +23,9 @@ constexpr double kThing = 0.25;  // radius of an object that may occur twice, in
 constexpr std::uint32_t kMostDifferingBits = 4;  // a match differs in at most one of so many bits
 // Square of Lowe's ratio.
 constexpr double kMostRatio = 0.85 * 0.85;
+constexpr double kSpot =
+    0.01;  // radius within which landmarks are taken for one thing, in extents of a map
+constexpr std::size_t kOnSpot = 8;  // landmarks that are compared for it
 
 // Rows of the known descriptors among the first landmarks, and the landmark of each.
 struct Rows {
@@ -28,6 +33,26 @@ struct Rows {
   std::vector<std::uint8_t> bytes;
   bool has_several = false;  // rows of one landmark
 };
+
+// A number for each of the first landmarks, the same for those on one spot: a map often holds one thing as several
+// landmarks, because tracks end.
+std::vector<std::uint32_t> spots_of(const LandmarkCloud& cloud, std::size_t first) {
+  const auto positions = std::span(cloud.positions).first(std::min(first, cloud.size()));
+  const BatchTree tree(positions);
+  const double radius = kSpot * cloud_extent(cloud);
+  std::vector<std::uint32_t> spots;
+  std::array<Neighbor, kOnSpot> near;
+  for (std::uint32_t i = 0; i < positions.size(); ++i) {
+    const std::size_t found = tree.nearest(positions[i], near);
+    std::uint32_t spot = i;
+    for (const Neighbor& one : std::span(near).first(found)) {
+      const bool leads = one.index < i && spots[one.index] == one.index;
+      if (spot == i && leads && one.squared_distance <= radius * radius) spot = one.index;
+    }
+    spots.push_back(spot);
+  }
+  return spots;
+}
 
 // @param most number of descriptors of a landmark
 Rows rows_of(const LandmarkCloud& cloud, std::size_t first, std::size_t most) {
@@ -59,26 +84,29 @@ std::pair<Rows, Rows> affordable_rows(const LandmarkCloud& source, std::size_t s
 // A landmark's nearest landmark in the other cloud, by its best row.
 struct NearestLandmark {
   std::uint32_t landmark = kNone;
+  std::uint32_t owner = kNone;   // of its rows
   std::uint32_t first = kNone;   // difference
-  std::uint32_t second = kNone;  // of the nearest other landmark
+  std::uint32_t second = kNone;  // of the nearest row of another owner
 };
 
 // One per landmark of the cloud, of which `rows` are the rows.
+// @param owners of the other rows, as for nearest_both_ways()
 std::vector<NearestLandmark> by_landmark(
     std::span<const detail::descriptor_kernel::Nearest> nearest, const Rows& rows,
-    const Rows& others, std::size_t count) {
+    const Rows& others, std::span<const std::uint32_t> owners, std::size_t count) {
   std::vector<NearestLandmark> result(count);
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     if (nearest[i].index == kNone) continue;
     NearestLandmark& best = result[rows.landmarks[i]];
-    const std::uint32_t there = others.landmarks[nearest[i].index];
+    const std::uint32_t owner = owners[nearest[i].index];
     if (nearest[i].first < best.first) {
-      // What was nearest competes only if it is another landmark.
-      const std::uint32_t former = best.landmark == there ? best.second : best.first;
-      best = {there, nearest[i].first, std::min(former, nearest[i].second)};
+      // What was nearest competes only if it has another owner.
+      const std::uint32_t former = best.owner == owner ? best.second : best.first;
+      best = {others.landmarks[nearest[i].index], owner, nearest[i].first,
+              std::min(former, nearest[i].second)};
     } else {
       best.second =
-          std::min(best.second, there == best.landmark ? nearest[i].second : nearest[i].first);
+          std::min(best.second, owner == best.owner ? nearest[i].second : nearest[i].first);
     }
   }
   return result;
@@ -137,13 +165,20 @@ void DescriptorMatches::add_alike(const LandmarkCloud& of_source, const Landmark
   const auto [source, target] = affordable_rows(of_source, source_count, of_target, target_count);
   const std::size_t bytes_each = of_source.descriptors->bytes_each;
   const bool binary = is_binary(of_source.descriptors->kind);
+  // Landmarks on one spot do not compete for the ratio, which only bytes need.
+  std::vector<std::uint32_t> owners = target.landmarks;
+  if (!binary) {
+    const std::vector<std::uint32_t> spots = spots_of(of_target, target_count);
+    for (std::uint32_t& owner : owners) owner = spots[owner];
+  }
   using detail::descriptor_kernel::Norm;
   const auto nearest = detail::descriptor_kernel::nearest_both_ways(
       source.bytes, target.bytes, bytes_each, binary ? Norm::kHamming : Norm::kSquaredBytes,
-      target.has_several ? std::span<const std::uint32_t>(target.landmarks)
-                         : std::span<const std::uint32_t>());
-  const auto from_source = by_landmark(nearest.of_a, source, target, of_source.size());
-  const auto from_target = by_landmark(nearest.of_b, target, source, of_target.size());
+      binary && !target.has_several ? std::span<const std::uint32_t>()
+                                    : std::span<const std::uint32_t>(owners));
+  const auto from_source = by_landmark(nearest.of_a, source, target, owners, of_source.size());
+  const auto from_target =
+      by_landmark(nearest.of_b, target, source, source.landmarks, of_target.size());
   for (std::uint32_t i = 0; i < from_source.size(); ++i) {
     const NearestLandmark& there = from_source[i];
     if (there.landmark == kNone || from_target[there.landmark].landmark != i) continue;

@@ -23,9 +23,10 @@ struct DescriptorMatch {
 
 /// Landmarks of two clouds that are probably the same by their descriptors alone.
 ///
-/// Matches are mutual nearest neighbours; two landmarks are as far apart as their best pair of descriptors. Binary descriptors (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH) are
-/// compared by Hamming distance and may differ in at most a quarter of their bits. Others are compared by
-/// the Euclidean distance of their bytes, at most 0.85 times that of the second nearest landmark (Lowe 2004).
+/// Matches are mutual nearest neighbours; two landmarks are as far apart as their best pair of descriptors. Binary
+/// descriptors (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH) are compared by Hamming distance and may differ in at most a
+/// quarter of their bits. Others are compared by the Euclidean distance of their bytes, at most 0.85 times that of the
+/// nearest landmark elsewhere (Lowe 2004): farther away than 1 % of the map's extent.
 class DescriptorMatches {
  public:
   /// No other matches than `identities` if the clouds have no descriptors of one kind and length.

@@ -64,6 +64,24 @@ TEST(DescriptorMatches, AreTheLandmarksThatLookAlike) {
   }
 }
 
+// A map often holds one thing as several landmarks.
+TEST(DescriptorMatches, OfBytesMayHaveARivalOnTheSameSpotOnly) {
+  const auto matches_with_copies = [](const Eigen::Vector3d& off) {
+    LookalikeClouds pair = lookalikes(40, 300, "SIFT");
+    DescriptorColumn& column = *pair.target.descriptors;
+    for (std::size_t i = 0; i < 40; ++i) {
+      pair.target.positions.emplace_back(pair.target.positions[i] + off);
+      column.known.push_back(1);
+      const auto bytes = column.descriptor(i, 0);
+      const std::vector<std::uint8_t> copy(bytes.begin(), bytes.end());
+      column.bytes.insert(column.bytes.end(), copy.begin(), copy.end());
+    }
+    return DescriptorMatches(pair.source, pair.target).all().size();
+  };
+  EXPECT_GE(matches_with_copies({0.005, 0.0, 0.0}), 40U);
+  EXPECT_LE(matches_with_copies({0.5, 0.0, 0.0}), 4U);
+}
+
 TEST(DescriptorMatches, AgreeAtTheRightPoseOnly) {
   const LookalikeClouds pair = lookalikes(40, 300, "ORB");
   const DescriptorMatches matches(pair.source, pair.target);
