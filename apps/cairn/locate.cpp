@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -32,6 +33,7 @@
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
+#include "support/location_hints.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -43,8 +45,10 @@ Json json_of(const std::string& image, const ImageLocation& found) {
                {"verdict", found.located ? "located" : "rejected"},
                {"probability", found.probability},
                {"reason", found.reason},
+               {"failure", nullptr},
                {"world_from_camera", nullptr},
                {"estimate", nullptr},
+               {"rival", nullptr},
                {"covariance", nullptr},
                {"camera", to_json(found.camera)},
                {"focal_length_sigma", nullptr},
@@ -52,6 +56,8 @@ Json json_of(const std::string& image, const ImageLocation& found) {
                {"matches", Json::array()}};
   if (found.world_from_camera) json["world_from_camera"] = to_json(*found.world_from_camera);
   if (found.estimate) json["estimate"] = to_json(*found.estimate);
+  if (found.failure) json["failure"] = to_string(*found.failure);
+  if (found.rival) json["rival"] = to_json(*found.rival);
   if (found.covariance) json["covariance"] = to_json(*found.covariance);
   if (found.focal_length_sigma) json["focal_length_sigma"] = *found.focal_length_sigma;
   for (const ImageMatch& match : found.matches) {
@@ -98,6 +104,42 @@ std::vector<std::string> stamps_of(const std::vector<std::string>& images) {
   return times.size() == images.size() ? times : numbers;
 }
 
+// What new frames of a map are called: the names of their files. As merge() does, where images share one, the names of all
+// images of a folder begin with the folder, or as many folders as tell them apart. The map's own names stay.
+std::vector<std::string> image_names(const std::vector<std::string>& files,
+                                     const LandmarkMap& map) {
+  std::vector<fs::path> paths;
+  for (const std::string& file : files) {
+    paths.push_back(fs::absolute(file).lexically_normal().relative_path());
+  }
+  std::map<fs::path, std::ptrdiff_t> folders_before;  // their number, by the innermost
+  std::vector<std::string> names(files.size());
+  for (bool changed = true; changed;) {
+    changed = false;
+    std::map<std::string, int> uses;
+    for (const std::string& known : map.frames().image_names) ++uses[known];
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      fs::path folder = paths[i].parent_path();
+      std::string folders;
+      for (auto k = folders_before[folder]; k > 0; --k, folder = folder.parent_path()) {
+        folders = folder.filename().string() + "/" + folders;
+      }
+      std::replace(folders.begin(), folders.end(), ' ', '_');  // COLMAP ends a name at a blank
+      names[i] = folders + paths[i].filename().string();
+      ++uses[names[i]];
+    }
+    std::set<fs::path> alike;
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      const fs::path folder = paths[i].parent_path();
+      const auto most = std::distance(folder.begin(), folder.end());
+      if (uses[names[i]] > 1 && folders_before[folder] < most) alike.insert(folder);
+    }
+    for (const fs::path& folder : alike) ++folders_before[folder];
+    changed = !alike.empty();
+  }
+  return names;
+}
+
 // The locators of images: with the given camera or, by their sizes, with the only one of that size among others, or with a
 // focal length to be found if there is none or several.
 class Locators {
@@ -106,10 +148,16 @@ class Locators {
            std::span<const Camera> others, const LocateOptions& options)
       : is_given_(given.has_value()),
         cameras_(others.begin(), others.end()),
-        first_(map, given.value_or(unknown_camera(kAnySide, kAnySide)), options) {}
+        first_{ImageLocator(map, given.value_or(unknown_camera(kAnySide, kAnySide)), options),
+               FocalLength::kKnown} {}
+
+  struct OfCamera {
+    ImageLocator locator;
+    FocalLength lens;
+  };
 
   /// Thread-safe.
-  const ImageLocator& of(const GrayImage& image) {
+  const OfCamera& of(const GrayImage& image) {
     if (is_given_) return first_;
     const std::lock_guard lock(mutex_);
     const auto [place, is_new] = locators_.try_emplace({image.width, image.height});
@@ -129,7 +177,7 @@ class Locators {
             {kUsual * std::max(width, height), 0.5 * (width - 1.0), 0.5 * (height - 1.0)}};
   }
 
-  std::unique_ptr<ImageLocator> made(std::uint32_t width, std::uint32_t height) const {
+  std::unique_ptr<OfCamera> made(std::uint32_t width, std::uint32_t height) const {
     const Camera* only = nullptr;
     for (const Camera& camera : cameras_) {
       if (camera.width != width || camera.height != height) continue;
@@ -139,16 +187,16 @@ class Locators {
       }
       only = &camera;
     }
-    return std::make_unique<ImageLocator>(
-        only != nullptr ? first_.with_camera(*only)
-                        : first_.with_camera(unknown_camera(width, height), FocalLength::kUnknown));
+    const Camera camera = only != nullptr ? *only : unknown_camera(width, height);
+    const FocalLength lens = only != nullptr ? FocalLength::kKnown : FocalLength::kUnknown;
+    return std::make_unique<OfCamera>(OfCamera{first_.locator.with_camera(camera, lens), lens});
   }
 
   bool is_given_;
   std::vector<Camera> cameras_;
-  ImageLocator first_;
+  OfCamera first_;
   std::mutex mutex_;
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::unique_ptr<ImageLocator>> locators_;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::unique_ptr<OfCamera>> locators_;
 };
 
 struct LocateArguments {
@@ -225,7 +273,13 @@ struct LocateArguments {
     require_outputs(common);
     require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
     if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);
-    if (!output.empty()) require_map_path(output, "--output");
+    if (!output.empty()) {
+      require_map_path(output, "--output");
+      std::set<std::string> seen;
+      for (const std::string& image : images) {
+        refuse_if(!seen.insert(image).second, image, "is given twice", "each image once");
+      }
+    }
     const LoadedMap loaded = load_world();
     std::optional<CameraFile> file;
     if (!camera.empty() && camera != kUnknown) file = load_camera(camera, {std::string(kUnknown)});
@@ -234,16 +288,18 @@ struct LocateArguments {
     const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
-    const std::vector<ImageLocation> found =
+    const std::vector<Located> found =
         locate_all(loaded.map, file ? std::optional(file->camera) : std::nullopt, depth_m);
     Json json = describe(loaded);
     json["results"] = Json::array();
     bool all = true;
     const Console console = common.console();
     for (std::size_t i = 0; i < images.size(); ++i) {
-      json["results"].push_back(json_of(images[i], found[i]));
-      console.print(text_of(images[i], found[i], loaded.map.info().length_unit));
-      all = all && found[i].located;
+      const auto& [location, lens] = found[i];
+      json["results"].push_back(json_of(images[i], location));
+      console.print(text_of(images[i], location, loaded.map.info().length_unit));
+      console.print(location_hints(location, loaded.map, lens, options));
+      all = all && location.located;
     }
     write_document(json, common);
     if (!trajectory.empty()) write_trajectory(found);
@@ -252,6 +308,11 @@ struct LocateArguments {
   }
 
  private:
+  struct Located {
+    ImageLocation location;
+    FocalLength lens = FocalLength::kKnown;
+  };
+
   // The map; or the maps of an atlas that have poses, as one.
   LoadedMap load_world() const {
 #ifdef CAIRN_HAS_ATLAS
@@ -267,20 +328,20 @@ struct LocateArguments {
     return load_map(map, common);
   }
 
-  std::vector<ImageLocation> locate_all(const LandmarkMap& in_map,
-                                        const std::optional<Camera>& given,
-                                        const DepthImage& depth_m) const {
+  std::vector<Located> locate_all(const LandmarkMap& in_map, const std::optional<Camera>& given,
+                                  const DepthImage& depth_m) const {
     const std::string descriptors = map + ": descriptors";
     const auto others = camera == kUnknown ? std::span<const Camera>() : in_map.cameras();
     std::optional<Locators> locators;
     with_option_names({{"descriptors", descriptors}},
                       [&] { locators.emplace(in_map, given, others, options); });
-    std::vector<ImageLocation> found(images.size());
+    std::vector<Located> found(images.size());
     common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const GrayImage image = read_gray_image(images[i]);
+        const Locators::OfCamera& own = locators->of(image);
         with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
-          found[i] = locators->of(image).locate(image, depth_m, {.seed = common.seed});
+          found[i] = {own.locator.locate(image, depth_m, {.seed = common.seed}), own.lens};
         });
       }
     });
@@ -320,12 +381,20 @@ struct LocateArguments {
     return document("locate", common, std::move(inputs), std::move(json));
   }
 
-  void write_bigger_map(const LandmarkMap& in_map, const std::vector<ImageLocation>& found) const {
+  void write_bigger_map(const LandmarkMap& in_map, const std::vector<Located>& found) const {
+    std::vector<std::string> files;
     std::vector<LocatedImage> located;
     for (std::size_t i = 0; i < found.size(); ++i) {
-      if (found[i].located) {
-        located.push_back({fs::path(images[i]).filename().string(), found[i]});
-      }
+      if (!found[i].location.located) continue;
+      files.push_back(images[i]);
+      located.push_back({"", found[i].location});
+    }
+    const std::vector<std::string> names = image_names(files, in_map);
+    for (std::size_t i = 0; i < located.size(); ++i) {
+      located[i].name = names[i];
+      if (names[i].find('/') == std::string::npos) continue;
+      common.console().remark("{} is called {}, because another image has its name", files[i],
+                              names[i]);
     }
     LandmarkMap bigger = with_frames(in_map, located);
     if (adjusts) {
@@ -341,13 +410,14 @@ struct LocateArguments {
                            located.size());
   }
 
-  void write_trajectory(const std::vector<ImageLocation>& found) const {
+  void write_trajectory(const std::vector<Located>& found) const {
     const std::vector<std::string> stamps = stamps_of(images);
     std::string text = "# timestamp tx ty tz qx qy qz qw\n";
     for (std::size_t i = 0; i < found.size(); ++i) {
-      if (!found[i].world_from_camera) continue;
-      const Eigen::Vector3d& at = found[i].world_from_camera->translation();
-      const Eigen::Quaterniond turn = found[i].world_from_camera->quaternion();
+      const std::optional<Rigid3>& pose = found[i].location.world_from_camera;
+      if (!pose) continue;
+      const Eigen::Vector3d& at = pose->translation();
+      const Eigen::Quaterniond turn = pose->quaternion();
       text += fmt::format("{} {} {} {} {} {} {} {}\n", stamps[i], at.x(), at.y(), at.z(), turn.x(),
                           turn.y(), turn.z(), turn.w());
     }

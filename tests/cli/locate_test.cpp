@@ -101,6 +101,72 @@ TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {
   EXPECT_EQ(read_trajectory(found).poses().size(), 1U) << "only what is located";
 }
 
+TEST_F(LocateCliTest, SaysWhatToTryOnlyWhereAnImageIsRejected) {
+  EXPECT_THAT(answer({"locate", "desk.map", kImage}), Not(HasSubstr("hint:")));
+  const Words words = {"locate", "desk.map", "other/rgb/0.000000.jpg", "--json", "r.json"};
+  const std::string known = cairn(words).output;
+  EXPECT_THAT(known, HasSubstr("\n  hint: Check that the image shows"));
+  EXPECT_THAT(known, HasSubstr("hint: Add --camera unknown if"));
+  const Json json = Json::parse(content("r.json"));
+  EXPECT_THAT(json.at("results").at(0).at("failure"),
+              ::testing::AnyOf("few_matches", "few_inliers"));
+  Words unknown = words;
+  unknown.insert(unknown.end(), {"--camera", "unknown"});
+  EXPECT_THAT(cairn(unknown).output, AllOf(HasSubstr("hint: Give the image's lens by --camera"),
+                                           Not(HasSubstr("--camera unknown"))));
+}
+
+TEST_F(LocateCliTest, NamesPlacesThatAnImageDoesNotTellApart) {
+  const LandmarkMap once = read_map(path("desk.map"));
+  MapTables twice = LandmarkMap(once).tables();
+  const Eigen::Vector3d away(10.0, 0.0, 0.0);
+  LandmarkTable& landmarks = twice.landmarks;
+  const std::size_t count = once.landmark_count();
+  for (std::size_t i = 0; i < count; ++i) {
+    landmarks.ids.push_back(LandmarkId{landmarks.ids[i].value + 1000000});
+    landmarks.positions.emplace_back(landmarks.positions[i] + away);
+  }
+  DescriptorColumn& column = *landmarks.descriptors;
+  column.further_offsets.clear();
+  column.further.clear();
+  column.known.insert(column.known.end(), column.known.begin(), column.known.begin() + count);
+  const std::vector<std::uint8_t> bytes = column.bytes;
+  column.bytes.insert(column.bytes.end(), bytes.begin(), bytes.end());
+  landmarks.covariances.clear();
+  landmarks.colors = {};
+  landmarks.columns.clear();
+  twice.observations = {};
+  write_map(LandmarkMap(std::move(twice)), path("twice.map"));
+  const CommandResult result = cairn({"locate", "twice.map", kImage});
+  EXPECT_EQ(result.exit_code, kNoAlignment);
+  EXPECT_THAT(result.output, ::testing::ContainsRegex("hint: Use an image that also shows what "
+                                                      "tells two places apart: .* near .* near .*"
+                                                      "are (9.9|10).* m from each other"));
+}
+
+// As merge() does; the map's own names stay.
+TEST_F(LocateCliTest, TellsNewImagesOfOneNameApartByTheirFolders) {
+  const auto images_after = [&](const std::string& first, const std::string& second) {
+    for (const auto& [file, image] : {std::pair{first, kImage}, {second, "s/rgb/0.500000.jpg"}}) {
+      fs::create_directories(fs::path(path(file)).parent_path());
+      fs::copy_file(path(image), path(file), fs::copy_options::overwrite_existing);
+    }
+    answer({"locate", "desk.map", first, second, "-o", "bigger.map"});
+    std::vector<std::string> names = read_map(path("bigger.map")).frames().image_names;
+    return std::vector<std::string>(names.end() - 2, names.end());
+  };
+  using ::testing::ElementsAre;
+  EXPECT_THAT(images_after("a/new.jpg", "a/other.jpg"), ElementsAre("new.jpg", "other.jpg"));
+  EXPECT_THAT(images_after("a/new.jpg", "b c/new.jpg"), ElementsAre("a/new.jpg", "b_c/new.jpg"));
+  EXPECT_THAT(images_after("a/rgb/new.jpg", "b/rgb/new.jpg"),
+              ElementsAre("a/rgb/new.jpg", "b/rgb/new.jpg"));
+  const std::string known = read_map(path("desk.map")).frames().image_names.front();
+  EXPECT_THAT(images_after("a/" + known, "a/new.jpg"), ElementsAre("a/" + known, "a/new.jpg"));
+  EXPECT_EQ(read_map(path("bigger.map")).frames().image_names.front(), known);
+  expect_refusal({"locate", "desk.map", "a/new.jpg", "a/new.jpg", "-o", "bigger.map"}, kWrongUsage,
+                 {"new.jpg", "each image once"});
+}
+
 #ifdef CAIRN_HAS_ATLAS
 TEST_F(LocateCliTest, TakesAnAtlas) {
   answer(

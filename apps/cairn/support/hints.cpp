@@ -61,7 +61,7 @@ class Hints {
   std::string text() const { return text_; }
 
  private:
-  void add(const std::string& hint) { text_ += "  hint: " + hint + "\n"; }
+  void add(const std::string& hint) { text_ += hint_line(hint); }
 
   double probability() const { return alignment_.probability.value_or(0.0); }
   bool is_improbable() const { return probability() < options_.min_probability; }
@@ -209,11 +209,7 @@ class Hints {
       add(fmt::format("Use a {} map with observations, which allow the free-space check.", role));
     }
     if (!is_open() && alignment_.registration.covariance && probability() >= kLeastRequired) {
-      const double accepted = std::floor(100.0 * probability()) / 100.0;
-      add(
-          fmt::format("Lower --min-probability to {:.2f} if a risk of {:.0f} % that the pose is "
-                      "wrong is acceptable.",
-                      accepted, std::ceil(100.0 * (1.0 - probability()))));
+      add(accepted_risk_hint(probability()));
     }
   }
 
@@ -226,6 +222,17 @@ class Hints {
 };
 
 }  // namespace
+
+std::string hint_line(const std::string& hint) {
+  return "  hint: " + hint + "\n";
+}
+
+std::string accepted_risk_hint(double probability) {
+  return fmt::format(
+      "Lower --min-probability to {:.2f} if a risk of {:.0f} % that the pose is wrong is "
+      "acceptable.",
+      std::floor(100.0 * probability) / 100.0, std::ceil(100.0 * (1.0 - probability)));
+}
 
 std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
                   const AlignOptions& options, bool with_scale) {

@@ -15,4 +15,11 @@ namespace cairn::cli {
 std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
                   const AlignOptions& options, bool with_scale);
 
+/// A hint as people see it.
+std::string hint_line(const std::string& hint);
+
+/// The hint to accept less than the required probability.
+/// @param probability of the pose, at least 0.5
+std::string accepted_risk_hint(double probability);
+
 }  // namespace cairn::cli

@@ -24,15 +24,31 @@ using detail::ImagePose;
 using detail::ImagePoseSearch;
 using detail::SensorModel;
 
-// A logistic model, fitted to images of simulated places (docs/evidence.md). A match counts for no more than the evidence
-// that there is for one, because chance finds many where landmarks are dense.
+// A logistic model, fitted to images of simulated places (docs/evidence.md).
+constexpr double kConstant = -16.95;
+constexpr double kMatches = 6.39;
+constexpr double kUnmatched = -2.76;
+
+// A match counts for no more than the evidence that there is for one, because chance finds many where landmarks are
+// dense.
+double independent_matches(const ImagePose& pose) {
+  return std::min(static_cast<double>(pose.spread), pose.evidence);
+}
+
+double log_odds_without_matches(const ImagePose& pose) {
+  return kConstant + kUnmatched * std::log1p(static_cast<double>(pose.unmatched_cells));
+}
+
 double probability_of(const ImagePose& pose) {
-  constexpr double kConstant = -16.95;
-  constexpr double kMatches = 6.39;
-  constexpr double kUnmatched = -2.76;
-  const double matches = std::min(static_cast<double>(pose.spread), pose.evidence);
-  return 1.0 / (1.0 + std::exp(-kConstant - kMatches * std::log1p(matches) -
-                               kUnmatched * std::log1p(static_cast<double>(pose.unmatched_cells))));
+  const double log_odds =
+      log_odds_without_matches(pose) + kMatches * std::log1p(independent_matches(pose));
+  return 1.0 / (1.0 + std::exp(-log_odds));
+}
+
+// How many independent matches would give the probability, if as many cells contradicted the pose.
+double matches_for(const ImagePose& pose, double probability) {
+  const double log_odds = std::log(probability / (1.0 - probability));
+  return std::ceil(std::expm1((log_odds - log_odds_without_matches(pose)) / kMatches));
 }
 
 ImageDescriptor descriptor_kind(const LandmarkMap& map) {
@@ -45,6 +61,22 @@ ImageDescriptor descriptor_kind(const LandmarkMap& map) {
 }
 
 }  // namespace
+
+std::string_view to_string(LocationFailure failure) {
+  switch (failure) {
+    case LocationFailure::kFewMatches:
+      return "few_matches";
+    case LocationFailure::kFewInliers:
+      return "few_inliers";
+    case LocationFailure::kImprobable:
+      return "improbable";
+    case LocationFailure::kAmbiguous:
+      return "ambiguous";
+    case LocationFailure::kFocalLength:
+      return "focal_length";
+  }
+  return "";
+}
 
 constexpr OptionField kLocateFields[] = {
     {"features", option_at<&LocateOptions::features, &FeatureOptions::count>, kAny, "--features",
@@ -136,6 +168,7 @@ class ImageLocator::View {
     result.focal_length_sigma = lens.focal_length_sigma;
     if (result.located && lens.focal_length_sigma > kMostSigma * focal_length) {
       result.located = false;
+      result.failure = LocationFailure::kFocalLength;
       result.world_from_camera.reset();
       result.reason = fmt::format(
           "the matches do not determine the focal length: {:.0f} px with a standard deviation of "
@@ -152,6 +185,7 @@ class ImageLocator::View {
     result.corners = image.features.size();
     result.proposals = search.proposals();
     if (!best) {
+      result.failure = LocationFailure::kFewMatches;
       result.reason =
           fmt::format("no pose explains enough matches: {} of {} corners match a landmark",
                       search.proposals(), image.features.size());
@@ -168,8 +202,7 @@ class ImageLocator::View {
   void report(const DescribedImage& image, const ImagePose& best, const ImagePose* next,
               ImageLocation& result) const {
     const double scale = landmarks_->described.scale();
-    const Rigid3& pose = best.pose.world_from_camera;
-    result.estimate = Rigid3(pose.quaternion(), pose.translation() / scale);
+    result.estimate = in_map(best.pose.world_from_camera);
     Matrix6d covariance = best.pose.covariance;
     covariance.topRows<3>() /= scale;
     covariance.leftCols<3>() /= scale;
@@ -195,12 +228,28 @@ class ImageLocator::View {
       const double odds = result.probability / (1.0 - result.probability);
       const double odds_of_other = other / (1.0 - other);
       result.probability = odds / (1.0 + odds + odds_of_other);
+      result.rival = in_map(next->pose.world_from_camera);
       found += fmt::format(", and {} match at another pose", next->matches.size());
     }
     result.located = result.probability >= options_.min_probability;
+    if (result.located) {
+      result.world_from_camera = result.estimate;
+    } else if (result.rival) {
+      result.failure = LocationFailure::kAmbiguous;
+    } else {
+      constexpr double kChance = 0.01;  // a pose below it is hardly ever right
+      result.failure = result.probability < kChance ? LocationFailure::kFewInliers
+                                                    : LocationFailure::kImprobable;
+      found += fmt::format("; these count as {:.0f} independent matches, and {:.0f} would decide",
+                           std::floor(independent_matches(best)),
+                           matches_for(best, options_.min_probability));
+    }
     result.reason =
         fmt::format("{}: {}", decision_text(result.probability, options_.min_probability), found);
-    if (result.located) result.world_from_camera = result.estimate;
+  }
+
+  Rigid3 in_map(const Rigid3& pose) const {
+    return {pose.quaternion(), pose.translation() / landmarks_->described.scale()};
   }
 
   LocateOptions options_;

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cairn/core/execution.hpp"
@@ -32,15 +33,30 @@ struct ImageMatch {
   LandmarkIndex landmark;
 };
 
+/// Why an image was not located.
+enum class LocationFailure {
+  kFewMatches,   ///< no pose agrees with enough of them
+  kFewInliers,   ///< chance explains those of the best pose
+  kImprobable,   ///< the best pose may be right
+  kAmbiguous,    ///< another pose explains other matches as well
+  kFocalLength,  ///< the matches leave it open
+};
+
+/// "few_matches", "few_inliers", "improbable", "ambiguous" or "focal_length".
+std::string_view to_string(LocationFailure failure);
+
 /// Result of locating an image.
 struct ImageLocation {
   bool located = false;      ///< the probability suffices
   double probability = 0.0;  ///< that the pose is right
   std::string reason;  ///< one sentence for people: the decision and its number, then the evidence
+  std::optional<LocationFailure> failure;  ///< std::nullopt if located
   /// Camera pose, in the map's unit of length; std::nullopt unless located.
   std::optional<Rigid3> world_from_camera;
   /// The best pose found, whatever its probability.
   std::optional<Rigid3> estimate;
+  /// Another pose with enough evidence to lower the probability of the estimate.
+  std::optional<Rigid3> rival;
   /// Of the estimate: translation and rotation vector, in the world. Includes the errors of corners and
   /// landmarks, but not those of the map as a whole.
   std::optional<Matrix6d> covariance;

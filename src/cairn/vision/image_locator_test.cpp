@@ -78,6 +78,7 @@ TEST(ImageLocator, FindsWhereAnImageWasTaken) {
   for (const auto& [right, down] : {std::pair{60, 40}, {0, 0}, {120, 30}, {90, 70}}) {
     const ImageLocation found = locator.locate(image_at(right, down));
     ASSERT_TRUE(found.located) << found.reason;
+    EXPECT_FALSE(found.failure);
     EXPECT_GE(found.probability, 0.99);
     ASSERT_TRUE(found.world_from_camera);
     const Vector6d off = found.world_from_camera->difference_to(pose_at(right, down));
@@ -143,6 +144,7 @@ TEST(ImageLocator, SaysThatNothingIsSeen) {
   EXPECT_FALSE(found.located);
   EXPECT_FALSE(found.estimate);
   EXPECT_EQ(found.probability, 0.0);
+  EXPECT_EQ(found.failure, LocationFailure::kFewMatches);
   EXPECT_THAT(found.reason, HasSubstr("0 of 0 corners"));
 }
 
@@ -158,6 +160,10 @@ TEST(ImageLocator, RefusesWhatOneSmallPartShows) {
   const ImageLocation small = with_part({250, 170, 130, 130});
   EXPECT_GT(small.matches.size(), 20U) << small.reason;
   EXPECT_FALSE(small.located) << small.reason;
+  EXPECT_TRUE(small.failure == LocationFailure::kFewInliers ||
+              small.failure == LocationFailure::kImprobable);
+  EXPECT_THAT(small.reason, ::testing::ContainsRegex("these count as [0-9]+ independent matches, "
+                                                     "and [0-9]+ would decide"));
   EXPECT_TRUE(with_part({100, 60, 420, 360}).located);
 }
 
@@ -166,7 +172,10 @@ TEST(ImageLocator, RefusesToChooseBetweenPlacesThatLookTheSame) {
   const LandmarkMap twice(wall_tables(1.0, {0.0, 10.0}));
   const ImageLocation found = ImageLocator(twice, TexturedWall::camera()).locate(image_at(60, 40));
   EXPECT_FALSE(found.located) << found.reason;
-  EXPECT_TRUE(found.estimate);
+  EXPECT_EQ(found.failure, LocationFailure::kAmbiguous);
+  ASSERT_TRUE(found.estimate);
+  ASSERT_TRUE(found.rival);
+  EXPECT_NEAR((found.rival->translation() - found.estimate->translation()).norm(), 10.0, 0.01);
   EXPECT_THAT(found.reason, HasSubstr("at another pose"));
 }
 
@@ -330,6 +339,7 @@ TEST(ImageLocator, DoesNotLocateByAPlaneThatLeavesTheFocalLengthOpen) {
                                   .locate(image_of(posters(60, 40)));
   EXPECT_FALSE(found.located);
   EXPECT_FALSE(found.world_from_camera);
+  EXPECT_EQ(found.failure, LocationFailure::kFocalLength);
   EXPECT_THAT(found.reason, HasSubstr("do not determine the focal length"));
 }
 

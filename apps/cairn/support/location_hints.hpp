@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "cairn/map/landmark_map.hpp"
+#include "cairn/vision/image_locator.hpp"
+
+namespace cairn::cli {
+
+/// As hints(), for an image that was not located: what to do about each way in which ImageLocator refuses.
+/// @param map where it was searched
+/// @param lens whether the image's lens was known
+/// @param options that it was searched with
+std::string location_hints(const ImageLocation& found, const LandmarkMap& map, FocalLength lens,
+                           const LocateOptions& options);
+
+}  // namespace cairn::cli
