@@ -87,6 +87,11 @@ py::array rows_of_matches(const std::vector<ImageMatch>& matches) {
   });
 }
 
+py::object name_or_none(const std::optional<LocationFailure>& failure) {
+  if (!failure) return py::none();
+  return py::str(std::string(to_string(*failure)));
+}
+
 }  // namespace
 
 void bind_localization(py::module_& module) {
@@ -94,10 +99,18 @@ void bind_localization(py::module_& module) {
       .def_readonly("located", &ImageLocation::located, "Whether the pose can be trusted.")
       .def_readonly("probability", &ImageLocation::probability)
       .def_readonly("reason", &ImageLocation::reason)
+      .get("failure",
+           "Why it was not located: \"few_matches\", \"few_inliers\", \"improbable\", "
+           "\"ambiguous\" or \"focal_length\"; None if located.",
+           &ImageLocation::failure, &name_or_none)
       .get("world_from_camera", "4x4; None unless located.", &ImageLocation::world_from_camera)
       .get("estimate",
            "4x4: the best pose found, whatever its probability; None if none was found.",
            &ImageLocation::estimate)
+      .get("rival",
+           "4x4: another pose that explains other matches, and so lowers the probability; None "
+           "without one.",
+           &ImageLocation::rival)
       .get(
           "covariance",
           "(6, 6), of the left perturbation (dt, dphi) of the estimate in the world frame; None if "

@@ -37,6 +37,7 @@ class Localization(unittest.TestCase):
         frame = PLACE[7]
         for found in (locator.locate(frame.rgb), locator.locate(frame.bgr, frame.depth_m, channels="bgr")):
             self.assertTrue(found.located, found)
+            self.assertIsNone(found.failure)
             self.assertGreaterEqual(found.probability, 0.99)
             off = np.linalg.norm(found.world_from_camera[:3, 3] - frame.world_from_camera[:3, 3])
             self.assertLess(off, 0.03)
@@ -54,6 +55,8 @@ class Localization(unittest.TestCase):
         self.assertEqual(len(bigger.frame_ids), len(odometry.map().frame_ids) + 1)
         nothing = locator.locate(np.zeros((480, 640), np.uint8))
         self.assertFalse(nothing.located)
+        self.assertEqual(nothing.failure, "few_matches")
+        self.assertIsNone(nothing.rival)
         self.assertIsNone(nothing.world_from_camera)
         self.assertIn("rejected", repr(nothing))
         with self.assertRaises(ValueError):
