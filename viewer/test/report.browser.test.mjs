@@ -836,7 +836,7 @@ thorough("paper has every chart and view within its width, in light colours, and
   }
 });
 
-test("a wide table is printed smaller and in landscape, with its header; one that would be too small as a list of rows", async () => {
+thorough("a wide table is printed smaller and in landscape, with its header; one that would be too small as a list of rows", async () => {
   const { document, buffers } = kSamples.answer();
   const table = (id, columns, rows) => ({
     kind: "table", id, title: id, text: null, best: null,
@@ -933,7 +933,7 @@ thorough("colours of text stand out from what is behind them, in light and dark"
   }
 });
 
-test("every control can be reached and pressed without a mouse", async () => {
+thorough("every control can be reached and pressed without a mouse", async () => {
   await withReport(sampleFile("answer"), {}, async ({ page }) => {
     const wanted = await page.evaluate(() => [...document.querySelectorAll("button, select, input:not([type=radio]), a[href], summary")]
       .filter((element) => element.offsetParent !== null && !element.disabled).length);
