@@ -27,9 +27,9 @@ struct MeasurementNoise {
   double sigma_depth(double depth) const { return depth_floor + depth_quadratic * depth * depth; }
 };
 
-/// Noise that explains the residuals of an adjusted map, from their medians, corrected for the fitted
-/// parameters; robust to a fifth of wrong observations. For depths, scales floor and quadratic part alike.
-/// Values with too few measurements stay as given.
+/// Noise that explains the residuals of an adjusted map, from their medians, corrected for the fitted parameters;
+/// robust to a fifth of wrong observations. The floor and the quadratic part of the depth noise are scaled by one
+/// factor. Values with too few measurements stay as given.
 /// @throws Error (input) for a map without observations or an observing frame without a camera
 MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise& start = {});
 
@@ -108,8 +108,8 @@ struct CovarianceOptions {
 
 struct EstimatedCovariances {
   LandmarkMap map;  ///< the map with the new covariances, without its UUID
-  /// Per frame: the first of its group, relative to which its covariance is and those of the landmarks that
-  /// it observed first; std::nullopt without usable observations.
+  /// Reference of each frame: the first frame of its group. The covariances of the frame, and of the landmarks whose
+  /// first observation is in it, are relative to this reference. std::nullopt for a frame without usable observations.
   std::vector<std::optional<FrameIndex>> references;
   std::size_t known = 0;   ///< landmarks with a covariance
   MeasurementNoise noise;  ///< the assumed noise

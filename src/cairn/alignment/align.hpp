@@ -82,7 +82,7 @@ struct AlignOptions {
   void validate() const;
 };
 
-/// Range of the scales that align() searches for maps of these units; std::nullopt if both have one scale.
+/// Range of the scales that align() searches for maps of these units; std::nullopt if both maps have the same scale.
 std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit source,
                                       LengthUnit target);
 

@@ -109,7 +109,7 @@ struct SightCounts {
 /// What surrounds the matches of a pose: the landmarks outside a ball that covers nearly all of them. An object that stands
 /// in two places matches as well as a place does; its surroundings reveal the difference.
 struct Surroundings {
-  /// Number of landmarks around the ball, in both maps, by what most of the other map's lines of sight say about them.
+  /// Numbers of landmarks around the ball, in both maps, grouped by the majority of the other map's lines of sight.
   /// Lines of sight into the ball are not compared.
   SightCounts landmarks = {};
   double extent = 0.0;  ///< radius of the ball, in matching radii; 0 without matches

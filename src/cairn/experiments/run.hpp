@@ -131,7 +131,7 @@ TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initi
 /// Runs as rows of two tables (docs/experiments.md): `runs.csv`, which is reproducible, and `timings.csv`
 /// with the same keys and the durations.
 ///
-/// Rows end with a checksum and LF. Without LF a row is incomplete; with another checksum it is damaged.
+/// Rows end with a checksum and LF. A row without LF is incomplete; a row whose checksum does not match is damaged.
 std::string runs_header();
 std::string runs_row(const TrialResult& run);
 std::string timings_header();

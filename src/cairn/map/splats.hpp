@@ -52,8 +52,8 @@ using Harmonics = Eigen::Matrix<double, (kMostSplatDegree + 1) * (kMostSplatDegr
 /// @param direction of length 1
 Harmonics harmonics_towards(const Eigen::Vector3d& direction);
 
-/// Matrices that turn the coefficients of harmonics, one for each degree from 1: with c' = D·c, the colour towards R·d is
-/// what it was towards d. They are orthogonal.
+/// Matrices that rotate coefficients of spherical harmonics by a rotation R, one for each degree from 1: the
+/// coefficients c' = D·c give the colour in direction R·d that c gives in direction d. They are orthogonal.
 using HarmonicsRotation = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0,
                                         2 * kMostSplatDegree + 1, 2 * kMostSplatDegree + 1>;
 std::vector<HarmonicsRotation> harmonics_rotation(int degree, const Eigen::Matrix3d& rotation);

@@ -48,13 +48,13 @@ struct OptimisedPoses {
 
 /// Computes poses in one frame.
 ///
-/// Initial poses: groups of nodes grow together, those of one session first. Two groups join if more links
-/// between them agree on their relative pose than on any other; links by way of a third group count too. A
-/// wrong link therefore decides only if it is alone, and groups stay apart if one link contradicts another.
-/// Then solves a robust pose graph (Cauchy loss, errors weighted by the links' covariances) of all
-/// consistent links. Links that disagree with the result are removed, and nodes that only they connect;
-/// then it is solved again. The order of nodes and links decides the frame, and nothing else if no two nodes have equal
-/// radii.
+/// Initial poses: groups of nodes grow together, those of one session first. Two groups are joined at the relative pose
+/// that more of the links between them support than any other; links by way of a third group count too. So a wrong link
+/// determines the pose only if it is the only link. If one link contradicts another, there is no majority, and the
+/// groups stay apart. Then solves a robust pose graph (Cauchy loss, errors weighted by the links' covariances) of all
+/// consistent links. Links that disagree with the result are removed, together with nodes that only such links connect;
+/// then it is solved again. The order of nodes and links affects only the choice of the frame, unless two nodes have
+/// equal radii.
 ///
 /// @param graph   its poses are ignored; links without covariance are not used
 /// @param extents one per node
@@ -81,7 +81,8 @@ OptimisedPoses update_poses(const PoseGraph& graph, std::span<const NodeExtent> 
 
 /// Poses of all linked nodes: those of the largest group, then of the largest of what is left, and so on.
 struct OptimisedComponents {
-  /// Per node: the node whose frame its pose is in, the first of its group; std::nullopt without a pose.
+  /// Reference of each node: the first node of its group, in whose frame the pose is. std::nullopt for a node without a
+  /// pose.
   std::vector<std::optional<std::size_t>> frames;
   std::vector<Similarity3> frame_from_node;  ///< one per node
   std::vector<Matrix7d> covariances;         ///< as in OptimisedPoses

@@ -9,7 +9,8 @@
 
 namespace cairn {
 
-/// The Gaussian splats of a map that serve as landmarks, and the numbers of the others, each counted once.
+/// The Gaussian splats of a map that serve as landmarks, and the counts of those left out, by reason; each is counted
+/// under one.
 struct SplatSelection {
   std::vector<LandmarkIndex> kept;  ///< ascending
   std::size_t transparent = 0;      ///< opacity below 0.5, or unknown extent

@@ -15,10 +15,10 @@ namespace cairn::report {
 inline constexpr std::size_t kMostFrameImages = 60;
 inline constexpr std::uint32_t kWidestFrameImage = 320;  ///< pixels
 
-/// Images of a map's frames, spread evenly over those that have one, from the RGB-D sequence that it was built from. A frame has the colour image
-/// nearest in time if that is within half the median interval between colour images. If the frame has a
-/// camera, the image is resampled to fill the map's frustum without lens distortion; what the camera did not
-/// see is grey.
+/// Images for frames of a map, from the RGB-D sequence that the map was built from. The image of a frame is the colour
+/// image nearest in time, if it is within half the median interval between colour images. The frames are spread evenly
+/// over those that have an image. If the frame has a camera, the image is resampled to fill the map's frustum without
+/// lens distortion; what the camera did not see is grey.
 /// @param sequence folder of the sequence
 /// @return in the order of the frames
 /// @throws Error (input) naming the folder if no colour image is near a frame in time, and as ImageSequence

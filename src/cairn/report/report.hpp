@@ -112,8 +112,8 @@ struct Matches {
   std::vector<std::int32_t> targets = {};         ///< their new matches, or -1
 };
 
-/// One alignment; runs_of() builds it from a result. Lists of numbers are empty if unknown,
-/// else have one entry per pose, NaN if unknown.
+/// One alignment; runs_of() builds it from a result. A list of numbers is empty if none of its values is known;
+/// otherwise it has one entry per pose, NaN where the value is unknown.
 struct AlignmentRun {
   std::string name = {};
   std::vector<std::pair<std::string, Scalar>> summary = {};

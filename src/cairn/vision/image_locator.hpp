@@ -81,8 +81,8 @@ enum class FocalLength { kKnown, kUnknown };
 /// compares the similarity of the matches with that of other landmarks at the same places.
 class ImageLocator {
  public:
-  /// @param map with descriptors that an image can have: ORB of 32 bytes, or SIFT of 128 (roots or not, as most of the map's
-  ///            are)
+  /// @param map with descriptors that can be extracted from an image: ORB of 32 bytes, or SIFT of 128 bytes. The
+  ///             image's are RootSIFT if most of the map's are
   /// @param camera of the images; without defect
   /// @throws Error (input) for a map without such descriptors; (misuse) for a defective camera or invalid
   ///        options

@@ -37,13 +37,13 @@ struct SequenceFrame {
 };
 
 struct SequenceOptions {
-  /// Of depth that is stored as whole numbers; positive. std::nullopt: 5000 of TUM's layout and ICL-NUIM, 1000 of
-  /// 7-Scenes and a recording.
+  /// Scale of depths that are stored as whole numbers; positive. std::nullopt: the layout's, which is 5000 for TUM and
+  /// ICL-NUIM, 1000 for 7-Scenes and recordings.
   std::optional<double> depth_units_per_metre = {};
   double max_time_difference_s = 0.02;  ///< between a colour image and its depth image; positive
   /// Of a recording: "IMAGE,DEPTH" or "LEFT,RIGHT"; empty: chosen, see choose_topics().
   std::string topics = {};
-  /// Of a stereo sequence, in the place of its own calibration; cameras of size 0 have that of the images.
+  /// Calibration to use for a stereo sequence instead of its own. A camera of size 0 takes the size of the images.
   std::optional<StereoRig> rig = {};
 
   static const OptionTable table;

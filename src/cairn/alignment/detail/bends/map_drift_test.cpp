@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/detail/bends/map_drift.hpp"
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -161,6 +162,45 @@ TEST(MapDrift, CountsTheErrorOfAnyViewInFull) {
   const Matrix6d found =
       drift.covariance(terms_of(map, 10, 12), {}, keyframe_place(1), false).topLeftCorner<6, 6>();
   EXPECT_TRUE(found.isApprox(stated, 1e-6));
+}
+
+// Closed loops make a keyframe more certain along one axis than one that is more certain on the whole.
+TEST(MapDrift, GivesEachKeyframeTheCovarianceThatItStates) {
+  MapTables tables = walk().tables();
+  for (std::uint32_t k = 0; k < kKeyframes; ++k) {
+    Vector6d variances = Vector6d::Zero();
+    if (k == 3) variances.head<2>() << 9.0, 1.0;
+    if (k == 4) variances.head<2>() << 1.0, 10.0;
+    tables.frames.pose_covariances.set(k, Matrix6d(variances.asDiagonal()));
+  }
+  const LandmarkMap map(std::move(tables));
+  const MapDrift drift(map, all_of(map));
+  const Matrix7d found = drift.covariance(terms_of(map, 4, 5), {}, keyframe_place(4), false);
+  // Along x, the other's error of 3 is 1 here. The frame moves by a sixteenth of both.
+  constexpr double kShare = 1.0 / kKeyframes;
+  EXPECT_NEAR(std::sqrt(found(0, 0)), (1.0 - kShare) * 1.0 - kShare * 3.0, 1e-3);
+  EXPECT_NEAR(found(1, 1), std::pow(1.0 - 2.0 * kShare, 2) + std::pow(1.0 - kShare, 2) * 9.0, 1e-3);
+}
+
+TEST(MapDrift, MovesALandmarkWithTheMiddleOfItsKeyframes) {
+  MapTables tables = walk().tables();
+  ObservationTable& observations = tables.observations;
+  observations = {};
+  observations.offsets.push_back(0);
+  for (std::uint32_t i = 0; i < tables.landmarks.ids.size(); ++i) {
+    const std::uint32_t own = i / kEach;
+    for (const std::uint32_t frame : {kKeyframes - 1, own, 0U}) {
+      observations.frames.push_back(FrameIndex{frame});
+      observations.pixels.push_back({});
+    }
+    observations.offsets.push_back(observations.frames.size());
+  }
+  const LandmarkMap often(std::move(tables));
+  const LandmarkMap once = walk();
+  const auto covariance = [](const LandmarkMap& map) {
+    return MapDrift(map, all_of(map)).covariance(terms_of(map, 3, 8), {}, keyframe_place(5), false);
+  };
+  EXPECT_TRUE(covariance(often).isApprox(covariance(once), 1e-12));
 }
 
 TEST(MapDrift, MovesWithTheFrames) {
