@@ -19,7 +19,6 @@ constexpr std::size_t kFewLandmarks = 20;  // the search takes no fewer
 constexpr double kLittleOverlap = 0.4;
 constexpr double kOtherUnit = 8.0;      // no two maps of one place differ by so much in extent
 constexpr double kLargestScale = 20.0;  // that --scale finds
-constexpr double kLeastRequired = 0.5;  // that --min-probability takes
 
 double extent_of(const LandmarkMap& map) {
   const std::vector<Eigen::Vector3d>& positions = map.landmarks().positions;

@@ -15,11 +15,14 @@ namespace cairn::cli {
 std::string hints(const Alignment& alignment, const LandmarkMap& source, const LandmarkMap& target,
                   const AlignOptions& options, bool with_scale);
 
+/// The least that --min-probability takes.
+inline constexpr double kLeastRequired = 0.5;
+
 /// A hint as people see it.
 std::string hint_line(const std::string& hint);
 
 /// The hint to accept less than the required probability.
-/// @param probability of the pose, at least 0.5
+/// @param probability of the pose, at least kLeastRequired
 std::string accepted_risk_hint(double probability);
 
 }  // namespace cairn::cli

@@ -58,7 +58,6 @@ std::vector<std::string> about_matches(const ImageLocation& found, FocalLength l
 
 std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& map, FocalLength lens,
                                const LocateOptions& options) {
-  constexpr double kLeastRequired = 0.5;  // that --min-probability takes
   switch (*found.failure) {
     case LocationFailure::kFewMatches:
     case LocationFailure::kFewInliers:

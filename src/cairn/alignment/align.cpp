@@ -17,6 +17,7 @@
 #include "cairn/alignment/detail/bends/map_parts.hpp"
 #include "cairn/alignment/detail/evidence/verdict.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
+#include "cairn/alignment/detail/refinement/widen.hpp"
 #include "cairn/alignment/detail/search/placement.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/detail/require.hpp"
@@ -269,11 +270,6 @@ std::string deformation_text(const MapDeformation& deformation) {
       "up to {:.0f} % ({} descriptor matches agree)",
       degrees(deformation.rotation_rad), 100.0 * (deformation.scale_ratio - 1.0),
       deformation.matches);
-}
-
-void widen(RegistrationResult& result, const Matrix7d& spread) {
-  if (result.covariance) *result.covariance += spread.topLeftCorner<6, 6>();
-  if (result.covariance_with_scale) *result.covariance_with_scale += spread;
 }
 
 // Makes the single pose of deformed maps the result.

@@ -15,6 +15,7 @@
 #include "cairn/alignment/detail/bends/map_drift.hpp"
 #include "cairn/alignment/detail/refinement/known_matches.hpp"
 #include "cairn/alignment/detail/refinement/robust_alignment.hpp"
+#include "cairn/alignment/detail/refinement/widen.hpp"
 #include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
@@ -87,9 +88,9 @@ void turn_round(const Similarity3& pose, RegistrationResult& result) {
   }
 }
 
-// How a map drifts, and the scale that its cloud was multiplied by; no drift if unknown.
+// How a map drifts, and the scale that its cloud was multiplied by; null if unknown.
 struct ScaledDrift {
-  std::shared_ptr<const MapDrift> drift;
+  const MapDrift* drift = nullptr;
   Similarity3 scaling;
 };
 
@@ -99,15 +100,15 @@ class Refinement {
   /// @param inverted moves the caller's target
   /// @param known    see refine_with_known(), of this source and target
   Refinement(const PreparedCloud& source, const PreparedCloud& target, bool inverted,
-             const RefineOptions& options, KnownMatches known, ScaledDrift source_drift,
-             ScaledDrift target_drift, const Execution& execution)
+             const RefineOptions& options, KnownMatches known, const ScaledDrift& source_drift,
+             const ScaledDrift& target_drift, const Execution& execution)
       : source_(source),
         target_(target),
         inverted_(inverted),
         options_(options),
         known_(std::move(known)),
-        source_drift_(std::move(source_drift)),
-        target_drift_(std::move(target_drift)),
+        source_drift_(source_drift),
+        target_drift_(target_drift),
         execution_(execution) {}
 
   void run(RegistrationResult& result) const;
@@ -320,25 +321,21 @@ PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
 
 Matrix7d Refinement::by_drift(const Similarity3& pose, double error_scale,
                               std::span<const Match> matches) const {
-  std::vector<MapDrift::Term> of_source;
-  std::vector<MapDrift::Term> of_target;
-  for (const Match& match : matches) {
-    const double kernel = 1.0 / (1.0 + match.squared_distance / (error_scale * error_scale));
-    const Eigen::Vector3d place = target_.landmarks().positions[match.target] + target_.centre();
-    of_source.push_back({match.source, place, kernel * kernel});
-    of_target.push_back({match.target, place, kernel * kernel});
-  }
-  const bool free_scale = options_.scale.has_value();
-  Matrix7d sum = Matrix7d::Zero();
-  if (source_drift_.drift) {
-    sum += source_drift_.drift->covariance(of_source, pose * source_drift_.scaling,
-                                           pose.translation(), free_scale);
-  }
-  if (target_drift_.drift) {
-    sum += target_drift_.drift->covariance(of_target, target_drift_.scaling, pose.translation(),
-                                           free_scale);
-  }
-  return sum;
+  const auto of_map = [&](const ScaledDrift& map, const Similarity3& to_target,
+                          std::uint32_t Match::*landmark) -> Matrix7d {
+    if (map.drift == nullptr) return Matrix7d::Zero();
+    std::vector<MapDrift::Term> terms;
+    terms.reserve(matches.size());
+    for (const Match& match : matches) {
+      const double kernel = 1.0 / (1.0 + match.squared_distance / (error_scale * error_scale));
+      terms.push_back({match.*landmark,
+                       target_.landmarks().positions[match.target] + target_.centre(),
+                       kernel * kernel});
+    }
+    return map.drift->covariance(terms, to_target * map.scaling, pose.translation(),
+                                 options_.scale.has_value());
+  };
+  return of_map(source_drift_, pose, &Match::source) + of_map(target_drift_, {}, &Match::target);
 }
 
 void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& kernel, Path path,
@@ -379,19 +376,17 @@ void Refinement::conclude(const RobustAlignment& alignment, const KernelScales& 
         matches = known_.pairs;
       }
     }
-    const Matrix7d drift = by_drift(pose, error_scale_of(kernel), matches);
     result.unobservable = std::move(uncertainty.unobservable);
     if (uncertainty.covariance_with_scale) {
       const Matrix7d covariance = covariance_at_point(*uncertainty.covariance_with_scale,
-                                                      -(centred.linear() * source_.centre())) +
-                                  drift;
+                                                      -(centred.linear() * source_.centre()));
       result.covariance_with_scale = covariance;
       result.covariance = covariance.topLeftCorner<6, 6>();
     } else if (uncertainty.covariance) {
       result.covariance = covariance_at_point(*uncertainty.covariance,
-                                              -(centred.rigid().quaternion() * source_.centre())) +
-                          drift.topLeftCorner<6, 6>();
+                                              -(centred.rigid().quaternion() * source_.centre()));
     }
+    if (result.covariance) widen(result, by_drift(pose, error_scale_of(kernel), matches));
   }
   result.matches = as_given(std::move(result.matches));
   result.reason = sentence(result, finest_of(kernel), path.icp_iterations);
@@ -426,9 +421,8 @@ namespace {
 
 RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& target,
                            const RefineOptions& options, const Execution& execution,
-                           KnownMatches known = {},
-                           std::shared_ptr<const MapDrift> source_drift = {},
-                           std::shared_ptr<const MapDrift> target_drift = {}) {
+                           KnownMatches known = {}, const MapDrift* source_drift = nullptr,
+                           const MapDrift* target_drift = nullptr) {
   const auto start = std::chrono::steady_clock::now();
   RegistrationResult result;
   result.target_from_source = options.initial;
@@ -445,11 +439,11 @@ RegistrationResult refined(const PreparedCloud& source, const PreparedCloud& tar
     if (inverted) {
       for (Match& match : known.pairs) std::swap(match.source, match.target);
     }
-    ScaledDrift of_moving{std::move(source_drift), Similarity3(scale, Rigid3())};
-    ScaledDrift of_target{std::move(target_drift), Similarity3()};
+    ScaledDrift of_moving{source_drift, Similarity3(scale, Rigid3())};
+    ScaledDrift of_target{target_drift, Similarity3()};
     if (inverted) std::swap(of_moving, of_target);
     Refinement(inverted ? target : moving, inverted ? moving : target, inverted, options,
-               std::move(known), std::move(of_moving), std::move(of_target), execution)
+               std::move(known), of_moving, of_target, execution)
         .run(result);
     result.scale *= scale;  // run() estimated the scale of the scaled source
     for (IterationRecord& record : result.history) record.scale *= scale;
@@ -473,8 +467,8 @@ RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& targ
 RegistrationResult refine(const PreparedMap& source, const PreparedMap& target,
                           const RefineOptions& options, const Execution& execution) {
   options.validate();
-  return refined(source.cloud(), target.cloud(), options, execution, {}, source.drift(),
-                 target.drift());
+  return refined(source.cloud(), target.cloud(), options, execution, {}, source.drift().get(),
+                 target.drift().get());
 }
 
 RegistrationResult detail::refine_with_known(const PreparedMap& source, const PreparedMap& target,
@@ -482,7 +476,7 @@ RegistrationResult detail::refine_with_known(const PreparedMap& source, const Pr
                                              const Execution& execution) {
   options.validate();
   return refined(source.cloud(), target.cloud(), options, execution, std::move(known),
-                 source.drift(), target.drift());
+                 source.drift().get(), target.drift().get());
 }
 
 }  // namespace cairn

@@ -23,9 +23,9 @@ constexpr double kThing = 0.25;  // radius of an object that may occur twice, in
 constexpr std::uint32_t kMostDifferingBits = 4;  // a match differs in at most one of so many bits
 // Square of Lowe's ratio.
 constexpr double kMostRatio = 0.85 * 0.85;
-constexpr double kSpot =
-    0.01;  // radius within which landmarks are taken for one thing, in extents of a map
-constexpr std::size_t kOnSpot = 8;  // landmarks that are compared for it
+// Landmarks within this radius, in extents of a map, count as one thing.
+constexpr double kSpot = 0.01;
+constexpr std::size_t kOnSpot = 8;  // nearest landmarks among which a spot's are found
 
 // Rows of the known descriptors among the first landmarks, and the landmark of each.
 struct Rows {
