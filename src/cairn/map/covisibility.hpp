@@ -11,38 +11,39 @@
 
 namespace cairn {
 
-/// Two frames that see the same landmarks.
+/// Two frames that observe common landmarks.
 struct CovisibleFrames {
   FrameIndex first;
   FrameIndex second;
-  std::size_t landmarks = 0;  ///< number that both observe
+  std::size_t landmarks = 0;  ///< number of common landmarks
 };
 
-/// Frames that belong together, by the landmarks that they share.
+/// Frames connected by common landmarks.
 struct FrameGroup {
   std::vector<FrameIndex> frames;  ///< ascending
-  /// Share of the landmarks that the group sees which other frames see, too; 0 if it sees none.
+  /// Share of the group's observed landmarks that other frames observe, too; 0 without landmarks.
   double shared = 0.0;
 };
 
-/// Frames that look at the same landmarks as other frames from the same side, but share few of them.
+/// Frames that view the same landmarks as others from similar viewpoints, but share few of them.
 struct SeparateFrames {
   std::vector<FrameIndex> frames;  ///< ascending
-  double shared = 0.0;             ///< share of the landmarks in view of both that both observe
-  double usual = 0.0;  ///< the same among themselves or among the others, the lower of both
+  double shared = 0.0;             ///< share observed by both among landmarks in view of both
+  double usual = 0.0;              ///< the lower share within the group or within the other frames
 };
 
-/// How the frames of a map are connected by landmarks that several of them see: the strongest connections that connect
-/// all frames that can be connected (a maximum spanning forest, by Kruskal 1956). Refers to the map.
+/// Covisibility graph of a map's frames, reduced to its maximum spanning forest (Kruskal 1956);
+/// edge weights are numbers of common landmarks. Keeps a reference to the map.
 class Covisibility {
  public:
   explicit Covisibility(const LandmarkMap& map);
 
-  /// Strongest first; of equal ones, by their frames.
+  /// Edges by descending weight, then by frames.
   std::span<const CovisibleFrames> forest() const { return forest_; }
 
-  /// Divides the frames between `seeds` and `others`: each frame belongs to the one to which it is connected more strongly,
-  /// where a chain of connections is as strong as its weakest. Frames that neither reaches belong to neither.
+  /// Divides the frames between `seeds` and `others`: each frame joins the side with the stronger
+  /// connection; a path is as strong as its weakest edge. Frames connected to neither side belong
+  /// to neither.
   /// @return the group of `seeds`
   FrameGroup group_of(std::span<const FrameIndex> seeds, std::span<const FrameIndex> others) const;
 
@@ -51,13 +52,13 @@ class Covisibility {
   std::vector<CovisibleFrames> forest_;
 };
 
-/// Groups of at least three frames that are where other frames are, by their poses, and share less than a quarter of the
-/// landmarks that frames so close share elsewhere: a model that takes one of two similar places for the other is folded
-/// there, or a loop is not closed. Only of maps whose images have names and no timestamps: mapping a session anew where
-/// it returns is no defect.
+/// Groups of at least three frames that, by their poses, view the same landmarks as other frames,
+/// but share less than a quarter of the share usual in the map: the model confuses two similar
+/// places (a fold), or a loop is not closed. Only for maps with image names and no timestamps,
+/// because a session that remaps a revisited place is no defect.
 std::vector<SeparateFrames> separate_frames(const LandmarkMap& map);
 
-/// "a.jpg, b.jpg, ...": the names of the first eight frames' images, for people.
+/// Names of the first eight frames' images, for display: "a.jpg, b.jpg, ...".
 std::string image_list(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 }  // namespace cairn

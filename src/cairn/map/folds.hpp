@@ -21,16 +21,17 @@ struct MapInWorld {
   Similarity3 world_from_map;
 };
 
-/// Part of a map that another map shows to be at the wrong place.
+/// Misplaced part of a map, as revealed by another map.
 struct MapFold {
   std::vector<FrameIndex> frames;  ///< ascending
-  std::size_t other = 0;           ///< index of the map that shows it
-  /// By how much the poses of the images differ that both maps contain; medians.
+  std::size_t other = 0;           ///< index of the revealing map
+  /// Median pose differences of the contradictory common images; `apart` in world units.
   double apart = 0.0;
   double turned_deg = 0.0;
 };
 
-/// How far the poses of two maps' common images differ in the world, in the order of CommonImages::same.
+/// Pose differences of two maps' common images in the world (`apart` in its unit), in the order of
+/// CommonImages::same.
 struct PoseDifferences {
   std::vector<double> apart;
   std::vector<double> turned_deg;
@@ -39,12 +40,13 @@ struct PoseDifferences {
 PoseDifferences pose_differences(const MapInWorld& first, const MapInWorld& second,
                                  const CommonImages& common);
 
-/// The fold of each map, as others show it.
+/// The fold of each map, as revealed by other maps; std::nullopt if none.
 ///
-/// A map is folded where it takes one of two similar places for the other. Images that it has in common with another map
-/// show it: some are farther from where the other map has them than ten times the median, and turned by 10° or more. With
-/// them, all frames belong to the fold that share more landmarks with them than with the images that agree; of the two
-/// maps it is the one in which these frames have fewer of their landmarks in common with the rest.
+/// A folded map confuses two similar places. Images in common with another map reveal a fold: some
+/// contradict the other map, with camera centres apart by more than ten times the median and
+/// rotations that differ by more than 10°; the rest agree. The fold comprises all frames connected
+/// more strongly to the contradictory images than to the agreeing ones (Covisibility::group_of()).
+/// Of the two maps, the one whose group has the smaller FrameGroup::shared is folded.
 /// @param maps aligned with each other
 std::vector<std::optional<MapFold>> find_folds(std::span<const MapInWorld> maps);
 

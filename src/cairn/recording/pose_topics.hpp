@@ -9,21 +9,22 @@
 
 namespace cairn {
 
-/// A topic of poses that can be read: nav_msgs/Odometry, geometry_msgs/PoseStamped or PoseWithCovarianceStamped.
+/// A readable pose topic: nav_msgs/Odometry, geometry_msgs/PoseStamped or
+/// PoseWithCovarianceStamped.
 struct PoseTopic {
   std::string name;
-  std::string body;  ///< frame whose poses they are; empty if the first message does not say it
+  std::string body;  ///< frame that the poses describe; empty if not in the first message
 };
 
-/// By name.
+/// The readable pose topics, sorted by name.
 std::vector<PoseTopic> pose_topics(const Recording& recording);
 
-/// The poses of a camera by a topic of poses of the body that carries it, and by /tf_static. Times are those of the
-/// messages' headers.
+/// Poses world_from_camera from a topic of body poses and /tf_static; the world is the topic's
+/// parent frame. Timestamps come from the message headers.
 /// @param given "TOPIC", or "TOPIC,FRAME" with the body's frame
-/// @param camera_frame of the camera's images
-/// @throws Error (input) naming the choices for another topic; unless the body and where the camera is on it are known;
-///         for messages in several frames
+/// @param camera_frame frame of the camera's images
+/// @throws Error (input) naming the choices for another topic; if the body's frame or its transform
+///         to the camera is unknown; for messages in several frames
 Trajectory camera_poses(const Recording& recording, const std::string& given,
                         const std::string& camera_frame);
 

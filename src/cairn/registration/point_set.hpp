@@ -15,8 +15,8 @@ namespace cairn {
 /// Points to align, with their confidences.
 struct PointSet {
   std::vector<Eigen::Vector3d> positions;
-  /// One per point, or empty: then the nearest point is always matched. A point with confidence 0 or less
-  /// is never matched.
+  /// One per point. If empty, the nearest point is always matched. A point with confidence 0 or
+  /// less is never matched.
   std::vector<double> confidences;
 };
 
@@ -26,13 +26,14 @@ struct PointSetOptions {
   std::size_t min_observations = 2;
 };
 
-/// The landmarks that take part in an alignment, by ascending id: of Gaussian splats those of selected_splats().
+/// The landmarks used by an alignment, by ascending id. selected_splats() selects them from
+/// Gaussian splats.
 std::vector<LandmarkIndex> landmarks_to_align(const LandmarkMap& map,
                                               const PointSetOptions& options = {});
 
-/// The landmarks of a map as points, by ascending landmark id, so that ties resolve by id: point i is
-/// landmarks_to_align()[i].
-/// @param metric gives the confidences; std::nullopt: none
+/// The landmarks of a map as points: point i is landmarks_to_align()[i]. The order by landmark id
+/// resolves ties.
+/// @param metric computes the confidences; std::nullopt: no confidences
 PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
                    const PointSetOptions& options = {});
 
