@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 // GCC takes the undefined lanes in its own AVX-512 headers for a mistake (its bug 105593).
 #if defined(__GNUC__) && !defined(__clang__)
@@ -24,9 +25,16 @@ namespace cairn::detail::descriptor_kernel {
 // Most lanes of 32 bits that any instruction set has; columns are padded to a multiple of it.
 inline constexpr std::size_t kPadding = 16;
 
-// Descriptors in columns: the k-th word of all of them side by side, so that each lane compares another.
-// A word is four bytes (kHamming) or two, each widened to 16 bits (kSquaredBytes).
+// Descriptors as words of four bytes (kHamming) or of two bytes, each widened to 16 bits (kSquaredBytes).
+struct Rows {
+  std::size_t count = 0;
+  std::size_t words = 0;
+  std::vector<std::uint32_t> values;
+};
+
+// Consecutive rows in columns: the k-th word of all of them side by side, so that each lane compares another.
 struct Columns {
+  std::size_t begin = 0;  // number of the first
   std::size_t count = 0;
   std::size_t padded = 0;
   std::size_t words = 0;
@@ -53,10 +61,10 @@ using Word = hn::Vec<Words>;
 #if HWY_TARGET == HWY_SCALAR
 
 // There are no lanes to split.
-Word bits_of(const std::uint32_t* query, const Columns& others, std::size_t j) {
+Word bits_of(const std::uint32_t* query, const Columns& others, std::size_t words, std::size_t j) {
   const Words d;
   Word sum = hn::Zero(d);
-  for (std::size_t k = 0; k < others.words; ++k) {
+  for (std::size_t k = 0; k < words; ++k) {
     const Word bits = hn::Xor(hn::Set(d, query[k]), hn::LoadU(d, others.word(k) + j));
     sum = hn::Add(sum, hn::PopulationCount(bits));
   }
@@ -77,12 +85,13 @@ Word sum_of_bytes(Word counts) {
   return hn::Add(hn::And(pairs, hn::Set(d, 0xffffU)), hn::ShiftRight<16>(pairs));
 }
 
-HWY_INLINE Word bits_of(const std::uint32_t* query, const Columns& others, std::size_t j) {
+HWY_INLINE Word bits_of(const std::uint32_t* query, const Columns& others, std::size_t words,
+                        std::size_t j) {
   const Words d;
   Word sum = hn::Zero(d);
-  for (std::size_t k = 0; k < others.words;) {
+  for (std::size_t k = 0; k < words;) {
     auto counts = hn::Zero(Bytes());
-    const std::size_t end = std::min(others.words, k + kMostInBytes);
+    const std::size_t end = std::min(words, k + kMostInBytes);
     for (; k < end; ++k) {
       const Word bits = hn::Xor(hn::Set(d, query[k]), hn::LoadU(d, others.word(k) + j));
       counts = hn::Add(counts, hn::PopulationCount(hn::BitCast(Bytes(), bits)));
@@ -95,8 +104,10 @@ HWY_INLINE Word bits_of(const std::uint32_t* query, const Columns& others, std::
 #endif
 
 struct Hamming {
-  static Word difference(const std::uint32_t* query, const Columns& others, std::size_t j) {
-    return bits_of(query, others, j);
+  static constexpr std::size_t kUsualWords = 8;  // of ORB
+  static HWY_INLINE Word difference(const std::uint32_t* query, const Columns& others,
+                                    std::size_t words, std::size_t j) {
+    return bits_of(query, others, words, j);
   }
 };
 
@@ -119,40 +130,62 @@ struct SquaredBytes {
 #endif
   }
 
-  static Word difference(const std::uint32_t* query, const Columns& others, std::size_t j) {
+  static constexpr std::size_t kUsualWords = 64;  // of SIFT
+  static HWY_INLINE Word difference(const std::uint32_t* query, const Columns& others,
+                                    std::size_t words, std::size_t j) {
     const Words d;
     auto sum = hn::Zero(Signed());
-    for (std::size_t k = 0; k < others.words; ++k) {
+    for (std::size_t k = 0; k < words; ++k) {
       sum = hn::Add(sum, sum_of_squares(hn::Set(d, query[k]), hn::LoadU(d, others.word(k) + j)));
     }
     return hn::BitCast(d, sum);
   }
 };
 
-template <class Norm, bool kOwned>
-void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
+// Merges into `nearest` the nearest of further rows, whose numbers are larger.
+void merge(const Nearest& further, bool one_owner, Nearest& nearest) {
+  const bool nearer = further.first < nearest.first;
+  const Nearest& loser = nearer ? nearest : further;
+  nearest.second =
+      std::min({nearest.second, further.second, one_owner ? Nearest::kNone : loser.first});
+  if (!nearer) return;
+  nearest.first = further.first;
+  nearest.index = further.index;
+}
+
+// @tparam kWords of a row; 0 if only known at run time
+template <class Norm, bool kOwned, std::size_t kWords>
+void compare(const Rows& a, const Columns& b, std::span<const std::uint32_t> owners,
+             NearestBothWays& result) {
   const Words d;
   const std::size_t lanes = hn::Lanes(d);
-  std::vector<std::uint32_t> query(a.words);
+  const std::size_t words = kWords > 0 ? kWords : a.words;
   std::vector<std::uint32_t> column_first(b.padded, Nearest::kNone);
   std::vector<std::uint32_t> column_index(b.padded, Nearest::kNone);
   HWY_ALIGN std::uint32_t firsts[kPadding];
   HWY_ALIGN std::uint32_t seconds[kPadding];
   HWY_ALIGN std::uint32_t indices[kPadding];
-  const auto owner_of = [&](std::uint32_t j) { return kOwned && j < b.count ? b.owners[j] : j; };
+  const auto same_owner = [&](std::uint32_t i, std::uint32_t j) {
+    return kOwned && i < owners.size() && j < owners.size() ? owners[i] == owners[j] : i == j;
+  };
   const Word none = hn::Set(d, Nearest::kNone);
   const Word count = hn::Set(d, static_cast<std::uint32_t>(b.count));
+  const Word begin = hn::Set(d, static_cast<std::uint32_t>(b.begin));
   for (std::size_t i = 0; i < a.count; ++i) {
-    for (std::size_t k = 0; k < a.words; ++k) query[k] = a.word(k)[i];
+    const std::uint32_t* const query = a.values.data() + i * words;
     const Word here = hn::Set(d, static_cast<std::uint32_t>(i));
-    Word first = none;
-    Word second = none;
+    // What is no nearer than the second of the rows before changes nothing.
+    Word first = hn::Set(d, result.of_a[i].second);
+    Word second = first;
     Word index = none;
     [[maybe_unused]] Word owner = none;
     for (std::size_t j = 0; j < b.padded; j += lanes) {
       const Word place = hn::Iota(d, static_cast<std::uint32_t>(j));
-      const Word difference =
-          hn::IfThenElse(hn::Lt(place, count), Norm::difference(query.data(), b, j), none);
+      Word difference = Norm::difference(query, b, words, j);
+      if (j + lanes > b.count) difference = hn::IfThenElse(hn::Lt(place, count), difference, none);
+      const Word known = hn::LoadU(d, column_first.data() + j);
+      if (hn::AllFalse(d, hn::Lt(difference, hn::Max(known, second)))) continue;
+      const auto better = hn::Lt(difference, known);
       const auto nearer = hn::Lt(difference, first);
       const Word loser = hn::Max(first, difference);
       if constexpr (kOwned) {
@@ -163,9 +196,7 @@ void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
         second = hn::Min(second, loser);
       }
       first = hn::Min(first, difference);
-      index = hn::IfThenElse(nearer, place, index);
-      const Word known = hn::LoadU(d, column_first.data() + j);
-      const auto better = hn::Lt(difference, known);
+      index = hn::IfThenElse(nearer, hn::Add(place, begin), index);
       hn::StoreU(hn::Min(difference, known), d, column_first.data() + j);
       hn::StoreU(hn::IfThenElse(better, here, hn::LoadU(d, column_index.data() + j)), d,
                  column_index.data() + j);
@@ -173,57 +204,117 @@ void compare(const Columns& a, const Columns& b, NearestBothWays& result) {
     hn::Store(first, d, firsts);
     hn::Store(second, d, seconds);
     hn::Store(index, d, indices);
-    Nearest& nearest = result.of_a[i];
+    Nearest nearest;
     for (std::size_t lane = 0; lane < lanes; ++lane) {
+      if (indices[lane] == Nearest::kNone) continue;
       if (firsts[lane] < nearest.first ||
           (firsts[lane] == nearest.first && indices[lane] < nearest.index)) {
         nearest.first = firsts[lane];
         nearest.index = indices[lane];
       }
     }
+    if (nearest.index == Nearest::kNone) continue;
     for (std::size_t lane = 0; lane < lanes; ++lane) {
       // A lane whose nearest has another owner has nothing nearer of another owner than that.
-      const bool is_other = kOwned ? owner_of(indices[lane]) != owner_of(nearest.index)
-                                   : indices[lane] != nearest.index;
+      const bool is_other = !same_owner(indices[lane], nearest.index);
       nearest.second = std::min(nearest.second, is_other ? firsts[lane] : seconds[lane]);
     }
+    merge(nearest, same_owner(nearest.index, result.of_a[i].index), result.of_a[i]);
   }
   for (std::size_t j = 0; j < b.count; ++j) {
-    result.of_b[j] = {column_index[j], column_first[j], Nearest::kNone};
+    result.of_b[b.begin + j] = {column_index[j], column_first[j], Nearest::kNone};
   }
 }
 
-// Usual descriptors have 256 bits, which are one vector or few.
-std::uint32_t least_bits(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b,
-                         std::size_t words_each) {
-  const hn::CappedTag<std::uint64_t, 4> d;
-  const std::size_t lanes = hn::Lanes(d);
-  std::uint64_t least = Nearest::kNone;
-  for (std::size_t i = 0; i < a.size(); i += words_each) {
-    for (std::size_t j = 0; j < b.size(); j += words_each) {
-      auto counts = hn::Zero(d);
-      std::size_t k = 0;
-      for (; k + lanes <= words_each; k += lanes) {
-        const auto bits = hn::Xor(hn::LoadU(d, &a[i + k]), hn::LoadU(d, &b[j + k]));
-        counts = hn::Add(counts, hn::PopulationCount(bits));
-      }
-      std::uint64_t sum = hn::GetLane(hn::SumOfLanes(d, counts));
-      for (; k < words_each; ++k) {
-        sum += static_cast<std::uint64_t>(std::popcount(a[i + k] ^ b[j + k]));
-      }
-      least = std::min(least, sum);
+// Sums over whole vectors of bytes; the bytes behind these remain.
+struct HammingOfBytes {
+#if HWY_TARGET != HWY_SCALAR
+  static constexpr std::size_t kStep = 8 * hn::MaxLanes(hn::CappedTag<std::uint64_t, 4>());
+  static HWY_INLINE std::uint32_t sum(const std::uint8_t* a, const std::uint8_t* b,
+                                      std::size_t end) {
+    const hn::CappedTag<std::uint64_t, 4> d;
+    const hn::Repartition<std::uint8_t, decltype(d)> bytes;
+    auto counts = hn::Zero(d);
+    for (std::size_t k = 0; k < end; k += kStep) {
+      const auto bits = hn::Xor(hn::LoadU(bytes, a + k), hn::LoadU(bytes, b + k));
+      counts = hn::Add(counts, hn::PopulationCount(hn::BitCast(d, bits)));
+    }
+    return static_cast<std::uint32_t>(hn::GetLane(hn::SumOfLanes(d, counts)));
+  }
+#endif
+  static std::uint32_t of(std::uint8_t a, std::uint8_t b) {
+    return static_cast<std::uint32_t>(std::popcount(static_cast<std::uint8_t>(a ^ b)));
+  }
+};
+
+struct SquaresOfBytes {
+#if HWY_TARGET != HWY_SCALAR
+  static constexpr std::size_t kStep = hn::MaxLanes(hn::CappedTag<std::int16_t, 16>());
+  static HWY_INLINE std::uint32_t sum(const std::uint8_t* a, const std::uint8_t* b,
+                                      std::size_t end) {
+    const hn::CappedTag<std::int16_t, 16> d;
+    const hn::Rebind<std::uint8_t, decltype(d)> bytes;
+    const hn::RepartitionToWide<decltype(d)> wide;
+    auto low = hn::Zero(wide);
+    auto high = hn::Zero(wide);
+    for (std::size_t k = 0; k < end; k += kStep) {
+      const auto difference = hn::Sub(hn::PromoteTo(d, hn::LoadU(bytes, a + k)),
+                                      hn::PromoteTo(d, hn::LoadU(bytes, b + k)));
+      low = hn::ReorderWidenMulAccumulate(wide, difference, difference, low, high);
+    }
+    return static_cast<std::uint32_t>(hn::GetLane(hn::SumOfLanes(wide, hn::Add(low, high))));
+  }
+#endif
+  static std::uint32_t of(std::uint8_t a, std::uint8_t b) {
+    const int difference = int{a} - int{b};
+    return static_cast<std::uint32_t>(difference * difference);
+  }
+};
+
+template <class Norm>
+NearestPair nearest_of_pairs(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
+                             std::size_t bytes_each) {
+#if HWY_TARGET == HWY_SCALAR
+  const std::size_t whole = 0;
+#else
+  const std::size_t whole = bytes_each / Norm::kStep * Norm::kStep;
+#endif
+  NearestPair nearest;
+  for (std::size_t i = 0; i < a.size(); i += bytes_each) {
+    for (std::size_t j = 0; j < b.size(); j += bytes_each) {
+      std::uint32_t sum = 0;
+#if HWY_TARGET != HWY_SCALAR
+      sum = Norm::sum(&a[i], &b[j], whole);
+#endif
+      for (std::size_t k = whole; k < bytes_each; ++k) sum += Norm::of(a[i + k], b[j + k]);
+      if (sum < nearest.distance) nearest = {i / bytes_each, j / bytes_each, sum};
     }
   }
-  return static_cast<std::uint32_t>(least);
+  return nearest;
 }
 
-void compare_any(const Columns& a, const Columns& b, Norm norm, NearestBothWays& result) {
-  const bool owned = !b.owners.empty();
-  if (norm == Norm::kHamming) {
-    return owned ? compare<Hamming, true>(a, b, result) : compare<Hamming, false>(a, b, result);
+NearestPair nearest_pair_of(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
+                            std::size_t bytes_each, Norm norm) {
+  return norm == Norm::kHamming ? nearest_of_pairs<HammingOfBytes>(a, b, bytes_each)
+                                : nearest_of_pairs<SquaresOfBytes>(a, b, bytes_each);
+}
+
+template <class Norm>
+void compare_words(const Rows& a, const Columns& b, std::span<const std::uint32_t> owners,
+                   NearestBothWays& result) {
+  const bool usual = a.words == Norm::kUsualWords;
+  if (owners.empty()) {
+    return usual ? compare<Norm, false, Norm::kUsualWords>(a, b, owners, result)
+                 : compare<Norm, false, 0>(a, b, owners, result);
   }
-  return owned ? compare<SquaredBytes, true>(a, b, result)
-               : compare<SquaredBytes, false>(a, b, result);
+  return usual ? compare<Norm, true, Norm::kUsualWords>(a, b, owners, result)
+               : compare<Norm, true, 0>(a, b, owners, result);
+}
+
+void compare_any(const Rows& a, const Columns& b, std::span<const std::uint32_t> owners, Norm norm,
+                 NearestBothWays& result) {
+  if (norm == Norm::kHamming) return compare_words<Hamming>(a, b, owners, result);
+  return compare_words<SquaredBytes>(a, b, owners, result);
 }
 
 }  // namespace
@@ -236,21 +327,41 @@ namespace cairn::detail::descriptor_kernel {
 namespace {
 
 HWY_EXPORT(compare_any);
-HWY_EXPORT(least_bits);
+HWY_EXPORT(nearest_pair_of);
 
-Columns columns_of(std::span<const std::uint8_t> rows, std::size_t bytes_each, Norm norm) {
+// Bytes of columns that the first-level cache holds beside their results.
+constexpr std::size_t kColumnBytes = 16384;
+
+Rows rows_of(std::span<const std::uint8_t> bytes, std::size_t bytes_each, Norm norm) {
   const std::size_t bytes_a_word = norm == Norm::kHamming ? 4 : 2;
-  Columns columns;
-  columns.count = rows.size() / bytes_each;
-  columns.padded = (columns.count + kPadding - 1) / kPadding * kPadding;
-  columns.words = (bytes_each + bytes_a_word - 1) / bytes_a_word;
-  columns.values.assign(columns.words * columns.padded, 0);
-  for (std::size_t i = 0; i < columns.count; ++i) {
-    const std::uint8_t* const row = rows.data() + i * bytes_each;
+  Rows rows;
+  rows.count = bytes.size() / bytes_each;
+  rows.words = (bytes_each + bytes_a_word - 1) / bytes_a_word;
+  rows.values.assign(rows.words * rows.count, 0);
+  for (std::size_t i = 0; i < rows.count; ++i) {
+    const std::uint8_t* const row = bytes.data() + i * bytes_each;
+    std::uint32_t* const words = rows.values.data() + i * rows.words;
+    if (norm == Norm::kHamming) {
+      std::memcpy(words, row, bytes_each);
+      continue;
+    }
     for (std::size_t byte = 0; byte < bytes_each; ++byte) {
-      const std::size_t shift = byte % bytes_a_word * (32 / bytes_a_word);
-      columns.values[byte / bytes_a_word * columns.padded + i] |=
-          static_cast<std::uint32_t>(row[byte]) << shift;
+      words[byte / 2] |= static_cast<std::uint32_t>(row[byte]) << (byte % 2 * 16);
+    }
+  }
+  return rows;
+}
+
+Columns columns_of(const Rows& rows, std::size_t begin) {
+  Columns columns;
+  columns.begin = begin;
+  columns.count = rows.count;
+  columns.padded = (rows.count + kPadding - 1) / kPadding * kPadding;
+  columns.words = rows.words;
+  columns.values.assign(columns.words * columns.padded, 0);
+  for (std::size_t i = 0; i < rows.count; ++i) {
+    for (std::size_t k = 0; k < rows.words; ++k) {
+      columns.values[k * columns.padded + i] = rows.values[i * rows.words + k];
     }
   }
   return columns;
@@ -261,24 +372,32 @@ Columns columns_of(std::span<const std::uint8_t> rows, std::size_t bytes_each, N
 NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
                                   std::size_t bytes_each, Norm norm,
                                   std::span<const std::uint32_t> owners_of_b) {
-  const Columns of_a = columns_of(a, bytes_each, norm);
-  Columns of_b = columns_of(b, bytes_each, norm);
-  if (!owners_of_b.empty()) {
-    of_b.owners.assign(owners_of_b.begin(), owners_of_b.end());
-    of_b.owners.resize(of_b.padded, Nearest::kNone);
-  }
+  const Rows of_a = rows_of(a, bytes_each, norm);
+  const std::size_t count_of_b = b.size() / bytes_each;
   NearestBothWays result;
   result.of_a.resize(of_a.count);
-  result.of_b.resize(of_b.count);
-  if (of_a.count > 0 && of_b.count > 0) {
-    HWY_DYNAMIC_DISPATCH(compare_any)(of_a, of_b, norm, result);
+  result.of_b.resize(count_of_b);
+  if (of_a.count == 0) return result;
+  const std::size_t at_a_time =
+      std::max(kColumnBytes / (of_a.words * sizeof(std::uint32_t)) / kPadding, std::size_t{1}) *
+      kPadding;
+  for (std::size_t begin = 0; begin < count_of_b; begin += at_a_time) {
+    const std::size_t count = std::min(at_a_time, count_of_b - begin);
+    const auto bytes = b.subspan(begin * bytes_each, count * bytes_each);
+    Columns of_b = columns_of(rows_of(bytes, bytes_each, norm), begin);
+    if (!owners_of_b.empty()) {
+      const auto owners = owners_of_b.subspan(begin, count);
+      of_b.owners.assign(owners.begin(), owners.end());
+      of_b.owners.resize(of_b.padded, Nearest::kNone);
+    }
+    HWY_DYNAMIC_DISPATCH(compare_any)(of_a, of_b, owners_of_b, norm, result);
   }
   return result;
 }
 
-std::uint32_t least_hamming(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b,
-                            std::size_t words_each) {
-  return HWY_DYNAMIC_DISPATCH(least_bits)(a, b, words_each);
+NearestPair nearest_pair(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b,
+                         std::size_t bytes_each, Norm norm) {
+  return HWY_DYNAMIC_DISPATCH(nearest_pair_of)(a, b, bytes_each, norm);
 }
 
 }  // namespace cairn::detail::descriptor_kernel

@@ -103,33 +103,61 @@ TEST(DescriptorKernel, FindsThoseOfLookingAtAllOnEveryInstructionSet) {
   hwy::SetSupportedTargetsForTest(0);
 }
 
-TEST(DescriptorKernel, FindsTheLeastHammingDistanceOnEveryInstructionSet) {
+TEST(DescriptorKernel, FindsTheNearestPairOnEveryInstructionSet) {
   Random random(7);
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     SCOPED_TRACE(hwy::TargetName(target));
     hwy::SetSupportedTargetsForTest(target);
-    for (const std::size_t words_each : {1U, 2U, 4U, 7U}) {
-      std::vector<std::uint64_t> a(3 * words_each);
-      std::vector<std::uint64_t> b(5 * words_each);
-      for (std::uint64_t& word : a) word = random.draw_seed() * 2049;
-      for (std::uint64_t& word : b) word = random.draw_seed() * 2049;
-      std::uint32_t least = Nearest::kNone;
-      for (std::size_t i = 0; i < 3; ++i) {
-        for (std::size_t j = 0; j < 5; ++j) {
-          std::uint32_t sum = 0;
-          for (std::size_t k = 0; k < words_each; ++k) {
-            sum += static_cast<std::uint32_t>(
-                std::popcount(a[i * words_each + k] ^ b[j * words_each + k]));
+    for (const Norm norm : {Norm::kHamming, Norm::kSquaredBytes}) {
+      for (const std::size_t bytes_each : {1U, 8U, 32U, 61U, 128U, 300U}) {
+        // Two different values often give equal distances.
+        for (const std::size_t values : {2U, 200U}) {
+          const Rows a = rows(3, bytes_each, random, values);
+          const Rows b = rows(5, bytes_each, random, values);
+          NearestPair least;
+          for (std::size_t i = 0; i < 3; ++i) {
+            for (std::size_t j = 0; j < 5; ++j) {
+              const std::uint32_t d = difference(a, i, b, j, bytes_each, norm);
+              if (d < least.distance) least = {i, j, d};
+            }
           }
-          least = std::min(least, sum);
+          const NearestPair found = nearest_pair(a, b, bytes_each, norm);
+          EXPECT_EQ(found.a, least.a);
+          EXPECT_EQ(found.b, least.b);
+          EXPECT_EQ(found.distance, least.distance);
         }
       }
-      EXPECT_EQ(least_hamming(a, b, words_each), least);
     }
   }
   hwy::SetSupportedTargetsForTest(0);
-  const std::vector<std::uint64_t> one(4, 1);
-  EXPECT_EQ(least_hamming(one, {}, 4), Nearest::kNone);
+  EXPECT_EQ(nearest_pair(Rows(32, 1), {}, 32, Norm::kHamming).distance, Nearest::kNone);
+}
+
+// The rows of b are compared in blocks.
+TEST(DescriptorKernel, ComparesManyRowsAsItDoesFew) {
+  Random random(9);
+  for (const Norm norm : {Norm::kHamming, Norm::kSquaredBytes}) {
+    const Rows a = rows(7, 32, random, norm == Norm::kHamming ? 2 : 9);
+    const Rows b = rows(2500, 32, random, norm == Norm::kHamming ? 2 : 9);
+    for (const std::uint32_t owners : {0U, 3U, 900U}) {
+      std::vector<std::uint32_t> owner_of(owners == 0 ? 0 : 2500);
+      for (std::uint32_t& owner : owner_of) {
+        owner = static_cast<std::uint32_t>(random.index(owners));
+      }
+      const NearestBothWays found = nearest_both_ways(a, b, 32, norm, owner_of);
+      for (std::size_t i = 0; i < 7; ++i) {
+        const Nearest expected = nearest_by_looking_at_all(a, i, b, 32, norm, owner_of);
+        EXPECT_EQ(found.of_a[i].index, expected.index);
+        EXPECT_EQ(found.of_a[i].first, expected.first);
+        EXPECT_EQ(found.of_a[i].second, expected.second);
+      }
+      for (std::size_t j = 0; j < 2500; ++j) {
+        const Nearest expected = nearest_by_looking_at_all(b, j, a, 32, norm, {});
+        EXPECT_EQ(found.of_b[j].index, expected.index);
+        EXPECT_EQ(found.of_b[j].first, expected.first);
+      }
+    }
+  }
 }
 
 TEST(DescriptorKernel, FindsNothingAmongNone) {

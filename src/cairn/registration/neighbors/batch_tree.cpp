@@ -275,8 +275,11 @@ std::size_t BatchTree::size() const {
   return nodes_->size();
 }
 
-std::size_t BatchTree::nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const {
-  return nodes_->nearest(query, out);
+std::size_t BatchTree::nearest(const Eigen::Vector3d& query, std::span<Neighbor> out,
+                               double squared_limit) const {
+  std::size_t found = nodes_->nearest(query, out, squared_limit);
+  while (found > 0 && out[found - 1].squared_distance > squared_limit) --found;
+  return found;
 }
 
 std::span<const std::uint32_t> BatchTree::order() const {

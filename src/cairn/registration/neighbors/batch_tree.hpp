@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -31,7 +32,9 @@ class BatchTree {
   BatchTree& operator=(BatchTree&&) noexcept;
 
   std::size_t size() const;
-  std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out) const;
+  /// @param squared_limit largest squared distance of a point to find
+  std::size_t nearest(const Eigen::Vector3d& query, std::span<Neighbor> out,
+                      double squared_limit = std::numeric_limits<double>::infinity()) const;
 
   /// Indices of the points, in an order in which consecutive points are close.
   std::span<const std::uint32_t> order() const;

@@ -196,6 +196,27 @@ INSTANTIATE_TEST_SUITE_P(All, BatchTreeOnTarget,
                          ::testing::ValuesIn(hwy::SupportedAndGeneratedTargets()),
                          hwy::TestParamTargetName);
 
+TEST(BatchTree, FindsThePointsWithinALimit) {
+  Random random(15);
+  for (const Cloud& cloud : clouds(300)) {
+    const BatchTree tree(cloud.points);
+    for (const Eigen::Vector3d& query : queries_for(cloud.points, 20, random)) {
+      for (const std::size_t k : {1UL, 6UL}) {
+        std::vector<Neighbor> all(k);
+        BruteForceSearch(cloud.points).nearest(query, all);
+        for (const double limit : {0.5 * all[0].squared_distance, all[k - 1].squared_distance,
+                                   4.0 * all[k / 2].squared_distance}) {
+          std::vector<Neighbor> expected = all;
+          std::erase_if(expected, [&](const Neighbor& n) { return n.squared_distance > limit; });
+          std::vector<Neighbor> found(k);
+          found.resize(tree.nearest(query, found, limit));
+          EXPECT_EQ(found, expected) << cloud.name << ", limit " << limit;
+        }
+      }
+    }
+  }
+}
+
 TEST(BatchTree, FindsWhatBruteForceFindsForOneQuery) {
   Random random(14);
   for (const Cloud& cloud : clouds(400)) {

@@ -96,21 +96,4 @@ DescribedImage ImageDescriber::describe_by_sift(const cv::Mat& gray, const cv::M
   return {Features(std::move(keypoints), {}, {gray}, depth_m), std::move(features.descriptors)};
 }
 
-std::uint32_t ImageDescriber::distance(std::span<const std::uint8_t> a,
-                                       std::span<const std::uint8_t> b) const {
-  if (kind_ == ImageDescriptor::kOrb) {
-    Descriptor words_a;
-    Descriptor words_b;
-    std::memcpy(words_a.data(), a.data(), sizeof(words_a));
-    std::memcpy(words_b.data(), b.data(), sizeof(words_b));
-    return descriptor_kernel::least_hamming(words_a, words_b, words_a.size());
-  }
-  std::int32_t sum = 0;
-  for (std::size_t k = 0; k < kSiftBytes; ++k) {
-    const std::int32_t difference = a[k] - b[k];
-    sum += difference * difference;
-  }
-  return static_cast<std::uint32_t>(sum);
-}
-
 }  // namespace cairn::detail

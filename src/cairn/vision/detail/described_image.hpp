@@ -66,8 +66,6 @@ class ImageDescriber {
   }
   /// Larger distances suggest no match.
   std::uint32_t most_distance() const { return kind_ == ImageDescriptor::kOrb ? 64 : 130000; }
-  /// Distance of two rows by that norm.
-  std::uint32_t distance(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) const;
 
  private:
   DescribedImage describe_by_sift(const cv::Mat& gray, const cv::Mat& depth_m) const;

@@ -34,8 +34,9 @@ class DescribedLandmarks {
   std::span<const std::uint32_t> owners() const { return owners_; }
   /// The rows of a landmark: from row_begin(i) to row_begin(i + 1).
   std::size_t row_begin(std::uint32_t i) const { return begins_[i]; }
-  std::span<const std::uint8_t> row(std::size_t row) const {
-    return std::span(bytes_).subspan(row * bytes_each_, bytes_each_);
+  std::span<const std::uint8_t> rows(std::uint32_t i) const {
+    return std::span(bytes_).subspan(begins_[i] * bytes_each_,
+                                     (begins_[i + 1] - begins_[i]) * bytes_each_);
   }
 
   /// The frames that see a landmark. Empty if the map has no observations.

@@ -141,11 +141,9 @@ std::vector<FeatureMatch> ImagePoseSearch::pairs_near(std::uint32_t frame) const
   std::vector<std::uint32_t> owners;
   for (std::uint32_t i = 0; i < landmarks_->size(); ++i) {
     if (!is_near[i]) continue;
-    for (std::size_t k = landmarks_->row_begin(i); k < landmarks_->row_begin(i + 1); ++k) {
-      const auto row = landmarks_->row(k);
-      bytes.insert(bytes.end(), row.begin(), row.end());
-      owners.push_back(i);
-    }
+    const auto rows = landmarks_->rows(i);
+    bytes.insert(bytes.end(), rows.begin(), rows.end());
+    owners.resize(bytes.size() / describer_->bytes_each(), i);
   }
   std::vector<FeatureMatch> pairs;
   const auto found = descriptor_kernel::nearest_both_ways(
@@ -336,34 +334,31 @@ ImagePoseSearch::View ImagePoseSearch::view_from(const SensorModel& sensor,
   return view;
 }
 
-FeatureMatch ImagePoseSearch::most_alike(std::uint32_t landmark,
-                                         std::span<const std::uint32_t> features) const {
-  FeatureMatch match{0, landmark, kNoDistance};
-  const std::size_t bytes = describer_->bytes_each();
-  for (std::size_t k = landmarks_->row_begin(landmark); k < landmarks_->row_begin(landmark + 1);
-       ++k) {
-    for (const std::uint32_t feature : features) {
-      const std::uint32_t distance = describer_->distance(
-          std::span(image_->descriptors).subspan(feature * bytes, bytes), landmarks_->row(k));
-      if (distance < match.distance) match = {feature, landmark, distance};
-    }
-  }
-  return match;
-}
-
 ImagePoseSearch::Found ImagePoseSearch::matches_in(const View& view) const {
   Found found;
   const std::size_t others = std::clamp(kChances / std::max<std::size_t>(view.landmarks.size(), 1),
                                         kFewestOthers, kMostOthers);
   const std::size_t step = landmarks_->size() / (others + 1) + 1;
   std::vector<FeatureMatch> best(image_->features.size(), FeatureMatch{0, 0, kNoDistance});
+  const std::size_t bytes = describer_->bytes_each();
+  std::vector<std::uint8_t> rows;  // of the features near a landmark
+  const auto nearest = [&](std::size_t landmark) {
+    return descriptor_kernel::nearest_pair(landmarks_->rows(static_cast<std::uint32_t>(landmark)),
+                                           rows, bytes, describer_->norm());
+  };
   for (std::size_t v = 0; v < view.landmarks.size(); ++v) {
-    const FeatureMatch match = most_alike(view.landmarks[v], view.near(v));
-    FeatureMatch& known = best[match.feature];
-    if (match.distance < known.distance) known = match;
+    const std::uint32_t landmark = view.landmarks[v];
+    rows.clear();
+    for (const std::uint32_t feature : view.near(v)) {
+      const auto row = std::span(image_->descriptors).subspan(feature * bytes, bytes);
+      rows.insert(rows.end(), row.begin(), row.end());
+    }
+    const auto match = nearest(landmark);
+    const std::uint32_t feature = view.near(v)[match.b];
+    if (match.distance < best[feature].distance)
+      best[feature] = {feature, landmark, match.distance};
     for (std::size_t k = 1; k <= others; ++k) {
-      const std::size_t other = (view.landmarks[v] + k * step) % landmarks_->size();
-      found.chances.push_back(most_alike(static_cast<std::uint32_t>(other), view.near(v)).distance);
+      found.chances.push_back(nearest((landmark + k * step) % landmarks_->size()).distance);
     }
   }
   std::ranges::sort(found.chances);

@@ -80,7 +80,6 @@ class ImagePoseSearch {
                                  int iterations) const;
   View view_from(const SensorModel& sensor, const Rigid3& world_from_camera, double pixels) const;
   Found matches_in(const View& view) const;
-  FeatureMatch most_alike(std::uint32_t landmark, std::span<const std::uint32_t> features) const;
   std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
   void refine(const SensorModel& sensor, ImagePose& pose) const;
   SensorModel with_focal_length(const SensorModel& sensor, double focal_length) const;

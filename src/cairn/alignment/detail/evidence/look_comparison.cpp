@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -17,48 +15,26 @@ namespace {
 
 constexpr std::size_t kOthers = Likeness::kOthers;
 
-// Sum of squared byte differences of two descriptors.
-std::uint32_t squared_difference(std::span<const std::uint64_t> a,
-                                 std::span<const std::uint64_t> b) {
-  const auto* const p = reinterpret_cast<const std::uint8_t*>(a.data());
-  const auto* const q = reinterpret_cast<const std::uint8_t*>(b.data());
-  std::uint32_t sum = 0;
-  for (std::size_t i = 0; i < 8 * a.size(); ++i) {
-    const int difference = int{p[i]} - int{q[i]};
-    sum += static_cast<std::uint32_t>(difference * difference);
-  }
-  return sum;
-}
-
 // Difference of the best pair of two landmarks' descriptors, by bits or else by bytes.
 // @param a of one sample @param i a landmark of it; b and j alike
 std::uint32_t least_difference(const Descriptors& a, std::size_t i, const Descriptors& b,
                                std::size_t j) {
-  const std::size_t each = a.words_each();
-  const auto of_a = a.words(i);
-  const auto of_b = b.words(j);
-  if (a.binary()) return descriptor_kernel::least_hamming(of_a, of_b, each);
-  auto least = std::numeric_limits<std::uint32_t>::max();
-  for (std::size_t p = 0; p < of_a.size(); p += each) {
-    for (std::size_t q = 0; q < of_b.size(); q += each) {
-      least = std::min(least, squared_difference(of_a.subspan(p, each), of_b.subspan(q, each)));
-    }
-  }
-  return least;
+  const auto norm =
+      a.binary() ? descriptor_kernel::Norm::kHamming : descriptor_kernel::Norm::kSquaredBytes;
+  return descriptor_kernel::nearest_pair(a.rows(i), b.rows(j), a.bytes_each(), norm).distance;
 }
 
 }  // namespace
 
 Descriptors::Descriptors(const LandmarkCloud& cloud, std::size_t sample)
-    : binary_(is_binary(cloud.descriptors->kind)), words_((cloud.descriptors->bytes_each + 7) / 8) {
+    : binary_(is_binary(cloud.descriptors->kind)), bytes_each_(cloud.descriptors->bytes_each) {
   const DescriptorColumn& column = *cloud.descriptors;
   for (std::uint32_t i = 0; i < std::min(sample, cloud.size()); ++i) {
     if (column.known[i] == 0) continue;
     landmarks_.push_back(i);
     for (std::size_t k = 0; k < column.count(i); ++k) {
-      values_.resize(values_.size() + words_, 0);
-      std::memcpy(&values_[values_.size() - words_], column.descriptor(i, k).data(),
-                  column.bytes_each);
+      const auto row = column.descriptor(i, k);
+      bytes_.insert(bytes_.end(), row.begin(), row.end());
     }
     begins_.push_back(begins_.back() + column.count(i));
   }

@@ -26,21 +26,20 @@ class Descriptors {
   std::uint32_t landmark(std::size_t i) const { return landmarks_[i]; }
   /// The place of a landmark among these; std::nullopt if its descriptors are unknown.
   std::optional<std::size_t> of(std::uint32_t landmark) const;
-  /// The bytes of its descriptors, one after another, each padded with zeros to whole words.
-  std::span<const std::uint64_t> words(std::size_t i) const {
-    return {values_.data() + begins_[i] * words_, (begins_[i + 1] - begins_[i]) * words_};
+  /// The bytes of its descriptors, one after another.
+  std::span<const std::uint8_t> rows(std::size_t i) const {
+    return {bytes_.data() + begins_[i] * bytes_each_, (begins_[i + 1] - begins_[i]) * bytes_each_};
   }
-  /// Words of one descriptor.
-  std::size_t words_each() const { return words_; }
+  std::size_t bytes_each() const { return bytes_each_; }
   /// Compared by bits; otherwise by bytes.
   bool binary() const { return binary_; }
 
  private:
   bool binary_;
-  std::size_t words_;
+  std::size_t bytes_each_;
   std::vector<std::uint32_t> landmarks_;
   std::vector<std::size_t> begins_ = {0};  // of each landmark's descriptors, and the end
-  std::vector<std::uint64_t> values_;
+  std::vector<std::uint8_t> bytes_;
 };
 
 /// Decides by descriptors which landmarks that a pose brings together are similar.

@@ -43,11 +43,11 @@ std::vector<std::uint32_t> spots_of(const LandmarkCloud& cloud, std::size_t firs
   std::vector<std::uint32_t> spots;
   std::array<Neighbor, kOnSpot> near;
   for (std::uint32_t i = 0; i < positions.size(); ++i) {
-    const std::size_t found = tree.nearest(positions[i], near);
+    const std::size_t found = tree.nearest(positions[i], near, radius * radius);
     std::uint32_t spot = i;
     for (const Neighbor& one : std::span(near).first(found)) {
       const bool leads = one.index < i && spots[one.index] == one.index;
-      if (spot == i && leads && one.squared_distance <= radius * radius) spot = one.index;
+      if (spot == i && leads) spot = one.index;
     }
     spots.push_back(spot);
   }

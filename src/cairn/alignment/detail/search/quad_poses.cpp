@@ -208,16 +208,18 @@ class QuadIndex {
     }
     std::partial_sum(begins_.begin(), begins_.end(), begins_.begin());
     quads_.resize(total);
-    shapes_.resize(total);
+    for (auto& proportions : shapes_) proportions.resize(total + kTogether);
     std::vector<std::uint32_t> next(begins_.begin(), begins_.end() - 1);
     for (const auto& part : parts) {
       for (const auto& [quad, shape] : part) {
         const std::uint32_t slot = next[cell_of(shape)]++;
         quads_[slot] = quad;
-        shapes_[slot] = shape;
+        for (std::size_t k = 0; k < shape.size(); ++k) shapes_[k][slot] = shape[k];
       }
     }
   }
+
+  static std::size_t cell_of(const Shape& shape) { return index_of(cells_of(shape)); }
 
   // The quad most alike; null if none is alike. Sets the squared difference of the shapes.
   const Quad* nearest(const Shape& shape, float& difference) const {
@@ -236,15 +238,13 @@ class QuadIndex {
       for (std::size_t y = below(1, 1); y <= above(1, 1); ++y) {
         const std::size_t begin = begins_[index_of({x, y, below(2, kThirdReach)})];
         const std::size_t end = begins_[index_of({x, y, above(2, kThirdReach)}) + 1];
-        for (std::size_t i = begin; i < end; ++i) {
-          float sum = 0.0F;
-          for (std::size_t k = 0; k < shape.size(); ++k) {
-            const float apart = shapes_[i][k] - shape[k];
-            sum += apart * apart;
+        for (std::size_t i = begin; i < end; i += kTogether) {
+          const std::array<float, kTogether> differences = differences_from(shape, i);
+          for (std::size_t j = 0; j < std::min(kTogether, end - i); ++j) {
+            if (differences[j] >= difference) continue;
+            difference = differences[j];
+            best = &quads_[i + j];
           }
-          if (sum >= difference) continue;
-          difference = sum;
-          best = &quads_[i];
         }
       }
     }
@@ -253,6 +253,20 @@ class QuadIndex {
 
  private:
   static constexpr std::size_t kCells = static_cast<std::size_t>(kSides) + 1;
+  static constexpr std::size_t kTogether = 8;  // shapes that vector instructions compare
+
+  // Squared differences of consecutive shapes.
+  std::array<float, kTogether> differences_from(const Shape& shape, std::size_t begin) const {
+    std::array<float, kTogether> sums{};
+    for (std::size_t k = 0; k < shape.size(); ++k) {
+      const float* const proportions = shapes_[k].data() + begin;
+      for (std::size_t j = 0; j < kTogether; ++j) {
+        const float apart = proportions[j] - shape[k];
+        sums[j] += apart * apart;
+      }
+    }
+    return sums;
+  }
 
   static std::array<std::size_t, 3> cells_of(const Shape& shape) {
     const auto cell = [](float share) {
@@ -263,11 +277,9 @@ class QuadIndex {
   static std::size_t index_of(const std::array<std::size_t, 3>& cell) {
     return (cell[0] * kCells + cell[1]) * kCells + cell[2];
   }
-  static std::size_t cell_of(const Shape& shape) { return index_of(cells_of(shape)); }
-
   std::vector<std::uint32_t> begins_;  // of each cell
   std::vector<Quad> quads_;
-  std::vector<Shape> shapes_;
+  std::array<std::vector<float>, std::tuple_size_v<Shape>> shapes_;  // by proportion
 };
 
 struct QuadMatch {
@@ -313,10 +325,16 @@ class QuadFinder {
       for_quads(source_, i,
                 [&](const Quad& quad, const Shape& shape) { wanted.emplace_back(quad, shape); });
     }
+    // Quads of one cell after another, whose surroundings are then in the cache.
+    std::vector<std::uint32_t> order(wanted.size());
+    std::iota(order.begin(), order.end(), 0U);
+    std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return QuadIndex::cell_of(wanted[a].second) < QuadIndex::cell_of(wanted[b].second);
+    });
     std::vector<QuadMatch> all(wanted.size());
     execution_.executor.for_blocks(wanted.size(), 512, [&](std::size_t begin, std::size_t end) {
       if (execution_.stop.stop_requested()) return;
-      for (std::size_t i = begin; i < end; ++i) {
+      for (const std::uint32_t i : std::span(order).subspan(begin, end - begin)) {
         all[i].source = wanted[i].first;
         all[i].target = index_.nearest(wanted[i].second, all[i].difference);
       }
@@ -353,8 +371,7 @@ class QuadFinder {
     std::array<Neighbor, 1> nearest;
     for (const std::uint32_t i : patch) {
       const Vector3d& point = source_.points[i];
-      target_.tree.nearest(pose * point, nearest);
-      if (nearest[0].squared_distance > reach * reach) continue;
+      if (target_.tree.nearest(pose * point, nearest, reach * reach) == 0) continue;
       result.from.push_back(point);
       result.to.push_back(target_.points[nearest[0].index]);
     }
