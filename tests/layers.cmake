@@ -48,6 +48,8 @@ set(HEAVY
   "embree" "simulation"
   "jpeglib.h" "vision"
   "png.h" "vision"
+  "libexif/exif-data.h" "vision"
+  "libexif/exif-utils.h" "vision"
   "pqxx/" "storage"
   "bzlib.h" "recording"
   "lz4" "recording"

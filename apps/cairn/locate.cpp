@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -21,10 +22,12 @@
 #endif
 #include "cairn/adjustment/adjust.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/vision/exif.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/image_locator.hpp"
 #include "cairn/vision/map_images.hpp"
@@ -66,7 +69,9 @@ Json json_of(const std::string& image, const ImageLocation& found) {
   return json;
 }
 
-std::string text_of(const std::string& image, const ImageLocation& found, LengthUnit unit) {
+// @param stated focal length by EXIF data
+std::string text_of(const std::string& image, const ImageLocation& found,
+                    const std::optional<double>& stated, LengthUnit unit) {
   std::string text = fmt::format("{}: {}: {}\n", fs::path(image).filename().string(),
                                  found.located ? "located" : "rejected", found.reason);
   // What is all but wrong misleads.
@@ -86,8 +91,9 @@ std::string text_of(const std::string& image, const ImageLocation& found, Length
                     degrees(deviations[3]), degrees(deviations[4]), degrees(deviations[5]));
   }
   if (found.located && found.focal_length_sigma) {
-    text += fmt::format("  focal length          {:.1f} px, standard deviation {:.2g} px\n",
-                        found.camera.parameters.front(), *found.focal_length_sigma);
+    text += fmt::format("  focal length          {:.1f} px, standard deviation {:.2g} px{}\n",
+                        found.camera.parameters.front(), *found.focal_length_sigma,
+                        stated ? fmt::format("; {:.1f} px by EXIF", *stated) : "");
   }
   return text;
 }
@@ -141,43 +147,52 @@ std::vector<std::string> image_names(const std::vector<std::string>& files,
 }
 
 // The locators of images: with the given camera or, by their sizes, with the only one of that size among others, or with a
-// focal length to be found if there is none or several.
+// focal length to be found if there is none or several. The search for it begins at that of the image's EXIF data.
 class Locators {
  public:
   Locators(const LandmarkMap& map, const std::optional<Camera>& given,
            std::span<const Camera> others, const LocateOptions& options)
       : is_given_(given.has_value()),
         cameras_(others.begin(), others.end()),
-        first_{ImageLocator(map, given.value_or(unknown_camera(kAnySide, kAnySide)), options),
-               FocalLength::kKnown} {}
+        first_{ImageLocator(map, given.value_or(unknown_camera(kAnySide, kAnySide, 1.0)), options),
+               FocalLength::kKnown,
+               {}} {}
 
   struct OfCamera {
     ImageLocator locator;
     FocalLength lens;
+    std::optional<double> stated;  // focal length by EXIF data, where the search begins
   };
 
   /// Thread-safe.
-  const OfCamera& of(const GrayImage& image) {
+  /// @param bytes the image's file
+  const OfCamera& of(const GrayImage& image, std::string_view bytes) {
     if (is_given_) return first_;
+    constexpr double kUsual = 1.2;  // focal length of photographs, in larger sides
+    const std::optional<double> stated = exif_focal_length(bytes, image.width, image.height);
+    const double focal_length = stated.value_or(kUsual * std::max(image.width, image.height));
     const std::lock_guard lock(mutex_);
-    const auto [place, is_new] = locators_.try_emplace({image.width, image.height});
-    if (is_new) place->second = made(image.width, image.height);
+    const auto [place, is_new] = locators_.try_emplace({image.width, image.height, focal_length});
+    if (is_new) {
+      place->second = made(image.width, image.height, focal_length);
+      if (place->second->lens == FocalLength::kUnknown) place->second->stated = stated;
+    }
     return *place->second;
   }
 
  private:
   static constexpr std::uint32_t kAnySide = 64;  // without a given camera, the first has no use
 
-  static Camera unknown_camera(std::uint32_t width, std::uint32_t height) {
-    constexpr double kUsual = 1.2;  // focal length of photographs, in larger sides
+  static Camera unknown_camera(std::uint32_t width, std::uint32_t height, double focal_length) {
     return {CameraId{0},
             "SIMPLE_PINHOLE",
             width,
             height,
-            {kUsual * std::max(width, height), 0.5 * (width - 1.0), 0.5 * (height - 1.0)}};
+            {focal_length, 0.5 * (width - 1.0), 0.5 * (height - 1.0)}};
   }
 
-  std::unique_ptr<OfCamera> made(std::uint32_t width, std::uint32_t height) const {
+  std::unique_ptr<OfCamera> made(std::uint32_t width, std::uint32_t height,
+                                 double focal_length) const {
     const Camera* only = nullptr;
     for (const Camera& camera : cameras_) {
       if (camera.width != width || camera.height != height) continue;
@@ -187,16 +202,17 @@ class Locators {
       }
       only = &camera;
     }
-    const Camera camera = only != nullptr ? *only : unknown_camera(width, height);
+    const Camera camera = only != nullptr ? *only : unknown_camera(width, height, focal_length);
     const FocalLength lens = only != nullptr ? FocalLength::kKnown : FocalLength::kUnknown;
-    return std::make_unique<OfCamera>(OfCamera{first_.locator.with_camera(camera, lens), lens});
+    return std::make_unique<OfCamera>(OfCamera{first_.locator.with_camera(camera, lens), lens, {}});
   }
 
   bool is_given_;
   std::vector<Camera> cameras_;
   OfCamera first_;
   std::mutex mutex_;
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::unique_ptr<OfCamera>> locators_;
+  // By width, height and focal length.
+  std::map<std::tuple<std::uint32_t, std::uint32_t, double>, std::unique_ptr<OfCamera>> locators_;
 };
 
 struct LocateArguments {
@@ -225,7 +241,8 @@ struct LocateArguments {
     command.add_text(
         "--camera", camera,
         fmt::format(
-            "Camera of the images: {}; or unknown: the lens is found with the pose "
+            "Camera of the images: {}; or unknown: the lens is found with the pose, first near the "
+            "EXIF focal length "
             "(default: the map's camera for images of that size, or unknown if it has none or "
             "several)",
             kCameraHelp),
@@ -295,9 +312,10 @@ struct LocateArguments {
     bool all = true;
     const Console console = common.console();
     for (std::size_t i = 0; i < images.size(); ++i) {
-      const auto& [location, lens] = found[i];
+      const auto& [location, lens, stated] = found[i];
       json["results"].push_back(json_of(images[i], location));
-      console.print(text_of(images[i], location, loaded.map.info().length_unit));
+      if (stated) json["results"].back()["exif_focal_length"] = *stated;
+      console.print(text_of(images[i], location, stated, loaded.map.info().length_unit));
       console.print(location_hints(location, loaded.map, lens, options));
       all = all && location.located;
     }
@@ -311,6 +329,7 @@ struct LocateArguments {
   struct Located {
     ImageLocation location;
     FocalLength lens = FocalLength::kKnown;
+    std::optional<double> stated;
   };
 
   // The map; or the maps of an atlas that have poses, as one.
@@ -338,10 +357,12 @@ struct LocateArguments {
     std::vector<Located> found(images.size());
     common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        const GrayImage image = read_gray_image(images[i]);
-        const Locators::OfCamera& own = locators->of(image);
+        const std::string bytes = read_file(images[i]);
+        const GrayImage image = decode_image<GrayImage>(bytes, images[i]);
+        const Locators::OfCamera& own = locators->of(image, bytes);
         with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
-          found[i] = {own.locator.locate(image, depth_m, {.seed = common.seed}), own.lens};
+          found[i] = {own.locator.locate(image, depth_m, {.seed = common.seed}), own.lens,
+                      own.stated};
         });
       }
     });

@@ -137,8 +137,8 @@ void bind_localization(py::module_& module) {
            py::arg("focal_length_known") = true,
            "with_camera($self, camera, *, focal_length_known=True)\n--\n\n"
            "The same for images of another camera; the prepared map is shared. If the focal length "
-           "is unknown,\nit and the radial distortion are found with each pose, and the camera "
-           "gives the size and the principal\npoint only.")
+           "is unknown,\nit and the radial distortion are found with each pose; the camera "
+           "gives the size, the principal\npoint and the focal length at which the search begins.")
       .def("locate", &locate, py::arg("image"), py::arg("depth_m") = py::none(), py::kw_only(),
            py::arg("channels") = "rgb",
            "locate($self, image, depth_m=None, *, channels='rgb')\n--\n\n"

@@ -116,6 +116,23 @@ TEST_F(LocateCliTest, SaysWhatToTryOnlyWhereAnImageIsRejected) {
                                            Not(HasSubstr("--camera unknown"))));
 }
 
+TEST_F(LocateCliTest, BeginsAtTheFocalLengthOfExifData) {
+  // A focal length of 30 mm of a 35 mm camera.
+  const std::string tiff(
+      "II*\0\x08\0\0\0\x01\0\x69\x87\x04\0\x01\0\0\0\x1a\0\0\0\0\0\0\0"
+      "\x01\0\x05\xa4\x03\0\x01\0\0\0\x1e\0\0\0\0\0\0\0",
+      44);
+  const std::string segment = std::string("\xff\xe1\0\x34", 4) + std::string("Exif\0\0", 6) + tiff;
+  write("photo.jpg", content(kImage).insert(2, segment));
+  const Words words = {"locate", "desk.map", "photo.jpg", "--camera", "unknown"};
+  const Json result = document(words).at("results").at(0);
+  EXPECT_NEAR(result.at("exif_focal_length").get<double>(), 30.0 / 43.2666 * 800.0, 0.01);
+  EXPECT_THAT(answer(words), HasSubstr("px; 554.7 px by EXIF"));
+  Words known = words;
+  known.back() = "s/camera.yaml";
+  EXPECT_FALSE(document(known).at("results").at(0).contains("exif_focal_length"));
+}
+
 TEST_F(LocateCliTest, NamesPlacesThatAnImageDoesNotTellApart) {
   const LandmarkMap once = read_map(path("desk.map"));
   MapTables twice = LandmarkMap(once).tables();

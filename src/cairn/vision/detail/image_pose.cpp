@@ -187,14 +187,24 @@ std::optional<FocalLengthPose> ImagePoseSearch::best_of_focal_lengths(
   constexpr double kMost = 4.0;
   constexpr double kStep = 1.15;
   const double side = std::max(size_.width, size_.height);
+  const double begin = std::clamp(sensor.pinhole().fx, kLeast * side, kMost * side);
   std::optional<FocalLengthPose> best;
-  for (double f = kLeast * side; f <= kMost * side; f *= kStep) {
+  const auto consider = [&](double f) {
+    if (f < kLeast * side || f > kMost * side) return;
     const SensorModel model = with_focal_length(sensor, f);
     const std::optional<Rigid3> pose = proposed(model, mutual_, kFrameIterations);
     std::optional<ImagePose> found = pose ? settled(model, *pose) : std::nullopt;
     if (found && (!best || found->evidence > best->pose.evidence)) {
       best = FocalLengthPose{std::move(*found), f};
     }
+  };
+  consider(begin);
+  for (double ratio = kStep; ratio <= kMost / kLeast; ratio *= kStep) {
+    // The neighbours of a focal length with much evidence may have more.
+    const bool is_last = best && best->pose.evidence >= kDecisive;
+    consider(begin / ratio);
+    consider(begin * ratio);
+    if (is_last) break;
   }
   return best;
 }

@@ -52,8 +52,8 @@ class ImagePoseSearch {
   std::size_t proposals() const { return mutual_.size(); }
   /// The pose with most evidence.
   std::optional<ImagePose> best(const SensorModel& sensor) const;
-  /// The same with the best of focal lengths from two fifths to four times the image's larger side, in steps of 15 %.
-  /// @param sensor of any focal length; its principal point is kept
+  /// The same with the best of focal lengths from two fifths to four times the image's larger side, in steps of 15 % of
+  /// the sensor's. Begins there, and ends behind a pose with much evidence.
   std::optional<FocalLengthPose> best_of_focal_lengths(const SensorModel& sensor) const;
   /// The pose and its matches, from an approximate pose; std::nullopt if too few features match there.
   std::optional<ImagePose> settled(const SensorModel& sensor,
