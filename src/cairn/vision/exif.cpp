@@ -13,10 +13,10 @@ namespace cairn {
 namespace {
 
 // A positive number of a tag.
-std::optional<double> number(ExifData& data, ExifTag tag) {
-  ExifEntry* const entry = exif_data_get_entry(&data, tag);
+std::optional<double> number(ExifData* data, ExifTag tag) {
+  ExifEntry* const entry = exif_data_get_entry(data, tag);
   if (entry == nullptr || entry->components < 1) return std::nullopt;
-  const ExifByteOrder order = exif_data_get_byte_order(&data);
+  const ExifByteOrder order = exif_data_get_byte_order(data);
   double value = 0.0;
   if (entry->format == EXIF_FORMAT_SHORT && entry->size >= 2) {
     value = exif_get_short(entry->data, order);
@@ -30,7 +30,7 @@ std::optional<double> number(ExifData& data, ExifTag tag) {
 }
 
 // Pixels of the sensor's own image per millimetre.
-std::optional<double> resolution(ExifData& data) {
+std::optional<double> resolution(ExifData* data) {
   const std::optional<double> per_unit = number(data, EXIF_TAG_FOCAL_PLANE_X_RESOLUTION);
   constexpr double kInch = 25.4;
   constexpr double kCentimetre = 10.0;
@@ -52,16 +52,16 @@ std::optional<double> exif_focal_length(std::string_view bytes, std::uint32_t wi
       &exif_data_unref);
   if (data == nullptr) return std::nullopt;
   constexpr double kDiagonal = 43.2666;  // of a 35 mm frame, mm
-  if (const auto of_film = number(*data, EXIF_TAG_FOCAL_LENGTH_IN_35MM_FILM)) {
+  if (const auto of_film = number(data.get(), EXIF_TAG_FOCAL_LENGTH_IN_35MM_FILM)) {
     return *of_film / kDiagonal * std::hypot(width, height);
   }
-  const auto focal_length = number(*data, EXIF_TAG_FOCAL_LENGTH);
-  const auto per_mm = resolution(*data);
+  const auto focal_length = number(data.get(), EXIF_TAG_FOCAL_LENGTH);
+  const auto per_mm = resolution(data.get());
   if (!focal_length || !per_mm) return std::nullopt;
   // The image may have been made smaller.
   const double larger = std::max(width, height);
-  const double stored = std::max(number(*data, EXIF_TAG_PIXEL_X_DIMENSION).value_or(larger),
-                                 number(*data, EXIF_TAG_PIXEL_Y_DIMENSION).value_or(0.0));
+  const double stored = std::max(number(data.get(), EXIF_TAG_PIXEL_X_DIMENSION).value_or(larger),
+                                 number(data.get(), EXIF_TAG_PIXEL_Y_DIMENSION).value_or(0.0));
   return *focal_length * *per_mm * larger / stored;
 }
 
