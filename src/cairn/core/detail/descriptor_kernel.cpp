@@ -2,6 +2,7 @@
 #include "cairn/core/detail/descriptor_kernel.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 
@@ -22,14 +23,17 @@
 #define CAIRN_CORE_DESCRIPTOR_KERNEL_ONCE
 namespace cairn::detail::descriptor_kernel {
 
-// Most lanes of 32 bits that any instruction set has; columns are padded to a multiple of it.
-inline constexpr std::size_t kPadding = 16;
+// Most lanes of 32 bits that any instruction set has.
+inline constexpr std::size_t kMostLanes = 16;
+// Columns are padded to a multiple of as many vectors as are compared at once.
+inline constexpr std::size_t kPadding = 4 * kMostLanes;
 
 // Descriptors as words of four bytes (kHamming) or of two bytes, each widened to 16 bits (kSquaredBytes).
 struct Rows {
   std::size_t count = 0;
   std::size_t words = 0;
   std::vector<std::uint32_t> values;
+  std::vector<std::uint32_t> squares;  // sum over the bytes of each; empty for kHamming
 };
 
 // Consecutive rows in columns: the k-th word of all of them side by side, so that each lane compares another.
@@ -39,7 +43,8 @@ struct Columns {
   std::size_t padded = 0;
   std::size_t words = 0;
   std::vector<std::uint32_t> values;
-  std::vector<std::uint32_t> owners;  // padded; empty: each descriptor has its own
+  std::vector<std::uint32_t> squares;  // padded, as for Rows
+  std::vector<std::uint32_t> owners;   // padded; empty: each descriptor has its own
 
   const std::uint32_t* word(std::size_t k) const { return values.data() + k * padded; }
 };
@@ -54,7 +59,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-using Words = hn::CappedTag<std::uint32_t, kPadding>;
+using Words = hn::CappedTag<std::uint32_t, kMostLanes>;
 using Signed = hn::RebindToSigned<Words>;
 using Word = hn::Vec<Words>;
 
@@ -103,42 +108,64 @@ HWY_INLINE Word bits_of(const std::uint32_t* query, const Columns& others, std::
 
 #endif
 
+// Differences of a row and as many vectors of others as are compared at once.
 struct Hamming {
   static constexpr std::size_t kUsualWords = 8;  // of ORB
-  static HWY_INLINE Word difference(const std::uint32_t* query, const Columns& others,
-                                    std::size_t words, std::size_t j) {
-    return bits_of(query, others, words, j);
+  using Differences = std::array<Word, 1>;
+
+  static HWY_INLINE Differences of(const Rows& a, std::size_t i, const Columns& b,
+                                   std::size_t words, std::size_t j) {
+    return {bits_of(a.values.data() + i * words, b, words, j)};
   }
 };
 
+// By |a - b|² = |a|² + |b|² - 2 a·b, because products need one instruction less than squared differences.
 struct SquaredBytes {
+  static constexpr std::size_t kUsualWords = 64;  // of SIFT
+  using Differences = std::array<Word, kPadding / kMostLanes>;
+
   // Of the two numbers of 16 bits in a lane.
-  static hn::Vec<Signed> sum_of_squares(Word a, Word b) {
+  static HWY_INLINE hn::Vec<Signed> sum_of_products(Word a, Word b) {
     const Signed d;
 #if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
     // Elsewhere this operation sums other pairs.
     const hn::RepartitionToNarrow<Signed> shorts;
-    const auto difference = hn::Sub(hn::BitCast(shorts, a), hn::BitCast(shorts, b));
     auto unused = hn::Zero(d);
-    return hn::ReorderWidenMulAccumulate(d, difference, difference, hn::Zero(d), unused);
+    return hn::ReorderWidenMulAccumulate(d, hn::BitCast(shorts, a), hn::BitCast(shorts, b),
+                                         hn::Zero(d), unused);
 #else
     const Word low = hn::Set(Words(), 0xffffU);
-    const auto even = hn::Sub(hn::BitCast(d, hn::And(a, low)), hn::BitCast(d, hn::And(b, low)));
+    const auto even = hn::Mul(hn::BitCast(d, hn::And(a, low)), hn::BitCast(d, hn::And(b, low)));
     const auto odd =
-        hn::Sub(hn::BitCast(d, hn::ShiftRight<16>(a)), hn::BitCast(d, hn::ShiftRight<16>(b)));
-    return hn::Add(hn::Mul(even, even), hn::Mul(odd, odd));
+        hn::Mul(hn::BitCast(d, hn::ShiftRight<16>(a)), hn::BitCast(d, hn::ShiftRight<16>(b)));
+    return hn::Add(even, odd);
 #endif
   }
 
-  static constexpr std::size_t kUsualWords = 64;  // of SIFT
-  static HWY_INLINE Word difference(const std::uint32_t* query, const Columns& others,
-                                    std::size_t words, std::size_t j) {
+  static HWY_INLINE Differences of(const Rows& a, std::size_t i, const Columns& b,
+                                   std::size_t words, std::size_t j) {
     const Words d;
-    auto sum = hn::Zero(Signed());
+    const std::size_t lanes = hn::Lanes(d);
+    const std::uint32_t* const query = a.values.data() + i * words;
+    auto products_0 = hn::Zero(Signed());
+    auto products_1 = products_0;
+    auto products_2 = products_0;
+    auto products_3 = products_0;
     for (std::size_t k = 0; k < words; ++k) {
-      sum = hn::Add(sum, sum_of_squares(hn::Set(d, query[k]), hn::LoadU(d, others.word(k) + j)));
+      const Word word = hn::Set(d, query[k]);
+      const std::uint32_t* const others = b.word(k) + j;
+      products_0 = hn::Add(products_0, sum_of_products(word, hn::LoadU(d, others)));
+      products_1 = hn::Add(products_1, sum_of_products(word, hn::LoadU(d, others + lanes)));
+      products_2 = hn::Add(products_2, sum_of_products(word, hn::LoadU(d, others + 2 * lanes)));
+      products_3 = hn::Add(products_3, sum_of_products(word, hn::LoadU(d, others + 3 * lanes)));
     }
-    return hn::BitCast(d, sum);
+    const Word own = hn::Set(d, a.squares[i]);
+    const auto difference = [&](std::size_t vector, hn::Vec<Signed> products) HWY_ATTR {
+      const Word squares = hn::Add(own, hn::LoadU(d, b.squares.data() + j + vector * lanes));
+      return hn::Sub(squares, hn::ShiftLeft<1>(hn::BitCast(d, products)));
+    };
+    return {difference(0, products_0), difference(1, products_1), difference(2, products_2),
+            difference(3, products_3)};
   }
 };
 
@@ -162,9 +189,9 @@ void compare(const Rows& a, const Columns& b, std::span<const std::uint32_t> own
   const std::size_t words = kWords > 0 ? kWords : a.words;
   std::vector<std::uint32_t> column_first(b.padded, Nearest::kNone);
   std::vector<std::uint32_t> column_index(b.padded, Nearest::kNone);
-  HWY_ALIGN std::uint32_t firsts[kPadding];
-  HWY_ALIGN std::uint32_t seconds[kPadding];
-  HWY_ALIGN std::uint32_t indices[kPadding];
+  HWY_ALIGN std::uint32_t firsts[kMostLanes];
+  HWY_ALIGN std::uint32_t seconds[kMostLanes];
+  HWY_ALIGN std::uint32_t indices[kMostLanes];
   const auto same_owner = [&](std::uint32_t i, std::uint32_t j) {
     return kOwned && i < owners.size() && j < owners.size() ? owners[i] == owners[j] : i == j;
   };
@@ -172,16 +199,18 @@ void compare(const Rows& a, const Columns& b, std::span<const std::uint32_t> own
   const Word count = hn::Set(d, static_cast<std::uint32_t>(b.count));
   const Word begin = hn::Set(d, static_cast<std::uint32_t>(b.begin));
   for (std::size_t i = 0; i < a.count; ++i) {
-    const std::uint32_t* const query = a.values.data() + i * words;
     const Word here = hn::Set(d, static_cast<std::uint32_t>(i));
     // What is no nearer than the second of the rows before changes nothing.
     Word first = hn::Set(d, result.of_a[i].second);
     Word second = first;
     Word index = none;
     [[maybe_unused]] Word owner = none;
+    typename Norm::Differences differences;
     for (std::size_t j = 0; j < b.padded; j += lanes) {
+      const std::size_t vector = j / lanes % differences.size();
+      if (vector == 0) differences = Norm::of(a, i, b, words, j);
+      Word difference = differences[vector];
       const Word place = hn::Iota(d, static_cast<std::uint32_t>(j));
-      Word difference = Norm::difference(query, b, words, j);
       if (j + lanes > b.count) difference = hn::IfThenElse(hn::Lt(place, count), difference, none);
       const Word known = hn::LoadU(d, column_first.data() + j);
       if (hn::AllFalse(d, hn::Lt(difference, hn::Max(known, second)))) continue;
@@ -345,9 +374,13 @@ Rows rows_of(std::span<const std::uint8_t> bytes, std::size_t bytes_each, Norm n
       std::memcpy(words, row, bytes_each);
       continue;
     }
+    std::uint32_t sum = 0;
     for (std::size_t byte = 0; byte < bytes_each; ++byte) {
-      words[byte / 2] |= static_cast<std::uint32_t>(row[byte]) << (byte % 2 * 16);
+      const std::uint32_t value = row[byte];
+      words[byte / 2] |= value << (byte % 2 * 16);
+      sum += value * value;
     }
+    rows.squares.push_back(sum);
   }
   return rows;
 }
@@ -364,6 +397,8 @@ Columns columns_of(const Rows& rows, std::size_t begin) {
       columns.values[k * columns.padded + i] = rows.values[i * rows.words + k];
     }
   }
+  columns.squares = rows.squares;
+  columns.squares.resize(columns.padded, 0);
   return columns;
 }
 
