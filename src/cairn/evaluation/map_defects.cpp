@@ -11,7 +11,7 @@
 
 #include "cairn/evaluation/map_consistency.hpp"
 #include "cairn/geometry/detail/grid_steps.hpp"
-#include "cairn/map/covisibility.hpp"
+#include "cairn/map/folds.hpp"
 #include "cairn/map/operations.hpp"
 
 namespace cairn {

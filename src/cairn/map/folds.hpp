@@ -30,6 +30,13 @@ struct MapFold {
   double turned_deg = 0.0;
 };
 
+/// Frames that look at the same landmarks as other frames from the same side, but share few of them.
+struct SeparateFrames {
+  std::vector<FrameIndex> frames;  ///< ascending
+  double shared = 0.0;             ///< share of the landmarks in view of both that both observe
+  double usual = 0.0;  ///< the same among themselves or among the others, the lower of both
+};
+
 /// How far the poses of two maps' common images differ in the world, in the order of CommonImages::same.
 struct PoseDifferences {
   std::vector<double> apart;
@@ -47,6 +54,15 @@ PoseDifferences pose_differences(const MapInWorld& first, const MapInWorld& seco
 /// maps it is the one in which these frames have fewer of their landmarks in common with the rest.
 /// @param maps aligned with each other
 std::vector<std::optional<MapFold>> find_folds(std::span<const MapInWorld> maps);
+
+/// Groups of at least three frames that are where other frames are, by their poses, and share less than a quarter of the
+/// landmarks that frames so close share elsewhere: a model that takes one of two similar places for the other is folded
+/// there, or a loop is not closed. Only of maps whose images have names and no timestamps: mapping a session anew where
+/// it returns is no defect.
+std::vector<SeparateFrames> separate_frames(const LandmarkMap& map);
+
+/// "a.jpg, b.jpg, ...": the names of the first eight frames' images, for people.
+std::string image_list(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 /// "a is folded: 7 of its 26 images are elsewhere in b, 1.39 away and turned by 105 deg: c.jpg, ...".
 std::string fold_text(const MapFold& fold, const LandmarkMap& map, std::string_view name,

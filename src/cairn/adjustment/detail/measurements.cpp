@@ -10,7 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
-#include "cairn/map/rigid_frames.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {

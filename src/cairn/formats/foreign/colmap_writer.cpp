@@ -21,7 +21,7 @@
 #include "cairn/formats/detail/foreign/written_frames.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/rigid_frames.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -14,7 +14,6 @@
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/memory_budget.hpp"
 #include "cairn/map/operations.hpp"
-#include "cairn/map/rigid_frames.hpp"
 
 namespace cairn::detail {
 namespace {
