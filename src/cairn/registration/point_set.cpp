@@ -7,8 +7,6 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Core>
-
 #include "cairn/core/statistics.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/splats.hpp"

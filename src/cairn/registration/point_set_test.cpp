@@ -2,7 +2,6 @@
 #include "cairn/registration/point_set.hpp"
 
 #include <cmath>
-#include <cstdint>
 #include <stdexcept>
 #include <string_view>
 #include <utility>

@@ -12,6 +12,10 @@
 
 namespace cairn::detail {
 
+/// What to multiply the rows and columns of a pose's information, (δt, δφ, δ log s), by to make rotations and scale lengths,
+/// comparable to its translations.
+Vector7d length_units(const Matrix7d& information);
+
 /// Uncertainty of how a map bends, by the covariances of its keyframes' poses.
 ///
 /// A map stores each keyframe's covariance, not how two of them correlate. The model is a random walk: of two keyframes,
