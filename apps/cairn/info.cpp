@@ -284,9 +284,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
     console.print("\nconventions: {}\n", findings.conventions.sentence);
   }
   if (!findings.warnings.empty()) console.print("\n");
-  for (const std::string& warning : findings.warnings) {
-    console.print("warning: " + warning + "\n");
-  }
+  for (const std::string& warning : findings.warnings) console.print("warning: " + warning + "\n");
 }
 
 Json finite_or_null(double value) {

@@ -78,6 +78,6 @@ G2oGraph g2o_graph(const PoseGraph& graph);
 
 /// The nodes and links of a database of RTAB-Map; in the library cairn::foreign_formats.
 /// @throws Error (input) naming file, table, row, value and constraint
-PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const MapReadOptions& options = {});
+PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const Execution& execution = {});
 
 }  // namespace cairn

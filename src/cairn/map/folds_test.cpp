@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/map/folds.hpp"
 
-#include <cmath>
-#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>

@@ -6,7 +6,6 @@
 #include <bit>
 #include <limits>
 #include <numeric>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>
@@ -185,15 +184,6 @@ void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
   tables.landmarks = landmark_rows(tables.landmarks, landmarks);
 }
 
-LandmarkMap with_one_descriptor_each(const LandmarkMap& map) {
-  MapTables tables = copied_tables(map);
-  if (auto& descriptors = tables.landmarks.descriptors) {
-    descriptors->further_offsets.clear();
-    descriptors->further.clear();
-  }
-  return LandmarkMap(std::move(tables));
-}
-
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count) {
   std::vector<LandmarkIndex> result;
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
@@ -220,10 +210,8 @@ LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex
 }
 
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end) {
-  if (!map.has_observations()) {
-    throw Error(ErrorKind::kMisuse, "frames", "the map does not know which frame observed what",
-                "a map with observations");
-  }
+  refuse_if(!map.has_observations(), "frames", "the map does not know which frame observed what",
+            "a map with observations");
   const auto inside = [&](std::uint32_t frame) {
     const FrameId id = map.frames().ids[frame];
     return begin <= id && id < end;
@@ -318,10 +306,7 @@ LandmarkMap with_georeference(const LandmarkMap& map,
 
 LandmarkMap in_enu_frame(const LandmarkMap& map) {
   const auto& georeference = map.info().georeference;
-  if (!georeference) {
-    throw Error(ErrorKind::kInput, "map", "has no georeference",
-                "a map whose place on the Earth is known");
-  }
+  reject_if(!georeference, "map", "has no georeference", "a map whose place on the Earth is known");
   const LandmarkMap moved = transformed(map, georeference->enu_from_map());
   // Set directly, to avoid the rounding of a pose times its inverse.
   return with_georeference(with_length_unit(moved, LengthUnit::kMetres),

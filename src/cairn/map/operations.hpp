@@ -42,9 +42,6 @@ std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables);
 void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
              std::span<const std::uint32_t> landmarks);
 
-/// The map with one descriptor per landmark, the one that represents it.
-LandmarkMap with_one_descriptor_each(const LandmarkMap& map);
-
 /// Only these landmarks, in the given order, with their observations and all frames.
 /// @throws Error (misuse) for an index out of range, (input) for a duplicate one
 LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <tuple>
-#include <utility>
 
 #include "cairn/core/detail/disjoint_sets.hpp"
 

@@ -3,13 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include <Eigen/Geometry>
 
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
-#include "cairn/vision/detail/sensor_model.hpp"
 
 namespace cairn::detail {
 namespace {
