@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-/// What a program needs that reads maps, aligns them and compares the pose with a truth: the target cairn::cairn. Every
-/// other header is named in docs/which_call.md.
+/// Headers for reading maps, aligning them and comparing the pose with the ground truth: the CMake
+/// target cairn::cairn. docs/which_call.md lists all other headers.
 
 #include "cairn/alignment/align.hpp"
 #include "cairn/alignment/alignment.hpp"

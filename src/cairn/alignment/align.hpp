@@ -22,15 +22,15 @@ enum class AlignMethod {
 /// Initial knowledge of a pose.
 struct PosePrior {
   Similarity3 target_from_source = {};
-  /// Covariance of the left perturbation (δt, δφ) in the target's frame. std::nullopt: the prior may be off
-  /// by half the extent of the smaller map.
+  /// Covariance of the left perturbation (δt, δφ) in the target's frame. std::nullopt: the error
+  /// may reach half the extent of the smaller map.
   std::optional<Matrix6d> covariance = {};
 };
 
-/// When parts of the maps are placed separately; see place_by_parts().
+/// When to place parts of the maps separately; see place_by_parts().
 enum class PartsUse {
   kWhereRefused,  ///< if the whole maps are not aligned
-  kAlways,        ///< for every pair, to get the bend and the parts' poses
+  kAlways,        ///< for every pair, to estimate the bend and the parts' poses
   kNever,
 };
 
@@ -41,37 +41,42 @@ struct AlignOptions {
   std::optional<PosePrior> prior = {};
   /// For maps: metric of the landmarks' confidences. std::nullopt with kIcp: the paper's base ICP.
   std::optional<Metric> confidence = {};
-  /// Also estimates the scale, e.g. of maps from a single camera; slower if neither descriptors nor quads decide.
-  /// std::nullopt: both maps have one scale. Not with kIcp.
+  /// Range of the scale to estimate, e.g. for maps from a single camera. Slower if neither
+  /// descriptors nor quads determine the pose. std::nullopt: both maps have one scale. Not
+  /// available with kIcp.
   std::optional<ScaleRange> scale = {};
-  /// align(), kRobust, for maps: does so within the default range if the unit of one of them is free.
+  /// kRobust, for maps: align() estimates the scale within the default range if one map's unit is
+  /// free.
   bool scale_where_free = true;
   std::optional<GravityPrior> gravity = {};  ///< see gravity_prior()
-  /// Least probability of an aligned pose; if only several poses together reach it, they are ambiguous. In [0.5, 1).
+  /// Least probability of an aligned pose; in [0.5, 1). If only several poses together reach this
+  /// value, they are ambiguous.
   double min_probability = 0.99;
-  /// Odds that the maps show the same place, before any evidence: 0.01 if one pair in a hundred does. From 1e-6 to 1e6.
+  /// Prior odds that the maps show the same place, e.g. 0.01 if one pair in a hundred does; from
+  /// 1e-6 to 1e6.
   double prior_odds = 1.0;
   bool one_to_one = false;  ///< kRobust, from a prior pose: match each target landmark at most once
   PartsUse parts = PartsUse::kWhereRefused;  ///< kRobust, for maps
-  /// For maps with descriptors and a free scale: also align them up to a smooth deformation (DeformablePair), and
-  /// state the deformation of aligned ones. No effect with a time limit.
+  /// For maps with descriptors and a free scale: also aligns them up to a smooth deformation
+  /// (DeformablePair), and reports the deformation of aligned maps. No effect with a time limit.
   bool deformation = true;
   bool judge =
-      true;  ///< false: no verdict, and no pose counts as aligned; the result has only the estimate
+      true;  ///< false: no verdict and no aligned pose; the result contains only the estimate
   PoseSearch search = PoseSearch::kWhereNeeded;
-  /// Number of rotations tried, as a multiple of the default's; from 1/16 to 64.
+  /// Number of rotations searched, as a multiple of the default; from 1/16 to 64.
   double effort = 1.0;
-  /// Wall time for the search, which then continues with what it has: half for the search for poses, the
-  /// rest to refine and judge them. The result then depends on the machine and may differ between runs.
-  /// Necessary work (trees, descriptors, overlap) is always done, so the call may take longer. Positive, at
-  /// most 1e6; std::nullopt: no limit.
+  /// Limit of the wall time: half for the search for poses, the rest for refinement and verdict of
+  /// the poses found so far. The result then depends on the machine and may differ between runs.
+  /// Necessary work (trees, descriptors, overlap) is always completed, so the call may exceed the
+  /// limit. Positive, at most 1e6; std::nullopt: no limit.
   std::optional<double> time_limit_s = {};
-  PointSetOptions points = {};  ///< landmarks of the maps that take part
-  /// A landmark overlaps if the other map has one within this distance. std::nullopt: chosen from the maps.
+  PointSetOptions points = {};  ///< selects the landmarks to align
+  /// A landmark overlaps if the other map has a landmark within this distance. std::nullopt: chosen
+  /// from the maps.
   std::optional<double> overlap_radius = {};
   bool trace = false;  ///< record score and matches of every iteration
-  /// For kIcp; max_iterations also limits a refinement from a prior pose. Initial pose, overlap radius
-  /// and trace are those of AlignOptions.
+  /// Options of kIcp. max_iterations also limits a refinement from a prior pose. AlignOptions
+  /// overrides the initial pose, overlap radius and trace.
   IcpOptions icp = {};
 
   static const OptionTable table;
@@ -79,7 +84,8 @@ struct AlignOptions {
   void validate() const;
 };
 
-/// Range of the scales that align() searches for maps of these units; std::nullopt if both maps have the same scale.
+/// Range of the scales that align() searches for maps of these units; std::nullopt if both maps
+/// have the same scale.
 std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit source,
                                       LengthUnit target);
 
@@ -94,17 +100,19 @@ std::optional<ScaleRange> scale_range(const AlignOptions& options, LengthUnit so
 Alignment align(const LandmarkMap& source, const LandmarkMap& target,
                 const AlignOptions& options = {}, const Execution& execution = {});
 
-/// Aligns prepared maps, of which each can be aligned with many others. Landmarks without a map are aligned as a whole
-/// alone. PrepareOptions of each map replace
-/// AlignOptions::confidence and points, which have no effect here.
+/// Aligns prepared maps; each can be aligned with many others. Maps prepared from a LandmarkCloud
+/// are aligned only as a whole. The PrepareOptions of each map replace AlignOptions::confidence and
+/// AlignOptions::points.
 /// @throws Error (misuse) for AlignMethod::kIcp
 Alignment align(const PreparedMap& source, const PreparedMap& target,
                 const AlignOptions& options = {}, const Execution& execution = {});
 
-/// Judges a given pose without changing it, as align() judges its own. `method`, `prior` and `judge` have
-/// no effect. For maps, their deformation can refuse a pose that fits, and with PartsUse::kAlways so can their
-/// parts. Neither makes a pose aligned that is not aligned as a whole, as align() may do with a pose of its own.
-/// @throws Error (misuse) for invalid options, or a scale other than 1 where scale_range() has none
+/// Judges a given pose without changing it, by the criteria of align(). `method`, `prior` and
+/// `judge` have no effect. For maps, a large deformation can prevent the verdict aligned; with
+/// PartsUse::kAlways, contradicting parts can too. Unlike in align(), deformation and parts cannot
+/// align a pose that is not aligned as a whole.
+/// @throws Error (misuse) for invalid options, or for a scale other than 1 if scale_range() is
+///        std::nullopt
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
                      const Similarity3& target_from_source, const AlignOptions& options = {},
                      const Execution& execution = {});
@@ -114,28 +122,30 @@ Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
 
 /// Aligns two maps without an initial pose and judges the pose.
 ///
-/// Descriptors and quads of neighbouring landmarks propose poses. Thousands of evenly spread rotations, each with the
-/// translations that best overlay parts of the source and the target, propose more. A tournament of robust refinements on
-/// samples of both maps leaves a few distinct poses. With a free scale, rotations are searched at the scales that the
-/// quads suggest, and the refinements also estimate the scale. The poses are refined with all sampled
-/// landmarks and ranked by probability, from the match distances and descriptors compared with chance
-/// (Support) and the free-space check (SightCounts). The best pose is refined with all landmarks and their
-/// covariances.
+/// Descriptors and quads of neighbouring landmarks propose poses. Further candidates are thousands
+/// of evenly spread rotations, each with the translations that best overlay parts of the source and
+/// the target. A tournament of robust refinements on samples of both maps leaves a few distinct
+/// poses. With a free scale, rotations are searched at the scales that the quads suggest, and the
+/// refinements also estimate the scale. The poses are refined with all sampled landmarks and ranked
+/// by probability. The probability combines match distances and descriptors, compared with chance
+/// (Support), and the free-space check (SightCounts). The best pose is refined with all landmarks
+/// and their covariances.
 ///
-/// Lengths derive from the maps: extents, landmark spacings, covariances. An expected failure (too few
-/// landmarks, no overlap) is a verdict. The same input and seed give the same result for any number of
-/// threads, except with a time limit.
+/// All lengths derive from the maps' extents, landmark spacings and covariances. An expected
+/// failure (too few landmarks, no overlap) is a verdict. The same input and seed give the same
+/// result for any number of threads, except with a time limit.
 ///
 /// @throws Error (misuse) for invalid options or clouds
 Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,
                 const AlignOptions& options = {}, const Execution& execution = {});
 
-/// Finds or judges any number of poses between two maps as a whole, by the options' search, scale, gravity, limits and
-/// bars; AlignOptions::method and prior have no effect. Work that all of them share is done once, on first
-/// use. Each pose is compared with the candidates of place().
+/// Finds or judges any number of poses between two maps as a whole, with the search, scale,
+/// gravity, limits and thresholds of the options. AlignOptions::method and prior have no effect.
+/// Work that all poses share is done once, on first use. Each pose is compared with the candidates
+/// of place().
 ///
-/// Evenly spread landmarks stand for a dense cloud (PreparedMap::even()). If that does not give an aligned pose, all
-/// landmarks are used too, and the likelier result is returned.
+/// Evenly spread landmarks represent a dense cloud (PreparedMap::even()). If they give no aligned
+/// pose, all landmarks are used too, and the likelier result is returned.
 class PreparedPair {
  public:
   /// @throws Error (misuse) for invalid options
@@ -148,12 +158,12 @@ class PreparedPair {
   /// Same as cairn::place().
   Alignment place();
 
-  /// Judges a given pose without changing it. It is aligned only if gravity and scale range allow it, it is
-  /// likelier than every other pose and no worse than the best pose near it.
+  /// Judges a given pose without changing it. The pose is aligned only if gravity and scale range
+  /// allow it, if no other pose is as likely, and if the best pose near it is no better.
   /// @throws Error (misuse) for a scale other than 1 without AlignOptions::scale
   Alignment judge(const Similarity3& target_from_source);
 
-  /// Refines a pose to the nearest optimum and judges that.
+  /// Refines a pose to the nearest optimum and judges the optimum.
   /// @throws Error as judge()
   Alignment settle(const Similarity3& target_from_source);
 
@@ -166,7 +176,7 @@ class PreparedPair {
   std::unique_ptr<Work> work_;  // null until all landmarks are needed
 };
 
-/// The vertical of both maps: each map's stored gravity direction, or its negative z axis if it has none.
+/// The vertical of both maps: the stored gravity direction, or else the map's negative z axis.
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target);
 GravityPrior gravity_prior(const PreparedMap& source, const PreparedMap& target);
 

@@ -17,8 +17,8 @@ namespace cairn {
 
 /// Descriptor similarity of the landmarks that a pose matches.
 struct Likeness {
-  /// Two landmarks are similar if their descriptor distance beats the distances of one of them to this many
-  /// others.
+  /// Two landmarks are similar if their descriptor distance is less than the distances from one of
+  /// them to this many others.
   static constexpr std::size_t kOthers = 63;
   /// Share of similar pairs among unrelated landmarks.
   static constexpr double kChance = 1.0 / (kOthers + 1);
@@ -29,33 +29,35 @@ struct Likeness {
   Likeness& operator+=(const Likeness& other);
   Likeness operator-(const Likeness& other) const;
 
-  /// Log-likelihood ratio, for the likeliest share of pairs that are the same landmark, versus chance. At
-  /// least 0.
+  /// Log-likelihood ratio of the likeliest share of pairs that are the same landmark, versus
+  /// chance. At least 0.
   double evidence() const;
 };
 
-/// How many matches agree with a pose: mutual descriptor matches, and landmarks that keypoints of common images show
-/// to be the same. The matches are found without the pose.
+/// Number of matches that agree with a pose. Matches are mutual descriptor matches, and pairs of
+/// landmarks that keypoints of common images identify. The matches are found without the pose.
 struct DescriptorAgreement {
   std::size_t matches = 0;
   std::size_t agreeing = 0;  ///< matches whose landmarks the pose brings within the radius
   /// Agreeing matches outside their largest cluster: excludes a single object that stands in two places.
   std::size_t spread = 0;
-  /// Number of agreeing matches expected by chance, with random partners, on this pair and pose.
+  /// Number of agreeing matches expected by chance (random partners) for this pair of maps and this
+  /// pose.
   double expected = 0.0;
-  /// Of `matches` and of `agreeing`: those of landmarks that one keypoint shows, of an image that both maps contain.
+  /// Part of `matches` and of `agreeing`: pairs of landmarks that one keypoint of a common image
+  /// identifies.
   std::size_t identities = 0;
   std::size_t identical = 0;
 
-  /// Whether such keypoints show that the pose is right: at least four, and most of all of them.
+  /// Whether these pairs prove the pose: at least four agree, and more than half of all.
   bool is_proven() const { return identical >= 4 && 2 * identical > identities; }
 
   /// Log-likelihood ratio of `spread` against a Poisson count of mean `expected`, at least 0.
   double evidence() const;
 };
 
-/// Log-likelihood ratio of the distances at one pose: some pairs are the same landmark, with Gaussian
-/// errors, versus all pairs being as far apart as at the other poses.
+/// Log-likelihood ratio of the distances at one pose. Hypothesis: some pairs are the same landmark,
+/// with Gaussian errors. Alternative: all pairs are as far apart as at the other poses.
 struct ProximityEvidence {
   static constexpr double kWidest = 0.14;  ///< largest standard deviation considered, in spacings
 
@@ -66,26 +68,26 @@ struct ProximityEvidence {
   double deviation = 0.0;
 };
 
-/// What two maps have in common at a pose.
+/// Evidence for the overlap of two maps at a pose.
 struct Support {
-  /// Mutual nearest neighbours within r, r/2, r/4, ... of the radius r, in the sample.
+  /// Number of mutual nearest neighbours in the sample within r, r/2, r/4, ... (r: radius).
   static constexpr std::size_t kRadii = 6;
   std::array<std::size_t, kRadii> within = {};
-  /// Of `within`: the widest radius, a quarter of r, at which most matches are no chance.
+  /// Index in `within` of the widest radius at which most matches are not due to chance: r/4.
   static constexpr std::size_t kFine = 2;
-  /// One-to-one matches of all landmarks, as a share of the smaller map, estimated from the sample; at most 1.
-  /// Mapping many landmarks onto one does not increase it.
+  /// One-to-one matches of all landmarks, as a share of the smaller map, estimated from the sample;
+  /// at most 1. Many landmarks mapped onto one do not increase the share.
   double share = 0.0;
-  /// Log-likelihood ratio of the match distances, of all mutual nearest neighbours at any distance: some
-  /// are the same landmarks, versus independent points on a surface. At least 0.
+  /// Log-likelihood ratio of the distances of all mutual nearest neighbours: some pairs are the
+  /// same landmark, versus independent points on a surface. At least 0.
   double evidence = 0.0;
   /// The same without the sixteenth of the source that contributes most: excludes a single object that
   /// stands in both places.
   double spread_evidence = 0.0;
-  /// Log-likelihood ratio of the match distances, versus those at the other candidates.
+  /// Log-likelihood ratio of the match distances, versus the distances at the other candidates.
   ProximityEvidence proximity = {};
-  /// Agreement of matches with the pose; std::nullopt if the maps have neither descriptors of one kind nor common
-  /// images.
+  /// Agreement of matches with the pose; std::nullopt if the maps have neither descriptors of one
+  /// kind nor common images.
   std::optional<DescriptorAgreement> agreement = {};
   /// Descriptor similarity of the matches; std::nullopt if the maps have no descriptors of one kind.
   std::optional<Likeness> likeness = {};
@@ -95,26 +97,28 @@ struct Support {
   std::size_t matches() const { return within[0]; }
 };
 
-/// Free-space check: counts of landmarks relative to what the other map's keyframes saw along the same
-/// lines of sight. The space in front of a seen landmark is free.
+/// Free-space check: numbers of landmarks by depth relative to the landmarks that the other map's
+/// keyframes observed along the same lines of sight. The space in front of an observed landmark is
+/// free.
 struct SightCounts {
-  std::size_t agree = 0;     ///< landmarks at the depth of what the camera saw
-  std::size_t in_front = 0;  ///< landmarks in front of it, in free space: a contradiction
-  std::size_t behind = 0;    ///< landmarks behind it, hidden from the camera
+  std::size_t agree = 0;     ///< landmarks at the observed depth
+  std::size_t in_front = 0;  ///< landmarks in front of this depth, in free space: a contradiction
+  std::size_t behind = 0;    ///< landmarks behind this depth, occluded
 
   std::size_t total() const { return agree + in_front + behind; }
   SightCounts& operator+=(const SightCounts& other);
 };
 
-/// What surrounds the matches of a pose: the landmarks outside a ball that covers nearly all of them. An object that stands
-/// in two places matches as well as a place does; its surroundings reveal the difference.
+/// Landmarks around the matches of a pose: outside a ball that contains nearly all matches. An
+/// object that stands in two places matches as well as one place does; the surroundings reveal the
+/// difference.
 struct Surroundings {
-  /// Numbers of landmarks around the ball, in both maps, grouped by the majority of the other map's lines of sight.
-  /// Lines of sight into the ball are not compared.
+  /// Numbers of landmarks outside the ball, in both maps, classified by the majority of the other
+  /// map's lines of sight. Lines of sight into the ball are not compared.
   SightCounts landmarks = {};
   double extent = 0.0;  ///< radius of the ball, in matching radii; 0 without matches
   double share =
-      0.0;  ///< of the landmarks of a map that are outside the ball; the smaller of both maps'
+      0.0;  ///< share of a map's landmarks that are outside the ball; the smaller of both shares
 };
 
 /// A candidate pose, distinct from the others.
@@ -122,17 +126,19 @@ struct PlacementCandidate {
   Rigid3 target_from_source;
   double scale = 1.0;  ///< s in x_target = R·(s·x_source) + t
   Support support = {};
-  /// Share of compared lines of sight, of both maps' keyframes, on which the other map has a landmark in
-  /// front of what the keyframe saw. std::nullopt if too few lines were compared. See SightCounts.
+  /// Share of the compared lines of sight of both maps' keyframes with a landmark of the other map
+  /// in front of the observed landmark. std::nullopt if too few lines were compared. See
+  /// SightCounts.
   std::optional<double> contradicted = {};
-  /// Probability that this pose is right. 1 minus the sum over all candidates is that none is.
+  /// Probability that this pose is right. 1 minus the sum over all candidates: probability that
+  /// none is right.
   double probability = 0.0;
 
   /// The pose with its scale.
   Similarity3 similarity() const { return {scale, target_from_source}; }
 };
 
-/// Which of the two maps of an alignment.
+/// One of the two maps of an alignment.
 enum class MapRole { kSource, kTarget };
 
 /// "source" or "target": the names in results.
@@ -145,34 +151,35 @@ struct PartPose {
   FrameId middle;
   FrameId last;
   std::size_t landmarks = 0;
-  Verdict verdict = Verdict::kRejected;  ///< on the part alone
-  double probability = 0.0;              ///< of `found`
+  Verdict verdict = Verdict::kRejected;  ///< verdict on the part alone
+  double probability = 0.0;              ///< probability of `found`
   /// The pose of the part alone, whatever its verdict. x_in_target = target_from_source * x_in_source.
   std::optional<Similarity3> found;
-  /// `found` is aligned separately, or agrees with neighbouring parts that are.
+  /// `found` is aligned separately, or agrees with separately aligned neighbouring parts.
   bool agrees = false;
   /// Pose of the part under the consensus: `found` if it agrees, else interpolated between the neighbouring
   /// parts. std::nullopt without a consensus of parts (see place_by_parts()).
   std::optional<Similarity3> target_from_source;
 };
 
-/// Deviation of a map from a rigid one, as the other map shows it.
+/// Deviation of a map from rigidity, measured against the other map.
 struct MapBend {
   MapRole map = MapRole::kSource;
   /// Largest rotation between the poses of two parts, after smoothing; radians.
   double rotation_rad = 0.0;
   FrameId first;  ///< the bend lies between these keyframes
   FrameId last;
-  /// Largest root mean square distance of a part's landmarks from their places under the single pose, in
-  /// the target's unit.
+  /// Largest root mean square distance of a part's landmarks from their positions under the single
+  /// pose, in the target's unit.
   double displacement = 0.0;
 };
 
-/// Smooth deformation of two maps of free scale against each other. It does not show which of them is deformed.
+/// Smooth deformation between two maps of free scale. The deformation does not show which map is
+/// deformed.
 struct MapDeformation {
-  std::size_t matches = 0;    ///< descriptor matches that agree with it
+  std::size_t matches = 0;    ///< descriptor matches that agree with the deformation
   double rotation_rad = 0.0;  ///< largest rotation between the local poses of two landmarks
-  double scale_ratio = 1.0;   ///< largest ratio of their scales
+  double scale_ratio = 1.0;   ///< largest ratio of the scales of two local poses
   /// Root mean square distance of the matches under the single pose, in the target's unit.
   double displacement = 0.0;
 };
@@ -181,25 +188,25 @@ struct MapDeformation {
 struct PartsAlignment {
   std::vector<PartPose> parts;  ///< parts of the source first, in the order of their keyframes
   std::size_t aligned = 0;      ///< number of parts that are aligned separately
-  /// At least two parts of one map are aligned separately, with landmarks of two parts of the other, and
-  /// agree up to a bend; no aligned part contradicts them.
+  /// At least two parts of one map are aligned separately, match landmarks of at least two parts of
+  /// the other map, and agree up to a bend. No aligned part contradicts them.
   bool consensus = false;
   bool contradictory = false;  ///< parts that are aligned separately contradict each other
   /// Whether the straightened map is aligned as a whole; std::nullopt if not tested.
   std::optional<bool> confirmed = {};
-  std::optional<MapBend> bend;  ///< with a consensus
-  /// With a consensus: the pose that fits all landmarks of the bent map best, each at the place that its
-  /// part's pose gives. The covariance includes the deviations of the parts' poses from it.
+  std::optional<MapBend> bend;  ///< std::nullopt without a consensus
+  /// With a consensus: the pose that best fits all landmarks of the bent map, each placed by the
+  /// pose of its part. The covariance includes the deviations of the parts' poses from this pose.
   std::optional<Similarity3> target_from_source;
   std::optional<Matrix6d> covariance;
   std::optional<Matrix7d> covariance_with_scale = {};  ///< the same, if a scale is estimated
-  double probability = 0.0;                            ///< the largest of the parts that agree
+  double probability = 0.0;                            ///< largest of separately aligned parts
 };
 
 /// Standard deviations of a pose along and about the target's axes.
 struct PoseDeviations {
   Eigen::Vector3d translation =
-      Eigen::Vector3d::Zero();  ///< of a point of the source; the target's unit
+      Eigen::Vector3d::Zero();  ///< at a point of the source; the target's unit
   Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();
   std::optional<double> log_scale = {};  ///< if a scale was estimated
 };
@@ -208,50 +215,54 @@ struct PoseDeviations {
 struct Alignment {
   /// std::nullopt if not judged: `judge` is false, the method failed, or the caller stopped the work.
   std::optional<Verdict> verdict;
-  std::optional<double> probability;  ///< of the estimate; std::nullopt if not judged
+  std::optional<double> probability;  ///< that the estimate is right; std::nullopt if not judged
   std::string reason;                 ///< one sentence for people, the decision first
-  /// Only if the verdict is aligned. x_in_target = target_from_source * x_in_source.
+  /// std::nullopt unless the verdict is aligned. x_in_target = target_from_source * x_in_source.
   std::optional<Similarity3> target_from_source;
   /// The best pose, whatever the verdict; std::nullopt if the method found none.
   std::optional<Similarity3> estimate;
-  /// All poses compared, likeliest first; empty if not judged. After place(), the first is the refined pose, the second
-  /// the runner-up.
+  /// All poses compared, likeliest first; empty if not judged. After place(), the first is the
+  /// refined pose, and the second is the runner-up.
   std::vector<PlacementCandidate> candidates;
-  /// Index of the candidate with the estimate; std::nullopt for a judged pose that is near a better candidate.
+  /// Index of the candidate with the estimate; std::nullopt for a judged pose that is near a better
+  /// candidate.
   std::optional<std::size_t> own;
-  /// At the likeliest candidate.
+  /// Surroundings of the likeliest candidate.
   Surroundings around;
-  /// Score, iterations, history and matches of the estimate; its covariance, open directions and overlap.
+  /// Score, iterations, history, matches, covariance, unobservable directions and overlap of the
+  /// estimate.
   RegistrationResult registration;
-  /// Centre of the source's landmarks, in its frame; std::nullopt if read from a document that does not state it.
+  /// Centre of the source's landmarks, in its frame; std::nullopt if read from a document that does
+  /// not state it.
   std::optional<Eigen::Vector3d> centre;
   double radius = 0.0;  ///< landmarks within this distance count as matched; 0 if unknown
   /// Poses of the maps' parts, and whether they agree; std::nullopt if no parts were placed.
   std::optional<PartsAlignment> parts;
-  /// How the maps are deformed against each other, if they clearly are; covariances then include the deviations of
-  /// the landmarks' local poses from the single one. std::nullopt if not tested.
+  /// Deformation between the maps, if it clearly exceeds the noise; covariances then include the
+  /// deviations of the local poses from the single pose. std::nullopt if not clear or not tested.
   std::optional<MapDeformation> deformation;
-  /// For maps that are not aligned at one scale, but whose descriptors agree on a pose with this scale of the source: one
-  /// of their units is probably wrong.
+  /// Scale of the source at which the descriptors agree on a pose, if the maps are not aligned at
+  /// one scale. The unit of one map is then probably wrong.
   std::optional<double> other_scale;
   std::size_t common_images = 0;  ///< images that both maps contain: see common_images()
-  bool one_map = false;           ///< one map is a copy of the other: that they align shows nothing
-  /// The time limit ended the search or the last refinement early. A pose may be missing from the candidates, and the
-  /// probability does not account for it.
+  bool one_map = false;           ///< one map is a copy of the other: the alignment proves nothing
+  /// The time limit ended the search or the last refinement early. A pose may be missing from the
+  /// candidates; the probability does not account for missing poses.
   bool cut_short = false;
   bool deterministic = true;  ///< false with a time limit
   double duration_s = 0.0;    ///< wall time of the whole call
 };
 
-/// Standard deviations of the estimate at `centre`, or else at the source's origin, where they are larger the farther
-/// that is from the landmarks. std::nullopt without a covariance.
+/// Standard deviations of the estimate at `centre`, or at the source's origin if `centre` is
+/// unknown. At the origin, they grow with its distance from the landmarks. std::nullopt without a
+/// covariance.
 std::optional<PoseDeviations> deviations_of(const Alignment& alignment);
 
 /// Name of the verdict; if there is none, "converged", "stopped", "failed" or "cancelled".
 std::string_view status_of(const Alignment& alignment);
 
-/// A probability for people, in percent, rounded down to two digits, from 99.99 % on to four. It never reads
-/// 0 % or 100 %.
+/// A probability for people, in percent, rounded down to two decimals, or to four from 99.99 %. The
+/// text is never 0 % or 100 %.
 std::string probability_text(double probability);
 
 /// "probability 12.30 %, below the required 99 %": the start of a reason.

@@ -19,35 +19,37 @@ struct CrossFittedDeformation;
 struct DeformationFit;
 }  // namespace detail
 
-/// Keyframes in the order of their times or, if one has no time, of their ids.
+/// Keyframes ordered by time, or by id if a keyframe has no time.
 std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
 
 /// Places each part of one map in the whole other map, by descriptors alone, and tests whether the poses
 /// agree up to a bend of the map.
 ///
-/// A part is aligned separately if place() aligns it and at least 15 descriptor matches outside their
-/// largest cluster agree with the pose. There is a consensus if at least two parts of one map are aligned,
-/// with landmarks of at least two parts of the other (a fifth of their matches each), consecutive parts
-/// differ by at most 8 degrees and 0.15 times the map's radius, and any two by at most 20 degrees. An
-/// aligned part of the other map that differs from all of them by more than that revokes the consensus.
+/// A part is aligned separately if place() aligns it and at least 15 descriptor matches outside
+/// their largest cluster agree with the pose. There is a consensus if at least two parts of one map
+/// are aligned and match at least two parts of the other map (with a fifth of their matches each).
+/// Consecutive aligned parts must differ by at most 8 degrees and 0.15 times the map's radius, and
+/// any two must differ by at most 20 degrees. An aligned part of the other map that differs more
+/// from all of them revokes the consensus.
 ///
-/// @param options of each placement; `search` and `trace` have no effect
+/// @param options options of each placement; `search` and `trace` have no effect
 /// @return no parts if either map cannot be cut or has no descriptors
 PartsAlignment place_by_parts(const PreparedMap& source, const PreparedMap& target,
                               const AlignOptions& options, const Execution& execution = {});
 
-/// A bent map, straightened as the other map shows its parts. `parts.target_from_source` stays its pose, so the
-/// frame is the map's own.
+/// Straightens a bent map by the poses of its parts in the other map. `parts.target_from_source`
+/// remains the pose of the map, so its frame does not change.
 ///
-/// Each keyframe moves by the interpolated poses of the two parts around it (along_parts()). A landmark moves with the
-/// middle one of the keyframes that observed it, or as the middle of the map if none did. Covariances turn with the
-/// landmarks; the uncertainty of the parts' poses is not added.
+/// Each keyframe moves by the interpolated poses of the two parts around it (along_parts()). A
+/// landmark moves with the middle one of its observing keyframes, or with the middle of the map if
+/// no keyframe observed it. Covariances rotate with the landmarks; the uncertainty of the parts'
+/// poses is not added.
 ///
-/// @param map   the one that `parts.bend->map` names
-/// @param parts with a consensus
+/// @param map   the map that `parts.bend->map` names
+/// @param parts result with a consensus
 LandmarkMap straightened(const LandmarkMap& map, const PartsAlignment& parts);
 
-/// A pose between two maps, and a deformation of the source that makes it fit.
+/// A pose between two maps, and a deformation of the source under which the pose fits.
 struct DeformedPose {
   std::shared_ptr<const detail::CrossFittedDeformation> deformation;
   /// The single pose with the least sum of distances of the matches.
@@ -55,43 +57,47 @@ struct DeformedPose {
   MapDeformation figures;
   /// Mean square of the local poses' deviations from the single pose: (δt, δφ, δ log s), a left perturbation.
   Matrix7d spread = Matrix7d::Zero();
-  /// Whether the deformation is small: within the map, rotations differ by at most 20 degrees, scales by a factor of at
-  /// most 1.3, and matches around one place are off their similarity by at most 23 % of their extent. Two focal lengths
-  /// that are 5 % off either way change depths by a factor of 1.22. Beyond these limits no single pose means much.
+  /// Whether the deformation is small: within the map, rotations differ by at most 20 degrees,
+  /// scales differ by a factor of at most 1.3, and matches around one position deviate from a
+  /// similarity by at most 23 % of their extent. Focal lengths with errors of 5 % in opposite
+  /// directions change depths by a factor of 1.22. Beyond these limits, no single pose is
+  /// meaningful.
   bool is_small = false;
-  /// Median distance of the matches under the deformation that the other folds show, over that under the single
-  /// pose; see is_clear().
+  /// Median match distance under the deformation of the other folds, divided by the median match
+  /// distance under the single pose; see is_clear().
   double residual = 1.0;
 
-  /// Whether the deformation is more than noise.
+  /// Whether the deformation exceeds the noise.
   bool is_clear() const {
     constexpr double kMostResidual = 0.75;
     return residual <= kMostResidual;
   }
 };
 
-/// The source, straightened so that `pose.target_from_source` fits everywhere. Covariances turn with the landmarks.
-/// Each keyframe moves with the landmarks that it observed. The deformation at the camera itself is not used: it was not
-/// fitted there.
+/// Straightens the source so that `pose.target_from_source` fits everywhere. Covariances rotate
+/// with the landmarks. Each keyframe moves with its observed landmarks, because the deformation was
+/// not fitted at the camera itself.
 LandmarkMap straightened(const LandmarkMap& source, const DeformedPose& pose);
 
-/// Two maps of one place that are smoothly deformed against each other, as different systems make them, for
-/// example with different focal lengths.
+/// Two maps of one place with a smooth deformation between them, e.g. from systems with different
+/// focal lengths.
 class DeformablePair {
  public:
   DeformablePair(const PreparedMap& source, const PreparedMap& target);
 
   /// Fits a deformation to the descriptor matches near each of the first three poses.
-  /// @return that with which most matches agree; std::nullopt if too few agree with any, or if it folds
+  /// @return the deformation with the most agreeing matches; std::nullopt if too few agree, or if
+  ///        the deformation folds
   std::optional<DeformedPose> fit(std::span<const Similarity3> starts) const;
 
   /// Judges a deformed pose as place() does, by descriptors alone.
   ///
-  /// The source's landmarks are divided into five folds. Each landmark moves as the matches of the other folds show,
-  /// so no match supports the pose because the deformation was fitted to it. An aligned pose also needs a small
-  /// deformation, and 15 agreeing matches outside their largest cluster.
+  /// The source's landmarks are divided into five folds for cross-validation. Each landmark moves
+  /// by the deformation fitted to the matches of the other folds, so no match supports a
+  /// deformation fitted to itself. An aligned pose also requires a small deformation, and 15
+  /// agreeing matches outside their largest cluster.
   ///
-  /// @param options of the placement; `search` and `trace` have no effect
+  /// @param options options of the placement; `search` and `trace` have no effect
   Alignment judge(const DeformedPose& pose, const AlignOptions& options,
                   const Execution& execution = {}) const;
 

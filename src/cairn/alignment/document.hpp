@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// Version of the schema `cairn.align` that is written. Version 1 can be read.
+/// Version of the schema `cairn.align` in written documents. Version 1 can also be read.
 constexpr unsigned kAlignmentVersion = 2;
 
 /// "robust" or "icp": the names in results.
@@ -31,15 +31,16 @@ struct AlignmentRecord {
   std::size_t matches = 0;
 };
 
-/// What a document holds about the iterations.
+/// Content of a document about the iterations.
 enum class HistoryDetail {
   kNone,
   kPoses,    ///< pose, scale and mean squared distance
   kMatches,  ///< also score and matches
 };
 
-/// A result as JSON: one entry of `results` in a document of schema `cairn.align`, version 2. Poses are 4x4
-/// matrices that include the scale; each also has a quaternion (qw qx qy qz) and the scale.
+/// A result as JSON: one entry of `results` in a document of schema `cairn.align`, version 2. Poses
+/// are 4x4 matrices that include the scale; each pose also has a quaternion (qw qx qy qz) and the
+/// scale.
 std::string to_json(const AlignmentRecord& record, HistoryDetail history = HistoryDetail::kNone);
 
 /// Reads all results in an alignment document (schema `cairn.align` or `cairn.demo`, versions 1 and 2). A

@@ -18,16 +18,16 @@ namespace cairn {
 
 /// Selects the pairs of maps to try.
 struct AtlasLinkOptions {
-  LinkOptions links = {};  ///< its candidates are of all maps of the atlas
-  /// Also tries pairs that were tried before and not aligned; the new result replaces the old.
+  LinkOptions links = {};  ///< candidates are chosen from all maps of the atlas
+  /// Also retries pairs that were not aligned; the new result replaces the old one.
   bool retry = false;
-  /// If not empty, tries only pairs with one of these.
+  /// If not empty, tries only pairs that contain one of these maps.
   std::vector<NodeId> only = {};
-  /// For several processes that share the pairs of a file: this one tries every `shards`-th pair, from
-  /// `shard`.
+  /// Divides the pairs among processes that share an atlas file: this process tries every
+  /// `shards`-th pair, from pair `shard`.
   std::size_t shard = 0;
   std::size_t shards = 1;
-  /// Called with each result after it is stored, and the maps that it was aligned with.
+  /// Called with each stored result, and the state that the alignment used.
   std::function<void(const Link& link, const AtlasState& state)> on_link = {};
 
   /// @throws Error (misuse) naming the field, its value and the constraint
@@ -35,14 +35,14 @@ struct AtlasLinkOptions {
 };
 
 struct AtlasLinkResult {
-  std::size_t pairs = 0;         ///< in the atlas
-  std::size_t tried = 0;         ///< by this call
-  std::size_t tried_before = 0;  ///< or linked by a person
-  std::size_t not_likely = 0;    ///< excluded by recognition
-  std::size_t aligned = 0;       ///< of those tried by this call
+  std::size_t pairs = 0;         ///< pairs in the atlas, limited by `only`
+  std::size_t tried = 0;         ///< pairs tried by this call
+  std::size_t tried_before = 0;  ///< pairs tried earlier, or linked manually
+  std::size_t not_likely = 0;    ///< pairs excluded by place recognition
+  std::size_t aligned = 0;       ///< pairs aligned by this call
 };
 
-/// A group of linked maps, in the frame of its first.
+/// A connected component of linked maps, in the frame of its first map.
 struct AtlasComponent {
   NodeId frame;
   std::vector<NodeId> nodes;  ///< ascending
@@ -52,7 +52,7 @@ struct AtlasComponent {
 std::vector<AtlasComponent> components_of(const AtlasState& state);
 
 /// The component that contains `node`; std::nullopt: the largest component.
-/// @param name of the atlas, for messages
+/// @param name name of the atlas in messages
 /// @throws Error (misuse) if no two maps have poses in one frame, or `node` has no pose
 AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
                               const std::string& name);
@@ -64,13 +64,13 @@ struct AtlasOptimised {
   bool changed = false;
 };
 
-/// Whether a link is aligned, agreed with the poses when they were last optimised, and still has those of both its
-/// maps in one frame.
+/// Whether a link is aligned, agrees with the last optimised poses, and connects maps that still
+/// have poses in one frame.
 bool is_used(const AtlasState& state, const Link& link);
 
-/// Maps, their relations and the history of both, stored for several programs and sessions. Every change is
-/// a commit, which is on disk when the call returns. Use by one thread at a time; other threads and
-/// processes open the location separately.
+/// Maps, links between maps and their history, in storage that several programs and sessions share.
+/// Every change is a commit, which is on disk when the call returns. An Atlas serves one thread at
+/// a time; other threads and processes open the location separately.
 class Atlas {
  public:
   explicit Atlas(std::unique_ptr<AtlasStore> store) : store_(std::move(store)) {}
@@ -86,55 +86,59 @@ class Atlas {
 
   struct Added {
     NodeId node;
-    bool was_there = false;  ///< the same map was in the atlas, under any name; it was not changed
+    bool was_there = false;  ///< the atlas contained the map, under any name, and is unchanged
   };
   /// @throws Error (misuse) if another map has the name, (input) for a map without landmarks
   Added add(const LandmarkMap& map, const std::string& name, const std::string& session = {});
 
-  /// Adds odometry links between maps of one run; ignores `kind`. A pair keeps an earlier odometry link.
+  /// Adds odometry links between maps of one run; ignores Link::kind. An earlier odometry link of a
+  /// pair is kept.
   /// @return number of links added
   std::size_t link_by_odometry(std::span<const Link> links);
 
-  /// Aligns pairs of maps that were not tried yet, and stores each result, rejected or not, at once. After
-  /// an interruption, another call continues. The same maps and seed give the same links for any number of
-  /// threads. With PostgreSQL, concurrent processes share the pairs and together give the same result as
-  /// one; others take over the pairs of a process that ends.
+  /// Aligns pairs of maps that were not tried yet, and stores each result, rejected or not, within
+  /// seconds. After an interruption, another call continues. The same maps and seed give the same
+  /// links for any number of threads. With PostgreSQL, concurrent processes share the pairs and
+  /// produce the result of a single process; other processes continue the pairs of a process that
+  /// ends.
   AtlasLinkResult link(const AtlasLinkOptions& options = {}, const Execution& execution = {});
 
-  /// Adds a link stated by a person. It counts like a judged one.
+  /// Adds a manual link, which counts as aligned.
   LinkId link_manually(NodeId target, NodeId source, const Similarity3& target_from_source,
                        const Matrix7d& covariance, const std::string& reason = {});
 
-  /// Replaces the links between two maps by one that states that they are not linked.
+  /// Replaces the links between two maps by a manual, rejected link.
   void unlink(NodeId a, NodeId b, const std::string& reason = {});
 
   /// Computes the poses of all maps with aligned links, each component in the frame of its first map.
   AtlasOptimised optimize(const PoseOptimisationOptions& options = {});
 
-  /// Like optimize(), but of the largest component it computes only poses near the maps and links that were added
-  /// since the last optimisation; see cairn::update_poses(). Computes all poses if anything else was changed.
+  /// Like optimize(), but recomputes only those poses of the largest component that are near maps
+  /// and links added since the last optimisation; see cairn::update_poses(). After any other
+  /// change, recomputes all poses.
   AtlasOptimised update_poses(const PoseOptimisationOptions& options = {});
 
-  /// Merges the maps of one component: fuse_placed().
-  /// @param frame a map of the component; std::nullopt: the largest
-  /// @return of all maps of the atlas, by ascending id
-  /// @throws Error (misuse) if no two maps have poses in one frame, or in that of `frame`
+  /// Merges the maps of one component by fuse_placed().
+  /// @param frame a map of the component; std::nullopt: the largest component
+  /// @return result for all maps of the atlas, by ascending id
+  /// @throws Error (misuse) if no two maps have poses in one frame, or `frame` has no pose
   MergeResult merge(const FusionOptions& options = {}, std::optional<NodeId> frame = std::nullopt,
                     std::optional<CommitId> at = std::nullopt, const Execution& execution = {});
 
-  /// Removes a map, its links and its pose, and the poses in its frame.
+  /// Removes a map, its links, its pose and all poses in its frame.
   void remove(NodeId node);
 
-  /// Splits a map into maps of `frames` keyframes each, linked by their poses in it. Removes its own links.
+  /// Replaces a map by maps of `frames` keyframes each, linked by their original poses. Removes the
+  /// map's links.
   /// @return the new maps
   std::vector<NodeId> split(NodeId node, std::size_t frames);
 
-  /// Undoes the command of this commit; std::nullopt: the last command that is not undone.
-  /// @return the commit that was undone
+  /// Undoes the command of a commit; std::nullopt: the last command that is not undone.
+  /// @return the last commit of the undone command
   /// @throws Error (misuse) if there is no such command, or later commits build on it
   CommitId undo(std::optional<CommitId> commit = std::nullopt);
 
-  /// Starts a command: later commits belong to it, for log() and undo().
+  /// Starts a command: log() and undo() assign later commits to this command.
   void begin_run() { run_ = CommitId{}; }
 
  private:
@@ -151,7 +155,7 @@ class Atlas {
   CommitId run_;
 };
 
-/// The links that connect maps, and the poses, as a graph; nodes by ascending id.
+/// Pose graph of the maps, their poses and the links that connect maps; nodes by ascending id.
 PoseGraph pose_graph(const AtlasState& state);
 
 }  // namespace cairn

@@ -8,7 +8,8 @@
 #include "cairn/atlas/atlas.hpp"
 #include "cairn/merging/changes.hpp"
 
-/// Questions to an atlas: routes between its maps, what changed between two states or sessions, and all of it as one map.
+/// Queries of an atlas: routes between maps, changes between states or sessions, and the merged
+/// map.
 namespace cairn {
 
 /// A chain of links from one map to another.
@@ -19,19 +20,20 @@ struct AtlasRoute {
   /// Left perturbation in the target's frame, (δt, δφ, δ log s), to first order, for independent errors of
   /// the links. std::nullopt if a link has no covariance.
   std::optional<Matrix7d> covariance;
-  /// By the optimised poses, which use all links; std::nullopt unless both maps are in one frame.
+  /// target_from_source by the optimised poses (all links); std::nullopt unless both are in one
+  /// frame.
   std::optional<Similarity3> optimised;
 };
 
-/// The most certain chain of aligned links that agree with the poses: the least sum of the links'
-/// variances.
+/// The most certain chain of aligned links that do not contradict the poses: the least sum of the
+/// links' variances.
 /// @return std::nullopt if no chain connects the maps
 std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, NodeId source);
 
 /// A map whose pose changed.
 struct MovedNode {
   NodeId node;
-  double shift = 0.0;  ///< of the centre of its landmarks, in the unit of its frame
+  double shift = 0.0;  ///< displacement of its landmarks' centre, frame's unit
   double turn_rad = 0.0;
   bool frame_changed = false;  ///< if true, the two numbers are 0
 };
@@ -52,18 +54,19 @@ AtlasDifference difference(const AtlasState& before, const AtlasState& after);
 /// Maps of a session that have a pose.
 std::vector<NodeId> placed_of_session(const AtlasState& state, const std::string& session);
 
-/// find_changes() between two sets of maps of an atlas, each fused first. The result is in the frame of
-/// their group; its landmarks are those of the fused maps.
+/// find_changes() between two sets of maps of an atlas, each fused to one map first. The result is
+/// in the frame of their component; its landmarks belong to the fused maps.
 /// @throws Error (misuse) if a set is empty, a map is in both, or one has no pose in the common frame
 ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
                               const std::vector<NodeId>& first, const std::vector<NodeId>& second,
                               const ChangeOptions& options = {}, const Execution& execution = {});
 
-/// The largest group of placed maps of an atlas as one map, for reading: Atlas::merge(), or the map of an atlas of one.
+/// The merged map of the largest component, from Atlas::merge(); an atlas with one map gives that
+/// map.
 ///
-/// Beside an atlas in a file that this user may change, the merged map is kept in merged_world_file(). It holds a hash
-/// of the maps, links and poses that it was made of, of the seed and of Cairn's version, and is used only while these
-/// are the atlas's. AtlasStore::compact() removes it.
+/// If the atlas is a writable file, the merged map is cached in merged_world_file(). The cache
+/// holds a hash of the maps, links, poses, seed and Cairn's version, and is used only if the hash
+/// matches the atlas. AtlasStore::compact() removes the cache.
 LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, const Execution& execution = {});
 
 }  // namespace cairn

@@ -13,10 +13,10 @@ namespace cairn {
 
 /// A rule for the confidence of each landmark of a map.
 ///
-/// `evaluate` returns one number per landmark; higher means more confident. An alignment uses only their
-/// order, unless they are weights. A landmark with 0 (never observed, or its input is unknown) is never
-/// matched. `evaluate` throws Error (input) naming the metric and the missing input if the whole map lacks
-/// it.
+/// `evaluate` returns one number per landmark; higher means more confident. An alignment uses only
+/// their order, unless they weight the matches. A landmark with confidence 0 (never observed, or of
+/// unknown input) is never matched. If the whole map lacks an input, `evaluate` throws Error
+/// (input) naming the metric and the input.
 struct Metric {
   std::string name;
   std::function<std::vector<double>(const LandmarkMap&)> evaluate;
@@ -39,13 +39,13 @@ Metric distance_metric();
 
 inline constexpr std::size_t kMostViewingRays = 1000;
 
-/// Largest angle between two viewing rays of the landmark, radians in [0, π]; a wider angle means a more
-/// certain triangulated depth. 0 for a landmark observed from one place. Of more than kMostViewingRays
-/// observations, compares so many, evenly spaced.
+/// Largest angle between two viewing rays of the landmark, radians in [0, π]; a wider angle means a
+/// more certain triangulated depth. 0 for a landmark observed from one place. Compares at most
+/// kMostViewingRays observations, evenly spaced.
 Metric parallax_metric();
 
-/// 1 / (1 + mean reprojection error in pixels). Needs cameras; ignores observations in frames without one.
-/// 0 for a landmark behind a camera that observed it.
+/// 1 / (1 + mean reprojection error in pixels). Needs cameras; ignores observations in frames
+/// without a camera. 0 for a landmark behind a camera that observed it.
 Metric reprojection_metric();
 
 /// A named column of the map; unknown values count as 0.
@@ -54,8 +54,8 @@ Metric column_metric(const std::string& column);
 /// Product of several metrics, per landmark.
 Metric product_metric(std::vector<Metric> factors);
 
-/// The metric of a name: covariance, covariance:spectral, observations, distance, parallax, reprojection,
-/// column:NAME, or several joined by '*'.
+/// The metric with this name: covariance, covariance:spectral, observations, distance, parallax,
+/// reprojection, column:NAME, or a product of several joined by '*'.
 /// @throws Error (misuse) listing the names if there is no such metric
 Metric metric_named(std::string_view name);
 

@@ -15,8 +15,8 @@ enum class ErrorKind {
   kCancelled,  ///< the caller asked to stop
 };
 
-/// The only exception of the library, for misuse and unreadable input. An expected failure (no overlap, no
-/// convergence) is a status in the result.
+/// The library's only exception: misuse, invalid input, failed storage or cancellation. An expected
+/// failure (no overlap, no convergence) is a status in the result.
 class Error : public std::runtime_error {
  public:
   /// @param where file and line or byte, or the option, e.g. "desk.map:12: field 3 (x)"
@@ -30,15 +30,16 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
-/// For an invalid argument or option. The texts are made even if it is valid: not for inner loops.
-/// @throws Error (misuse) if it is `wrong`
+/// Refuses an invalid argument or option. Callers build the texts even for a valid value:
+/// unsuitable for inner loops.
+/// @throws Error (misuse) if `wrong`
 inline void refuse_if(bool wrong, std::string_view where, std::string_view what,
                       std::string_view expected) {
   if (wrong) throw Error(ErrorKind::kMisuse, where, what, expected);
 }
 
-/// The same for data that were read.
-/// @throws Error (input) if they are `wrong`
+/// Rejects invalid input data, as refuse_if().
+/// @throws Error (input) if `wrong`
 inline void reject_if(bool wrong, std::string_view where, std::string_view what,
                       std::string_view expected) {
   if (wrong) throw Error(ErrorKind::kInput, where, what, expected);

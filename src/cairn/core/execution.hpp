@@ -14,8 +14,8 @@ namespace cairn {
 
 /// Runs work on a bounded number of threads. Copies share the threads.
 ///
-/// Work is cut into blocks whose bounds depend only on the amount of work, so results computed by block are
-/// the same for any number of threads.
+/// Block bounds depend only on the amount of work, so block-wise results are identical for any
+/// number of threads.
 class Executor {
  public:
   /// @param threads at most this many, and at most one per core; 0 means one per core
@@ -24,13 +24,13 @@ class Executor {
   /// The actual number of threads.
   unsigned threads() const noexcept;
 
-  /// Calls `body(begin, end)` for consecutive ranges that cover [0, count), each of `block` items except
-  /// the last. Returns when all are done; rethrows an exception of `body`.
+  /// Calls `body(begin, end)` for consecutive ranges that cover [0, count), each of `block` items
+  /// except the last. Returns after the last block; rethrows an exception from `body`.
   void for_blocks(std::size_t count, std::size_t block,
                   const std::function<void(std::size_t begin, std::size_t end)>& body) const;
 
-  /// Calls `use(i, make(i))` for i in [0, count), one after the other in that order, while `make` runs up
-  /// to `ahead` items ahead on the other threads. Rethrows an exception of either.
+  /// Calls `use(i, make(i))` sequentially for i = 0, ..., count - 1, while other threads run `make`
+  /// up to `ahead` items ahead. Rethrows an exception from either function.
   template <class Make, class Use>
   void in_order(std::size_t count, std::size_t ahead, const Make& make, const Use& use) const {
     using Item = decltype(make(std::size_t{}));
@@ -49,22 +49,22 @@ class Executor {
   std::shared_ptr<Threads> threads_;
 };
 
-/// Called occasionally with the share of the work that is done, in [0, 1]. From one thread at a time; may
-/// be empty. To cancel the work, use the std::stop_token passed with it.
+/// Called occasionally with the completed share of the work, in [0, 1], from one thread at a time;
+/// may be empty. The std::stop_token passed with it cancels the work.
 using Progress = std::function<void(double share)>;
 
-/// How a call runs: beside its options, which say what is asked. The same input, options and seed give the same bytes
-/// for any number of threads.
+/// Execution settings of a call: threads, cancellation, progress, seed and log. The same input,
+/// options and seed give the same bytes for any number of threads.
 struct Execution {
   Executor executor = Executor();  ///< one thread by default
   std::stop_token stop = {};
   Progress progress = {};
-  std::uint64_t seed = 0;  ///< of the random numbers
-  LogSink log = {};        ///< reports what the result does not keep
+  std::uint64_t seed = 0;  ///< random number seed
+  LogSink log = {};        ///< receives remarks, e.g. on omitted data
 
-  /// For work within other work that reports its own progress.
+  /// Copy for a nested call whose caller reports the progress.
   Execution without_progress() const { return {executor, stop, {}, seed, log}; }
-  /// For a stage that extends from `begin` to `end` of the whole progress.
+  /// Copy for a stage whose progress spans [begin, end] of the whole.
   Execution stage(double begin, double end) const {
     Execution part = *this;
     if (progress) {

@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-/// An integer that only compares with its own kind, so that a frame cannot be mistaken for a landmark.
+/// Integer comparable only with its own kind, so that a frame cannot pass for a landmark.
 template <class Tag, class Representation>
 struct StrongId {
   Representation value{};
@@ -16,7 +16,7 @@ struct StrongId {
   friend constexpr auto operator<=>(StrongId, StrongId) = default;
 };
 
-// Ids name things across files and programs; they are arbitrary.
+// Ids identify entities across files and programs; their values are arbitrary.
 using CameraId = StrongId<struct CameraIdTag, std::uint64_t>;
 using FrameId = StrongId<struct FrameIdTag, std::uint64_t>;
 using LandmarkId = StrongId<struct LandmarkIdTag, std::uint64_t>;

@@ -9,10 +9,10 @@ namespace cairn {
 
 enum class RemarkKind {
   kInformation,  ///< how the input was interpreted; no data is missing
-  kLoss,  ///< data of a file or map was left out, because the result cannot hold it, or may be cut off
+  kLoss,         ///< data omitted because the result cannot hold it, or possibly truncated data
 };
 
-/// A message of the library beside its result.
+/// A message of the library in addition to its result.
 struct Remark {
   // A text is a remark:
   template <std::convertible_to<std::string_view> Text>
@@ -26,8 +26,8 @@ struct Remark {
   operator std::string_view() const { return text; }
 };
 
-/// Receives remarks, e.g. which records were left out and why. The library never prints; without a sink, remarks
-/// are dropped. Any function of a std::string_view is one.
+/// Receives remarks, e.g. the omitted records with the reason. The library never prints; without a
+/// sink, it drops remarks. Any callable that accepts a std::string_view is a LogSink.
 using LogSink = std::function<void(const Remark& remark)>;
 
 }  // namespace cairn

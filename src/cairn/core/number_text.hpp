@@ -11,12 +11,13 @@
 
 namespace cairn {
 
-/// Same result as std::from_chars, to the bit, but faster for plain decimals.
+/// Parses a number; bit-identical to std::from_chars, but faster for plain decimals.
 std::from_chars_result read_number(const char* first, const char* last, double& value);
 
-/// The end of a number in the form of printf's "%f" ("-0.500000": up to eight digits, a point, six
-/// decimals), read with the same result as std::from_chars, to the bit; null for any other text. Inline,
-/// because maps have millions of them and the fixed shape suits the processor.
+/// Parses a number in the form of printf's "%f" ("-0.500000": up to eight digits, a point, six
+/// decimals), bit-identical to std::from_chars. Inline for speed: maps contain millions of such
+/// numbers.
+/// @return the end of the number; null for any other text
 inline const char* read_six_decimals(const char* first, const char* last, double& value) {
   if constexpr (std::endian::native != std::endian::little) return nullptr;
   const auto digit_at = [](const char* place) { return static_cast<unsigned>(*place - '0'); };

@@ -9,24 +9,24 @@
 
 namespace cairn {
 
-/// Where a field of an options struct is stored.
+/// Pointer to a field of an options struct.
 using OptionValue = std::variant<bool*, int*, unsigned*, unsigned long*, unsigned long long*,
                                  double*, std::optional<double>*, std::optional<unsigned long>*>;
 
-/// Values that a number may have. NaN is never among them; std::nullopt always is.
+/// Permitted values of a numeric option. NaN is never permitted, std::nullopt always.
 struct OptionRange {
   enum class End { kIncluded, kExcluded };
 
   double least = -std::numeric_limits<double>::infinity();
   double most = std::numeric_limits<double>::infinity();
-  std::string_view expected = {};  ///< the range in words, for messages; empty: from the ends
+  std::string_view expected = {};  ///< range in words, for messages; empty: derived from both ends
   End least_is = End::kIncluded;
   End most_is = End::kIncluded;
 
   bool contains(double value) const;
 };
 
-inline constexpr OptionRange kAny = {};  ///< of a switch, too
+inline constexpr OptionRange kAny = {};  ///< also for switches
 inline constexpr OptionRange kPositive = {
     .least = 0.0, .expected = "a positive number", .least_is = OptionRange::End::kExcluded};
 inline constexpr OptionRange kFinitePositive = {.least = 0.0,
@@ -43,15 +43,15 @@ inline constexpr OptionRange kProbability = {.least = 0.5,
                                              .expected = "at least 0.5 and below 1",
                                              .most_is = OptionRange::End::kExcluded};
 
-/// One field of an options struct. Checks, command line, JSON and Python keywords derive from it; its default is that of
-/// the struct's member.
+/// One field of an options struct. Checks, command line, JSON and Python keywords derive from the
+/// field. Its default is the initial value of the struct's member.
 struct OptionField {
   std::string_view name;        ///< in messages, JSON and Python
   OptionValue (*value)(void*);  ///< see option_at
-  OptionRange range = {};       ///< of a number
+  OptionRange range = {};       ///< for numeric fields
   std::string_view flag =
       {};  ///< e.g. "-k,--neighbors"; with "!" before it: sets a switch to false; empty: none
-  std::string_view help = {};  ///< of the flag
+  std::string_view help = {};  ///< help text of the flag
 };
 
 namespace detail {
@@ -61,7 +61,7 @@ Struct struct_of(Member Struct::*);
 
 }  // namespace detail
 
-/// The value of a field: option_at<&AlignOptions::effort>, or of a struct within the options,
+/// Pointer to a field: option_at<&AlignOptions::effort>; to a field of a nested struct:
 /// option_at<&AlignOptions::icp, &IcpOptions::k>.
 template <auto kFirst, auto... kRest>
 OptionValue option_at(void* options) {
@@ -73,7 +73,7 @@ OptionValue option_at(void* options) {
   }
 }
 
-/// The fields of an options struct, which has it as `static const OptionTable table`.
+/// Fields of an options struct, stored as its `static const OptionTable table`.
 struct OptionTable {
   std::string_view options;  ///< name of the struct, e.g. "AlignOptions"
   std::span<const OptionField> fields;

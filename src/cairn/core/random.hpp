@@ -7,14 +7,14 @@
 
 namespace cairn {
 
-/// Seeded random numbers, the same on every platform: the standard fixes the engine but not its
-/// distributions, so Cairn has its own.
+/// Seeded random numbers, identical on every platform: the C++ standard specifies the engine but
+/// not the distributions, so Cairn implements them.
 class Random {
  public:
   explicit Random(std::uint64_t seed);
 
-  /// An independent generator for a numbered part of the work; does not advance this one. Draws of one part
-  /// do not affect those of others.
+  /// Independent generator for part `stream` of the work; does not advance this generator. Draws of
+  /// one part do not affect other parts.
   Random fork(std::uint64_t stream) const;
 
   /// Uniform in [0, 1), all 53 bits.

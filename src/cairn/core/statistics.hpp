@@ -14,7 +14,7 @@ struct ErrorStatistics {
   double rmse = 0.0;  ///< root mean square
   double mean = 0.0;
   double median = 0.0;
-  double standard_deviation = 0.0;  ///< about the mean; divided by the count
+  double standard_deviation = 0.0;  ///< about the mean; divisor: the count
   double lowest = 0.0;
   double percentile_95 = 0.0;  ///< see quantile()
   double highest = 0.0;
@@ -24,13 +24,13 @@ struct ErrorStatistics {
 /// @return std::nullopt for no errors
 std::optional<ErrorStatistics> statistics_of(std::span<const double> errors);
 
-/// Quantile of `values` at a share, linearly interpolated as in numpy: 0 is the lowest, 0.5 the median, 1
-/// the highest.
+/// Quantile of `values`, linearly interpolated as in numpy. `share` 0 is the minimum, 0.5 the
+/// median, 1 the maximum.
 /// @throws Error (misuse) for no values, or a share outside [0, 1]
 double quantile(std::span<const double> values, double share);
 
-/// The value with `rank` lower ones in ascending order, without interpolation. Takes linear time and reorders the
-/// values, a vector.
+/// The value at index `rank` in ascending order, without interpolation. Runs in linear time and
+/// reorders `values`, a vector.
 /// @param rank less than the number of values
 template <class Values>
 auto nth_lowest(Values&& values, std::size_t rank) {
@@ -39,14 +39,14 @@ auto nth_lowest(Values&& values, std::size_t rank) {
   return *place;
 }
 
-/// The median, of an even number of values the upper one of the two in the middle: see nth_lowest().
+/// The median; for an even number of values, the upper of the two middle ones. Reorders `values`.
 /// @param values not empty
 template <class Values>
 auto upper_median(Values&& values) {
   return nth_lowest(values, values.size() / 2);
 }
 
-/// The quantile at a share, 0 to 1, as the nearest value below: see nth_lowest().
+/// Quantile at `share`, 0 to 1, rounded down to an existing value. Reorders `values`.
 /// @param values not empty
 template <class Values>
 auto lower_quantile(Values&& values, double share) {
@@ -54,9 +54,9 @@ auto lower_quantile(Values&& values, double share) {
                     static_cast<std::size_t>(share * static_cast<double>(values.size() - 1)));
 }
 
-/// The step of values that are rounded, or lie on a grid: 19 in 20 are multiples of it, from some offset, to within a
-/// twentieth of it, with half of the values at least repeated. 0 if there is none, or for fewer than eight different
-/// values.
+/// Quantisation step of values that are rounded or lie on a grid; 0 if none. At least 95 % of the
+/// values deviate by less than 5 % of the step from a grid with arbitrary offset. At least half of
+/// the values repeat. 0 also for fewer than eight distinct values.
 double common_step(std::span<const double> values);
 
 }  // namespace cairn

@@ -20,7 +20,7 @@ constexpr bool is_visible(char c) {
   return c > ' ' && c < '\x7f';
 }
 
-/// Whether `text` is visible ASCII, of one character at least.
+/// Whether `text` is visible ASCII and not empty.
 constexpr bool is_visible(std::string_view text) {
   for (const char c : text) {
     if (!is_visible(c)) return false;
@@ -28,7 +28,7 @@ constexpr bool is_visible(std::string_view text) {
   return !text.empty();
 }
 
-/// `text` with small letters for the capitals of ASCII.
+/// `text` with its ASCII letters in lower case.
 std::string lower_case(std::string_view text);
 
 /// `text` without leading and trailing blanks; a view of the argument.
@@ -45,17 +45,18 @@ constexpr std::string_view without_byte_order_mark(std::string_view text) {
   return text;
 }
 
-/// `text` with `\xNN` for everything that controls a terminal or reorders text: control characters, marks
-/// and overrides of the writing direction, and invalid UTF-8. File names and their content may contain any
-/// of these.
+/// `text` with `\xNN` for bytes that control a terminal or reorder text: control characters,
+/// bidirectional marks and overrides, invalid UTF-8. File names and file contents may contain any
+/// of them.
 /// @param kept control characters to keep
 std::string plain_text(std::string_view text, std::string_view kept = {});
 
 /// Whether the bytes are valid UTF-8.
 bool is_utf8(std::string_view text);
 
-/// A URL for display: with "***" for the password before its host, up to the last @ because it may not be escaped, and
-/// for those in its parameters. Other text is returned unchanged.
+/// A URL for display: "***" replaces the password before the host and the passwords in parameters.
+/// The former ends at the last '@', because passwords may be unescaped. Returns other text
+/// unchanged.
 std::string without_password(std::string_view url);
 
 }  // namespace cairn

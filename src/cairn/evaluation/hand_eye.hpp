@@ -16,13 +16,13 @@ inline constexpr double kMaxClockOffset = 0.2;  ///< default of estimate_hand_ey
 /// Transform between the camera and the body that the truth tracks, such as markers of motion capture.
 struct HandEye {
   Rigid3 body_from_camera;
-  /// Of that pose: left perturbation, (δt, δφ). Estimated from the differences between parts of the
-  /// sequence, so it includes slow drift of the estimate.
+  /// Covariance of body_from_camera: left perturbation (δt, δφ). Estimated from the differences
+  /// between parts of the sequence, so slow drift of the estimate is included.
   Matrix6d covariance = Matrix6d::Zero();
-  /// Time of the truth's clock minus that of the estimate's; 0 if not estimated.
+  /// Clock of the truth minus clock of the estimate; 0 if not estimated.
   double clock_offset_s = 0.0;
   double clock_offset_deviation_s = 0.0;  ///< standard deviation
-  Similarity3 truth_from_estimate;        ///< between the two worlds
+  Similarity3 truth_from_estimate;        ///< between the two world frames
   std::size_t poses = 0;                  ///< number of compared poses
 };
 
@@ -31,23 +31,25 @@ struct HandEyeResult {
   std::string reason;  ///< why there is no result; empty if there is one
 };
 
-/// Estimates the constant transform between the camera and the body that the truth tracks, the clock
-/// offset, and the transform between the worlds: those for which world_from_body(t +
-/// offset)·body_from_camera and truth_from_estimate·world_from_camera(t) agree best, in orientation and
-/// position.
+/// Estimates the constant transform between the camera and the body that the truth tracks, the
+/// clock offset, and the transform between the world frames. Minimises the differences between
+/// world_from_body(t + offset)·body_from_camera and truth_from_estimate·world_from_camera(t) in
+/// orientation and position.
 ///
-/// Initial values in closed form: the rotation from the axes of relative rotations (Park and Martin, 1994),
-/// the translations by linear least squares, the clock offset by search. Then Gauss-Newton over all
-/// parameters, with residuals of position and orientation divided by their median deviations, under Huber's
-/// kernel. Interpolates the truth over gaps of up to 0.1 s.
+/// Initial values: the rotation in closed form from the axes of relative rotations (Park and
+/// Martin, 1994), the translations by linear least squares, the clock offset by search.
+/// Gauss-Newton with Huber's kernel then refines all parameters. Residuals of position and
+/// orientation are divided by their median deviations. The truth is interpolated over gaps of up to
+/// 0.1 s.
 /// @param max_clock_offset_s largest clock offset between the trajectories; 0: one clock; at most 10
-/// @param with_scale         the estimate has a different unit than the truth
+/// @param with_scale         estimates the scale, for an estimate in a different unit than the
+///        truth
 /// @throws Error (misuse) naming the argument
 HandEyeResult estimate_hand_eye(const Trajectory& estimate, const Trajectory& truth,
                                 double max_clock_offset_s = kMaxClockOffset,
                                 bool with_scale = false);
 
-/// True poses of the camera instead of the body, in the estimate's clock.
+/// True poses of the camera instead of the body, timed by the estimate's clock.
 Trajectory corrected_truth(const Trajectory& truth, const HandEye& hand_eye);
 
 }  // namespace cairn

@@ -13,13 +13,13 @@
 
 namespace cairn {
 
-/// Largest reprojection error of an inlier, pixels, where none is given.
+/// Default of the largest reprojection error of an inlier, pixels.
 inline constexpr double kInlierPx = 2.0;
 
 /// Reprojection errors of the observations.
 struct ReprojectionStatistics {
   ErrorStatistics px;  ///< distances in the image, pixels
-  /// of all observations in frames with a camera, including those of landmarks behind it
+  /// Inliers among all observations in frames with a camera; landmarks behind it count too.
   double inlier_share = 0.0;
 };
 
@@ -28,37 +28,37 @@ struct OctaveReprojection {
   ReprojectionStatistics statistics;
 };
 
-/// How well a map explains its own observations. Needs no truth: a consistent map can still be wrong as a
-/// whole.
+/// Consistency of a map with its own observations. No truth is needed, so a consistent map can
+/// still be wrong as a whole.
 struct MapConsistency {
   std::optional<ReprojectionStatistics>
       reprojection;                           ///< std::nullopt if no landmark could be projected
-  std::vector<OctaveReprojection> by_octave;  ///< ascending; of observations with a known octave
-  std::size_t observations_behind = 0;        ///< of landmarks that the camera cannot see
+  std::vector<OctaveReprojection> by_octave;  ///< ascending; only observations with a known octave
+  std::size_t observations_behind = 0;        ///< observations of landmarks behind the camera
   std::optional<ErrorStatistics> depth;       ///< |measured - map's depth|, the map's unit
   std::optional<double> depth_bias;           ///< mean of measured - map's depth, the map's unit
 
-  /// what the map lacks, e.g. "cameras of its frames"; empty if it lacks no input
+  /// Input missing from the map, e.g. "cameras of its frames"; empty if no input is missing.
   std::string missing_for_reprojection;
   std::string missing_for_depth;  ///< the same
 
   // One entry per observation, in the map's order; empty vectors if the map lacks the input.
   std::vector<std::optional<double>>
-      reprojection_px;                              ///< std::nullopt without a camera, or behind it
-  std::vector<std::optional<double>> depth_errors;  ///< measured - map's, signed
+      reprojection_px;  ///< std::nullopt: no camera, or landmark behind it
+  std::vector<std::optional<double>> depth_errors;  ///< measured - map's depth, signed
 };
 
-/// Compares each observation with the landmark's position in its keyframe: the pixel if the frame has a
-/// camera, the depth along the optical axis if it was measured.
+/// Compares each observation with the landmark's position in the observing keyframe: the pixel if
+/// the frame has a camera, and the depth along the optical axis if a depth was measured.
 /// @param inlier_px largest reprojection error of an inlier, pixels; positive
-/// @throws Error (misuse) for another inlier_px
+/// @throws Error (misuse) for any other inlier_px
 MapConsistency map_consistency(const LandmarkMap& map, double inlier_px = kInlierPx);
 
-/// What is wrong with a map or missing from it, one sentence each: landmarks or frames without observations, landmarks
-/// at one position or with one covariance, inputs that confidence metrics need. Needs no truth.
+/// Defects of a map, one sentence each: landmarks or frames without observations, landmarks at one
+/// position or with one covariance, missing inputs of confidence metrics. No truth is needed.
 std::vector<std::string> map_defects(const LandmarkMap& map);
 
-/// Root mean square error of a keyframe's pose, as the map states it.
+/// Root mean square error of a keyframe's pose, from the map's pose covariances.
 struct KeyframeUncertainty {
   double length = 0.0;  ///< in the map's unit
   double angle_rad = 0.0;

@@ -15,12 +15,12 @@ namespace cairn {
 
 /// Alignment of the estimate with the truth before the comparison.
 enum class TrajectoryAlignment {
-  kNone,    ///< both have one frame already
+  kNone,    ///< both are in one frame already
   kOrigin,  ///< the first poses coincide
   kSe3,     ///< least squares over all positions, rotation and translation
   kSim3,    ///< the same with scale
-  /// Mean rotation from the orientations (chordal), then mean translation. Determined for any path, if both
-  /// trajectories are of one camera body.
+  /// Chordal mean rotation from the orientations, then mean translation. Determined for any path,
+  /// if both trajectories belong to one camera body.
   kPoses,
 };
 
@@ -38,7 +38,7 @@ struct AbsoluteError {
 std::optional<AbsoluteError> absolute_error(const Trajectory& estimate, const Trajectory& truth,
                                             const PosePairs& pairs, TrajectoryAlignment alignment);
 
-/// Length of the stretch for a relative error.
+/// Interval of a relative error.
 struct RelativeInterval {
   enum class Unit {
     kSeconds,
@@ -57,11 +57,12 @@ struct RelativeError {
   ErrorStatistics rotation_rad;  ///< angle of the drift
 };
 
-/// Relative pose error (RPE): from each associated pose to the one nearest to an interval later, as
-/// evaluate_rpe.py --fixed_delta selects it, compares the motion P of the estimate with the motion Q of the
-/// truth: translation and angle of Q⁻¹·P, as the paper and evo define them. (The script uses P·Q⁻¹, whose
-/// translation differs by the rotation error times the motion.) Independent of the frames of both
-/// trajectories. Intervals that begin less than their length before the end are left out.
+/// Relative pose error (RPE). Each associated pose is paired with the pose nearest to one interval
+/// later, as in evaluate_rpe.py --fixed_delta. Between them, the estimate moves by P and the truth
+/// by Q. The error is the translation and angle of Q⁻¹·P, as in the paper and evo. (The script uses
+/// P·Q⁻¹; its translation differs by the rotation error times the motion.) The error is independent
+/// of the frames of both trajectories. Intervals that begin less than their length before the end
+/// are left out.
 /// @return std::nullopt if the trajectory is shorter than the interval
 /// @throws Error (misuse) for an interval that is not positive
 std::optional<RelativeError> relative_error(const Trajectory& estimate, const Trajectory& truth,
@@ -70,7 +71,7 @@ std::optional<RelativeError> relative_error(const Trajectory& estimate, const Tr
 
 struct TrajectoryEvaluationOptions {
   TrajectoryAlignment alignment = TrajectoryAlignment::kSe3;
-  double max_time_difference_s = 0.02;  ///< largest difference of paired poses; positive
+  double max_time_difference_s = 0.02;  ///< largest time difference of paired poses; positive
   /// Intervals of the relative errors.
   std::vector<RelativeInterval> intervals = {{RelativeInterval::Unit::kMetres, 1.0},
                                              {RelativeInterval::Unit::kSeconds, 1.0},
@@ -85,12 +86,13 @@ struct TrajectoryEvaluation {
   PosePairs pairs;                        ///< (estimate, truth)
   std::optional<AbsoluteError> absolute;  ///< std::nullopt if the trajectories cannot be aligned
   std::string reason;                     ///< why they cannot be aligned; empty if they can
-  /// One per interval of the options; std::nullopt if the trajectory is shorter, or could not be aligned.
+  /// One per interval of the options; std::nullopt if the trajectory is shorter than the interval
+  /// or could not be aligned.
   std::vector<std::optional<RelativeError>> relative;
 };
 
-/// Pairs the poses by time, aligns and computes all errors. Relative errors depend on the alignment only
-/// through its scale: with kSim3 they are in the truth's scale.
+/// Pairs the poses by time, aligns the estimate and computes all errors. Relative errors depend on
+/// the alignment only through its scale: with kSim3 they are in the truth's scale.
 TrajectoryEvaluation evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth,
                                          const TrajectoryEvaluationOptions& options = {});
 

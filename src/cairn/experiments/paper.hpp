@@ -13,7 +13,7 @@
 #include "cairn/core/option_table.hpp"
 #include "cairn/experiments/run.hpp"
 
-/// The paper's experiments: as published, and on another pair of maps.
+/// The paper's experiments: published results, and runs on another pair of maps.
 namespace cairn {
 
 /// The paper's four experiments (section 4).
@@ -53,7 +53,7 @@ struct PublishedExperiment {
   std::array<PublishedOutcome, 4> outcomes;  ///< in the order of kPaperStrategies
 };
 
-/// All 45, in the order of the supplement.
+/// All 45 configurations, in the order of the supplement.
 std::span<const PublishedExperiment> published_experiments();
 
 /// The score of base ICP from the identity, 0.0034319 m²: the paper's example of a good alignment (Figure
@@ -65,15 +65,15 @@ double published_reference_score();
 double success_score_above(double good_score);
 
 struct PaperOptions {
-  IcpOptions align;  ///< the paper's by default; initial pose and k are ignored
+  IcpOptions align;  ///< default: the paper's options; `initial` and `k` are ignored
   PointSetOptions points;
-  /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP without
-  /// displacement, the ratio of the paper's 0.0037 to its own.
+  /// A run with a lower score, m², is a success. std::nullopt: 1.078 times the score of base ICP
+  /// without displacement, see success_score_above().
   std::optional<double> success_score;
   PoseTolerance tolerance;
   /// Also search, in each XY quadrant, for the displacement at which the alignment fails, as in the paper.
   bool search_xy = false;
-  double search_limit_m = 5.0;        ///< of |x| and |y|; positive
+  double search_limit_m = 5.0;        ///< largest |x| and |y|; positive
   double search_resolution_m = 0.01;  ///< positive
 
   static const OptionTable table;
@@ -81,26 +81,27 @@ struct PaperOptions {
   void validate() const;
 };
 
-/// One quadrant's search. The paper took "0.25 m and 0.5 m, and then increased until at least one ICP
-/// strategy stopped aligning successfully"; here in steps of 0.25 m, then by bisection between the last
-/// two.
+/// One quadrant's search. The paper took "0.25 m and 0.5 m, and then increased until at least one
+/// ICP strategy stopped aligning successfully". This search uses steps of 0.25 m, then bisection
+/// between the last two displacements.
 struct QuadrantSearch {
   int sign_x = 1;
   int sign_y = 1;
   std::vector<TrialResult> runs = {};  ///< all runs, four at each displacement
-  /// Largest displacement below the first failure at which all succeeded; std::nullopt if there is none.
+  /// Largest displacement below first_failure_m at which all strategies succeeded; std::nullopt if
+  /// none.
   std::optional<double> last_success_m = {};
   std::optional<double> first_failure_m = {};  ///< std::nullopt: none up to the limit
-  std::vector<std::string> failed = {};        ///< strategies that failed there
+  std::vector<std::string> failed = {};        ///< strategies that failed at first_failure_m
 };
 
 struct PaperResults {
   std::vector<TrialResult> runs;  ///< 45 configurations x 4 strategies, in the published order
-  bool has_truth = false;         ///< of the pair; without it no run has an error
-  /// Whether the maps fit twice as well by the inverse of the truth, which is then that of swapped maps.
+  bool has_truth = false;         ///< whether the truth is known; else no run has a pose error
+  /// Whether the inverse of the truth has less than half the truth's score, as for swapped maps.
   bool fits_inverse = false;
   double success_score = 0.0;
-  std::optional<Agreement> agreement;  ///< of the runs
+  std::optional<Agreement> agreement;  ///< agreement among the runs' poses
   std::vector<QuadrantSearch> searches;
 
   bool score_success(const TrialResult& run) const {
@@ -108,50 +109,52 @@ struct PaperResults {
   }
 };
 
-/// The paper's experiments on another pair of maps. Runs are spread over the executor's threads; the
-/// results do not depend on their number. Each starts from initial_pose().
+/// Runs the paper's experiments on another pair of maps, each run from initial_pose(). The
+/// executor's threads share the runs; the results do not depend on the number of threads.
 /// @throws Error (misuse); (input) if a map lacks a metric's input; (cancelled)
 PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options = {},
                                    const Execution& execution = {});
 
-/// Initial target_from_source of a run: the true pose, or the pose as read if the truth is unknown, displaced as the
-/// paper's maps were: turned about the target's origin, then moved.
+/// Initial target_from_source of a run: the true pose (the identity if unknown), displaced as in
+/// the paper: rotated about the target's origin, then translated.
 Rigid3 initial_pose(const Displacement& displacement, const std::optional<Rigid3>& truth);
 
 /// The run of one strategy under a published configuration.
 const TrialResult& run_of(const PaperResults& results, std::size_t configuration,
                           std::size_t strategy);
 
-/// The tables of the paper and its supplement, with the published numbers next to ours: a table of scores
-/// for each experiment (that of k is the paper's Table 1), then iterations, pose errors if the truth is
-/// known, and success counts. No times.
-/// @param tolerance of a success by the true pose
+/// The tables of the paper and its supplement, with published numbers next to ours: scores per
+/// experiment (for k, the paper's Table 1), iterations, pose errors if the truth is known, and
+/// success counts. No durations.
+/// @param tolerance largest pose error of a success
 std::vector<ResultTable> paper_tables(const PaperResults& results, const PoseTolerance& tolerance);
 
-/// The main findings in sentences: which strategies end at the true pose and from where, and how often the score and the
-/// pose disagree. Where the truth is unknown, the pose that most runs agree on stands for it.
-/// @param tolerance of a success by the true pose
+/// The main findings in sentences: which strategies converge to the true pose from which
+/// displacements, and how often score and pose error disagree. The pose that most runs agree on
+/// replaces an unknown truth.
+/// @param tolerance largest pose error of a success
 std::vector<std::string> paper_findings(const PaperResults& results,
                                         const PoseTolerance& tolerance);
 
 /// Duration of each run, next to the published one.
 ResultTable paper_durations(const PaperResults& results);
 
-/// Displacement at which each quadrant failed; for results with a search.
+/// Displacement at which each quadrant failed, for results with a search.
 ResultTable search_table(const PaperResults& results);
 
-/// From where the runs start: "the true pose, displaced" or "the maps as they lie, displaced".
+/// Start of the runs: "the true pose, displaced" or "the maps as they lie, displaced".
 std::string_view start_text(const PaperResults& results);
 
 /// Two frames, one of each map, that observed the same place.
 struct CommonView {
   FrameIndex source;
   FrameIndex target;
-  std::size_t landmarks = 0;  ///< of the source, observed by both
+  std::size_t landmarks = 0;  ///< source landmarks observed by both frames
 };
 
-/// The frames of two aligned maps with the most common landmarks; the first of equals. A source landmark is
-/// common to them if its nearest target landmark is within the radius and each is observed in its frame.
+/// Finds the frames of two aligned maps with the most common landmarks; of equal counts, the first.
+/// A source landmark is common if its nearest target landmark is within the radius and both frames
+/// observe their landmark.
 /// @param radius in the maps' unit of length, positive
 /// @returns std::nullopt if no two frames have a common landmark, or a map has no observations
 std::optional<CommonView> find_common_view(const LandmarkMap& source, const LandmarkMap& target,

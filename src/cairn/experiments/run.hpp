@@ -37,12 +37,12 @@ struct MapPair {
   std::optional<Rigid3> truth;  ///< target_from_source; std::nullopt if unknown
 };
 
-/// Method by which a trial finds its pose.
+/// Method by which a trial estimates the pose.
 enum class Method {
-  kIcp,  ///< the paper's, with PCL's stopping rules, so that iterations compare with published ones
-  kFast,      ///< the same on growing samples first, stopped when matches repeat
+  kIcp,       ///< the paper's ICP with PCL's stopping rules; iterations compare with published ones
+  kFast,      ///< ICP, on growing samples first; stops when matches repeat
   kRobust,    ///< refine(), with confidences as weights
-  kAnywhere,  ///< place(); ignores the initial pose; an unaccepted pose counts as a failure
+  kAnywhere,  ///< place(); ignores the initial pose; a pose that is not aligned is a failure
 };
 
 /// "icp" etc.: the names in studies and tables.
@@ -51,20 +51,20 @@ std::string_view to_string(Method method);
 inline constexpr std::array kMethods = {Method::kIcp, Method::kFast, Method::kRobust,
                                         Method::kAnywhere};
 
-/// Display name of a strategy with a method: with ICP the strategy's, "base" or "observations"; with others
-/// after the method's, "robust" or "robust observations".
+/// Display name of a method and strategy. ICP: the strategy, e.g. "base". Other methods: the
+/// method, and any strategy but base, e.g. "robust" or "robust observations".
 std::string approach_name(Method method, std::string_view strategy);
 
 /// Whether the method depends on the number of candidates.
 bool uses_k(Method method);
-/// Whether the method belongs to placement, which takes landmark clouds.
+/// Whether the method needs landmark clouds: kRobust and kAnywhere.
 bool needs_clouds(Method method);
 
 /// Landmarks of a pair with the confidences of one strategy.
 struct PairPoints {
   PointSet source;
   PointSet target;
-  /// The same for methods of placement; empty unless requested.
+  /// Landmark clouds for needs_clouds(); empty unless requested.
   LandmarkCloud source_cloud = {};
   LandmarkCloud target_cloud = {};
 };
@@ -95,10 +95,10 @@ std::string describe(const Displacement& displacement);
 struct Trial {
   std::string pair = {};
   std::string experiment = {};  ///< name of its experiment
-  std::size_t number = 0;       ///< of its configuration, from 1; shared by strategies
+  std::size_t number = 0;       ///< configuration, from 1; shared by strategies
   Method method = Method::kIcp;
   std::string strategy = {};
-  std::size_t k = 5;  ///< as configured; base ICP ignores it
+  std::size_t k = 5;  ///< configured number of candidates; base ICP ignores k
   Displacement initial = {};
 
   friend bool operator==(const Trial&, const Trial&) = default;
@@ -110,18 +110,18 @@ struct TrialResult {
   RegistrationStatus status = RegistrationStatus::kFailed;
   StopReason stop_reason = StopReason::kTooFewMatches;
   int iterations = 0;
-  std::optional<int> cycle_length;           ///< of repeated matches; 1: a fixed point
+  std::optional<int> cycle_length;           ///< cycle of repeated matches; 1: a fixed point
   std::optional<double> initial_score;       ///< Eq. 5, m²
   std::optional<double> score;               ///< Eq. 5, m²
   std::optional<Rigid3> target_from_source;  ///< std::nullopt for a failure
   std::optional<PoseError> error;            ///< if there is a pose and the truth is known
-  bool fits_inverse = false;                 ///< of the truth, see fits_inverse(); not in runs.csv
+  bool fits_inverse = false;                 ///< see cairn::fits_inverse(); not in runs.csv
   double duration_s = 0.0;                   ///< the only value that differs between runs
 };
 
-/// Aligns with the trial's method. The trial replaces `initial` and `k` of the options; methods of
-/// placement use those of the others that apply.
-/// @param points with clouds if the method belongs to placement
+/// Aligns with the trial's method. `initial` and the trial's k replace the values in the options;
+/// kRobust uses only the initial pose and max_iterations, kAnywhere no options.
+/// @param points points of the pair, with clouds if needs_clouds()
 /// @param initial initial target_from_source
 /// @throws Error (cancelled)
 TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initial,
@@ -131,13 +131,14 @@ TrialResult run_trial(Trial trial, const PairPoints& points, const Rigid3& initi
 /// Runs as rows of two tables (docs/experiments.md): `runs.csv`, which is reproducible, and `timings.csv`
 /// with the same keys and the durations.
 ///
-/// Rows end with a checksum and LF. A row without LF is incomplete; a row whose checksum does not match is damaged.
+/// Rows end with a checksum and LF. A row without LF is incomplete; a row whose checksum does not
+/// match is damaged.
 std::string runs_header();
 std::string runs_row(const TrialResult& run);
 std::string timings_header();
 std::string timings_row(const TrialResult& run);
 
-/// The runs of a `runs.csv`, without durations. Leaves out a truncated last row.
+/// The runs in a `runs.csv`, without durations. Skips a truncated last row.
 /// @throws Error (input) naming line, column and constraint, or the line of a damaged row
 std::vector<TrialResult> parse_runs(std::string_view text, std::string_view name);
 
@@ -149,16 +150,16 @@ struct PoseTolerance {
   bool holds(const PoseError& error) const;
 };
 
-/// The pose that most poses agree with, for pairs without known truth. Not a proof: strategies may agree on
-/// a wrong pose.
+/// The pose that most poses agree with, for pairs without known truth. Agreement is no proof:
+/// strategies may agree on a wrong pose.
 struct Agreement {
   std::size_t pose =
       0;  ///< index of the pose with the most others within the tolerance; the first of equals
-  std::vector<bool> agrees;  ///< one per pose: whether it is within the tolerance of that one
+  std::vector<bool> agrees;  ///< one per pose: whether it is within the tolerance of `pose`
 };
 
-/// @param poses  std::nullopt: no pose, which agrees with none
-/// @param source landmarks in the source frame, at which translations are compared
+/// @param poses  std::nullopt: a run without a pose, which agrees with no pose
+/// @param source landmarks in the source frame; translations are compared at their centroid
 /// @returns std::nullopt if there is no pose
 std::optional<Agreement> find_agreement(std::span<const std::optional<Rigid3>> poses,
                                         std::span<const Eigen::Vector3d> source,
@@ -169,21 +170,22 @@ struct ResultTable {
   struct Column {
     std::string name;
     std::string unit = {};  ///< empty: none
-    int digits = 4;         ///< significant, of rounded numbers
+    int digits = 4;         ///< significant digits of rounded numbers
   };
   using Cell = std::variant<std::monostate, double, std::string>;  ///< unknown, number, text
 
-  std::string name;   ///< of its file, e.g. "table1_scores"
-  std::string title;  ///< a heading as a sentence, and what explains it
+  std::string name;   ///< file name without ending, e.g. "table1_scores"
+  std::string title;  ///< a heading as a sentence, with an explanation
   std::vector<Column> columns;
   std::vector<std::vector<Cell>> rows;
 
-  /// Rounds numbers to 15 digits: what a conversion of units added in the last digit, such as 4.5849899999999995, goes.
+  /// Rounds numbers to 15 digits, which removes rounding errors of unit conversions
+  /// (4.5849899999999995).
   void round();
 
   std::string csv() const;
   std::string markdown() const;
-  /// A tabular with the rules of the package booktabs.
+  /// A tabular environment with rules of the package booktabs.
   std::string latex() const;
 };
 

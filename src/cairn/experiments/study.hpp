@@ -25,15 +25,15 @@ namespace cairn {
 struct PairFiles {
   std::string source;  ///< path of a map
   std::string target;
-  std::optional<std::string> truth;  ///< path of 16 numbers, target_from_source
+  std::optional<std::string> truth;  ///< path of a file with 16 numbers, target_from_source
 };
 
 /// Two sessions of one simulated place, each mapped from its own images.
 struct PairSimulation {
   std::string environment = {};  ///< desk, office, corridor, warehouse, room or kitchen
-  std::uint64_t seed = 1;        ///< of the place
+  std::uint64_t seed = 1;        ///< seed of the place
   std::string path = "sweep";
-  std::size_t frames = 150;  ///< of each session
+  std::size_t frames = 150;  ///< frames per session
   double rate_hz = 10.0;     ///< frames per second
   double changed = 0.1;      ///< share of the movable objects that moved between the sessions
 };
@@ -42,7 +42,7 @@ struct StudyPair {
   std::string name;  ///< letters, digits, '-', '_' and '.'; unique
   std::variant<PairFiles, PairSimulation> maps;
 
-  bool has_truth() const;  ///< always true of a simulated place
+  bool has_truth() const;  ///< always true for a simulated place
 };
 
 /// Bounds of a uniform distribution, independent for each of the six numbers.
@@ -57,8 +57,8 @@ struct Study {
   std::uint64_t seed = 0;
   std::vector<StudyPair> pairs;
   std::size_t initial_count = 100;  ///< initial poses per pair
-  /// Displacements of the source from its true pose, at its centroid and along the target's axes; from the
-  /// pose as read if the truth is unknown.
+  /// Displacements of the source from its true pose (the identity if unknown), about its centroid
+  /// and along the target's axes.
   DisplacementRange initial;
   std::vector<Method> methods = {Method::kIcp};
   std::vector<std::string> strategies = {"base", "covariance", "observations", "distance"};
@@ -66,16 +66,16 @@ struct Study {
   IcpOptions align;  ///< only max_iterations and max_distance can be set in a study
   PointSetOptions points;
   PoseTolerance success;
-  /// A run with a lower score, m², is a success by the paper's measure. std::nullopt: for each pair, the
-  /// lowest score times the ratio of the paper's threshold to its good example.
+  /// A run with a lower score, m², is a success by the paper's measure. std::nullopt: for each
+  /// pair, 1.078 times the lowest score, see success_score_above().
   std::optional<double> success_score;
-  double confidence_level = 0.95;  ///< of intervals
+  double confidence_level = 0.95;  ///< confidence level of intervals
   /// Largest difference of success rates that counts as equivalent. For studies/analyse.py.
   double equivalence_margin = 0.05;
 };
 
 /// Reads a study from YAML (docs/experiments.md).
-/// @param name of the file, for messages
+/// @param name file name in messages
 /// @throws Error (input) naming file, line, key, value and constraint; unknown keys are errors
 Study parse_study(const std::string& yaml, std::string_view name);
 
@@ -91,7 +91,7 @@ class StudyPlan {
   std::size_t size() const { return study_.pairs.size() * runs_per_pair(); }
   std::size_t runs_per_pair() const { return study_.initial_count * combinations_.size(); }
   std::size_t pair_of(std::size_t run) const { return run / runs_per_pair(); }
-  /// Depends only on the study and the number. Methods and strategies share the initial poses.
+  /// Depends only on the study and `run`. Methods and strategies share the initial poses.
   Trial trial(std::size_t run) const;
   /// Seed for the run's method; the same for all methods and strategies from one initial pose.
   std::uint64_t seed_of(std::size_t run) const;
@@ -112,8 +112,8 @@ class StudyPlan {
 };
 
 /// Initial target_from_source of a displaced pair.
-/// @param truth std::nullopt: the displacement is from the pose as read
-/// @param centroid of the source's landmarks, in the source frame
+/// @param truth true target_from_source; std::nullopt: the identity
+/// @param centroid centroid of the source landmarks, in the source frame
 Rigid3 displaced(const Displacement& displacement, const std::optional<Rigid3>& truth,
                  const Eigen::Vector3d& centroid);
 
@@ -136,24 +136,25 @@ struct Shard {
   }
 };
 
-/// A folder with the runs of a study or of a shard, safe against being killed at any time: complete rows of
-/// runs.csv and timings.csv are kept, no row is written twice; from a truncated or damaged row on, all are
-/// dropped and run again.
-/// Used by one process at a time: a second is refused, before it reads or writes anything.
+/// A folder with the runs of a study or shard. The process may be killed at any time: complete rows
+/// of runs.csv and timings.csv are kept, and no row is written twice. From a truncated or damaged
+/// row on, rows are dropped and run again. The folder serves one process at a time and rejects a
+/// second process before it reads or writes anything.
 class StudyFolder {
  public:
   /// Creates the folder, or continues with its content.
   /// @param inputs other inputs of the runs, one line each, e.g. the hashes of the maps
-  /// @throws Error (storage) if another process uses it or it cannot be written; (input) if it holds runs
-  ///        of another study or shard, naming the difference, or rows that do not match the plan
+  /// @throws Error (storage) if another process uses the folder or writing fails; (input) if it
+  ///        holds runs of another study or shard, naming the difference, or rows that do not match
+  ///        the plan
   StudyFolder(const std::filesystem::path& folder, const StudyPlan& plan, const Shard& shard,
               const std::vector<std::string>& inputs = {});
   ~StudyFolder();
   StudyFolder(const StudyFolder&) = delete;
   StudyFolder& operator=(const StudyFolder&) = delete;
 
-  /// Kinds of processor that wrote rows, this one included, in ascending order; see processor_kind(). Those of
-  /// different kinds may differ in last digits.
+  /// Kinds of processor that wrote rows, this one included, in ascending order; see
+  /// processor_kind(). Rows from different kinds may differ in the last digits.
   const std::vector<std::string>& processors() const { return processors_; }
 
   /// Rows in the folder; the next run is shard.begin() + done().
@@ -171,29 +172,29 @@ class StudyFolder {
   std::size_t done_ = 0;
 };
 
-/// Makes the missing runs of the folder, in order, several at once; loads a pair's maps only if one of its
-/// runs is missing. The rows do not depend on the number of threads.
+/// Performs the missing runs of the folder in order, several in parallel. Loads a pair's maps only
+/// if one of its runs is missing. The rows do not depend on the number of threads.
 /// @param each_run  called with each run, before the progress
 /// @param execution its progress is called after each run
-/// @throws Error (cancelled); what `load_pair` and the folder throw
+/// @throws Error (cancelled); errors of `load_pair` and the folder
 void run_study(const StudyPlan& plan, const Shard& shard, StudyFolder& folder,
                const std::function<MapPair(const StudyPair&)>& load_pair,
                const std::function<void(const TrialResult& run)>& each_run = {},
                const Execution& execution = {});
 
 /// Whether the folder holds all runs of the shard, each row sound. Changes nothing.
-/// @param inputs as of StudyFolder
+/// @param inputs as for StudyFolder
 /// @throws Error (input) as StudyFolder
 bool is_complete(const std::filesystem::path& folder, const StudyPlan& plan, const Shard& shard,
                  const std::vector<std::string>& inputs = {});
 
-/// @param name of the study's file, for messages
+/// @param name name of the study's file in messages
 /// @throws Error (input) if the folder's runs are not of this study, naming the difference
 void require_runs_of(const std::filesystem::path& folder, const Study& study,
                      std::string_view name);
 
-/// Joins the complete folders of all shards of one study, in any order, to the folder that a single process
-/// would have written; runs.csv is identical. The folder appears whole or not at all.
+/// Joins the complete folders of all shards of one study, in any order. The resulting runs.csv is
+/// identical to the file of a single process. The merged folder is created atomically.
 /// @param merged a new or empty folder
 /// @return the kinds of processor that wrote the rows, as StudyFolder::processors()
 /// @throws Error (input) naming a folder of another study, incomplete, missing or given twice; (storage) if
@@ -213,8 +214,9 @@ struct SuccessCount {
   std::optional<double> share() const;  ///< std::nullopt for no trials
 };
 
-/// The same with an interval of the share at the study's confidence level. Runs of one pair of maps tend to succeed or
-/// fail together, so the pairs count as independent, not the runs. [0, 1] for fewer than two pairs.
+/// Success count with a confidence interval of the share, at the study's confidence level. Runs of
+/// one pair of maps are correlated, so the pairs count as independent, not the runs. [0, 1] for
+/// fewer than two pairs.
 struct SuccessRate : SuccessCount {
   double low = 0.0;
   double high = 1.0;
@@ -222,54 +224,56 @@ struct SuccessRate : SuccessCount {
 
 /// Results of one strategy with one method and k.
 struct StrategySummary {
-  /// "observations", after the method's name if that is not ICP, with k if the study has several
+  /// approach_name(), e.g. "robust observations", followed by k if the study has several
   std::string name;
   SuccessRate success;                ///< by the true pose, over runs of pairs with truth
-  std::vector<double> pair_rates;     ///< the same share of each pair, as pairs_with_truth
-  std::vector<SuccessRate> of_group;  ///< the same, as StudySummary::groups
-  /// The same by initial pose: rows of rotation, columns of translation.
+  std::vector<double> pair_rates;     ///< success rate per pair, in the order of pairs_with_truth
+  std::vector<SuccessRate> of_group;  ///< success rate per group, as StudySummary::groups
+  /// Success count by initial pose: rows by rotation, columns by translation.
   std::vector<SuccessCount> of_offset;
   std::size_t runs = 0;             ///< with and without truth
-  std::size_t score_successes = 0;  ///< of these, by the paper's measure
-  std::size_t at_limit = 0;         ///< of these, ended at the iteration limit
+  std::size_t score_successes = 0;  ///< runs that succeed by the paper's measure
+  std::size_t at_limit = 0;         ///< runs that ended at the iteration limit
   double median_iterations = 0.0;
   /// Median errors of the successes; std::nullopt if there are none.
   std::optional<double> median_rotation_rad;
   std::optional<double> median_translation;
 };
 
-/// Whether the score predicts success: is a lower score a better pose?
+/// Whether the score predicts success, i.e. a lower score means a better pose.
 struct ScoreJudgement {
-  std::size_t pairs = 0;  ///< with both right and wrong poses
-  /// Over those pairs: the probability that of a right and a wrong pose the right one has the lower score.
+  std::size_t pairs = 0;  ///< pairs with both correct and wrong poses
+  /// Over those pairs: area under the ROC curve, the probability that a correct pose has a lower
+  /// score than a wrong pose.
   double median_auc = 0.5;
   double lowest_auc = 0.5;
   SuccessRate passed_wrong;     ///< runs with a wrong pose that pass by score
-  SuccessRate refused_right;    ///< runs with a right pose that fail by score
+  SuccessRate refused_right;    ///< runs with a correct pose that fail by score
   SuccessRate lowest_is_wrong;  ///< pairs whose lowest score belongs to a wrong pose
 };
 
 /// Summary of a study's runs. studies/analyse.py compares the strategies.
 struct StudySummary {
-  std::vector<std::string> pairs;             ///< with runs
+  std::vector<std::string> pairs;             ///< names of all pairs
   std::vector<std::size_t> pairs_with_truth;  ///< indices into pairs
   std::vector<std::string> groups;    ///< kinds of place: pairs' names without a trailing number
   std::vector<double> lowest_scores;  ///< over all runs of each pair, m²; 0 without runs
-  std::vector<double> rotation_edges_rad;  ///< of StrategySummary::of_offset, ascending
+  std::vector<double> rotation_edges_rad;  ///< bin edges of StrategySummary::of_offset, ascending
   std::vector<double> translation_edges_m;
   std::vector<StrategySummary> strategies;
   ScoreJudgement judgement;  ///< only meaningful with truth
 };
 
-/// @param runs all of the study's, in order
-/// @throws Error (misuse) if they are not, or if poses have an error without a truth, or none with one
+/// @param runs all runs of the study, in order
+/// @throws Error (misuse) for other runs, an error without truth, or a pose without error despite
+///        truth
 StudySummary summarise_study(const Study& study, std::span<const TrialResult> runs);
 
 /// Success by strategy, kind of place, initial pose and pair, and whether the score predicts success.
 std::vector<ResultTable> study_tables(const Study& study, const StudySummary& summary);
 
-/// The main findings: which strategies succeed most and least often, whether the score predicts success, what was done.
-/// A sentence each.
+/// The main findings, one sentence each: which strategies succeed most and least often, whether the
+/// score predicts success, and the scope of the study.
 std::vector<std::string> study_findings(const Study& study, const StudySummary& summary);
 
 }  // namespace cairn

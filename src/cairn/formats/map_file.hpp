@@ -28,8 +28,8 @@ struct MapWriteOptions {
 struct MapInput {
   std::filesystem::path path;
   std::optional<std::string> part = {};  ///< N of "path#N": selects one map of a file with several
-  std::string_view first_bytes = {};     ///< of a file: at most its first 4096; of a folder none
-  ByteSource* source = nullptr;          ///< of a file, at its start; null for a folder
+  std::string_view first_bytes = {};     ///< at most the first 4096 of a file; empty for a folder
+  ByteSource* source = nullptr;          ///< the file, at its start; null for a folder
 };
 
 /// A map format: a row of the table from which reading, writing, help and messages derive.
@@ -59,7 +59,7 @@ struct MapFormat {
   bool is_written() const { return write_to != nullptr || write != nullptr; }
 };
 
-/// The map formats that a program knows; a value that is passed to readers and writers of maps.
+/// Registry of a program's map formats; a value to pass to readers and writers of maps.
 class FormatRegistry {
  public:
   FormatRegistry() = default;
@@ -67,30 +67,32 @@ class FormatRegistry {
   /// @throws Error (misuse) for a duplicate name
   explicit FormatRegistry(std::vector<MapFormat> formats);
 
-  /// These formats and `more`, which are tried first.
+  /// This registry plus `more`; readers try `more` first.
   FormatRegistry extended_by(std::vector<MapFormat> more) const;
 
   std::span<const MapFormat> formats() const { return formats_; }
-  /// Null if there is none of that name.
+  /// Format by name; null if unknown.
   const MapFormat* find(std::string_view name) const;
   /// Format for a path, by its ending; null if unknown.
   const MapFormat* format_of_ending(const std::filesystem::path& path) const;
-  /// As text for help and messages: ".map, .txt, .cairn, .ply or .pcd".
+  /// All endings, for help and messages: ".map, .txt, .cairn, .ply or .pcd".
   std::string endings_text() const;
-  /// Formats that can be read, as text for help: "Cairn text, Cairn binary, PLY or PCD".
+  /// Titles of the readable formats, for help: "Cairn text, Cairn binary, PLY or PCD".
   std::string titles_text() const;
-  /// Names of the formats that can be written, as text for help and messages.
+  /// Names of the writable formats, for help and messages.
   std::string written_names_text() const;
 
-  /// The maps that are folders: the folder itself, or else those up to three folders below, such as its sparse/0.
+  /// Maps in a folder: the folder itself, or else map folders up to three levels below, such as
+  /// sparse/0.
   std::vector<std::filesystem::path> maps_of_folder(const std::filesystem::path& folder) const;
 
-  /// Reads a map in any of the formats, recognised by content; of a folder the only one of maps_of_folder(). If the
-  /// path does not exist, it may be "path#N": map N of a file that holds several.
-  /// @throws Error (input) naming the file, line or byte, field, value and constraint; (cancelled)
+  /// Reads a map in any of the formats, recognised by content. A folder must contain exactly one
+  /// map (maps_of_folder()). A path that does not exist may be "path#N": map N of a file with
+  /// several maps.
+  /// @throws Error (input) naming the file, line or byte, field, value and constraint; (cancelled); (cancelled)
   LandmarkMap read(const std::filesystem::path& path, const Execution& execution = {}) const;
 
-  /// The format in `options`, or else that of the path's ending.
+  /// The format named in `options`, or else the format of the path's ending.
   /// @throws Error (misuse) if the format or ending is unknown, or the format is read-only
   const MapFormat& format_to_write(const std::filesystem::path& path,
                                    const MapWriteOptions& options = {}) const;
@@ -110,7 +112,8 @@ class FormatRegistry {
 /// Cairn's own formats and point clouds: "text", "binary", "ply", "pcd" (docs/formats.md).
 const FormatRegistry& native_formats();
 
-/// All map formats of Cairn, in the library cairn::foreign_formats: native_formats() and those of other systems (docs/formats.md).
+/// All map formats of Cairn: native_formats() and the formats of other systems (docs/formats.md).
+/// In the library cairn::foreign_formats.
 const FormatRegistry& all_formats();
 
 /// Reads a map in one of the native_formats(), recognised by the first bytes.
@@ -122,13 +125,14 @@ LandmarkMap read_map(const std::filesystem::path& path, const Execution& executi
 void write_map(const LandmarkMap& map, const std::filesystem::path& path,
                const MapWriteOptions& options = {}, const Execution& execution = {});
 
-/// Names content that no map format reads, for messages.
+/// Describes content that no map format reads, for messages.
 struct ForeignContent {
   std::string_view what;    ///< e.g. "is a ROS bag"
   std::string_view advice;  ///< what to give instead; empty: a map in a known format
 };
 
-/// What a file is, by its first bytes and its name, or a folder, by the names in it; std::nullopt if unknown.
+/// Identifies a file by its first bytes and name, or a folder by its entries; std::nullopt if
+/// unknown.
 std::optional<ForeignContent> foreign_content(const MapInput& input);
 std::optional<ForeignContent> foreign_content(const std::filesystem::path& path);
 
@@ -138,7 +142,7 @@ std::optional<ForeignContent> foreign_content(const std::filesystem::path& path)
 /// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_native(ByteSource& source, const Execution& execution = {});
 
-/// What version 1 of the text format cannot hold of `map`, in words; std::nullopt if it can hold all.
+/// Describes the data of `map` that version 1 of the text format cannot hold; std::nullopt if none.
 std::optional<std::string> version_1_loss(const LandmarkMap& map);
 
 /// Writes Cairn's text format.
@@ -147,13 +151,13 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map);
 void write_native(const LandmarkMap& map, const ByteSink& sink,
                   std::optional<int> version = std::nullopt, const Execution& execution = {});
 
-/// First bytes of Cairn's binary format. No text begins with them, and a transfer that converts line ends
-/// breaks them.
+/// First bytes of Cairn's binary format. No text begins with these bytes, and a transfer that
+/// converts line ends corrupts them.
 inline constexpr std::string_view kBinaryMagic =
     "\x89"
     "CAIRN\r\n";
 
-/// Reads Cairn's binary format (docs/formats.md), memory-mapped if the source can be.
+/// Reads Cairn's binary format (docs/formats.md), in place if the source is in memory.
 /// @throws Error (input) naming source, byte, field, value and constraint
 LandmarkMap read_binary(ByteSource& source, const Execution& execution = {});
 
@@ -165,32 +169,33 @@ void write_binary(const LandmarkMap& map, const ByteSink& sink, const Execution&
 /// @throws Error (input) naming source, line or byte, value and constraint
 LandmarkMap read_ply(ByteSource& source, const Execution& execution = {});
 
-/// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, count, named columns. Gaussian splats are
-/// written as trainers write them.
+/// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, observation count, named
+/// columns. Writes Gaussian splats in the layout of their trainers.
 void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 
 /// Reads the points of a PCD 0.7 file as landmarks (docs/formats.md lists the fields).
 /// @throws Error (input) naming source, line or byte, value and constraint
 LandmarkMap read_pcd(ByteSource& source, const Execution& execution = {});
 
-/// Writes the landmarks as PCD 0.7 points: position, covariance, colour, count, named columns.
+/// Writes the landmarks as PCD 0.7 points: position, covariance, colour, observation count, named
+/// columns.
 void write_pcd(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
 
-/// Transforms a point cloud, mesh or splats in PLY that belong to a map: positions, covariances (cov_xx ... cov_zz) and
-/// what a ColumnMotion moves of the vertices. All other content is copied byte for byte.
+/// Transforms a map's point cloud, mesh or splats in PLY: vertex positions, covariances (cov_xx ...
+/// cov_zz) and ColumnMotion properties. Copies all other content byte for byte.
 /// @param source ascii, binary little- or big-endian; the result has the same form
-/// @throws Error (input) naming source, line or byte: not PLY, truncated, without x, y and z, or with
-///        Gaussian splats in no known layout that are turned or scaled
+/// @throws Error (input) naming source, line or byte: not PLY, truncated, without x, y and z, or
+///        rotated or scaled Gaussian splats in no known layout
 void move_ply(ByteSource& source, const Similarity3& new_from_old, const ByteSink& sink);
 
 /// A UUID (RFC 9562, version 8) from a hash of the bytes.
 std::string uuid_of(std::string_view bytes);
 
-/// UUID of a map's content without its own UUID: of its bytes in the binary format. Maps made with the same
-/// inputs, options and seed have the same.
+/// UUID of a map's content, from its bytes in the binary format without its own UUID. Equal for
+/// maps made with the same inputs, options and seed.
 std::string content_uuid(const LandmarkMap& map);
 
-/// The map with that UUID.
+/// The map with its content_uuid().
 LandmarkMap with_content_uuid(LandmarkMap map);
 
 }  // namespace cairn

@@ -18,11 +18,11 @@ namespace cairn {
 /// A graph as JSON: schema cairn.pose_graph, version 1 (docs/formats.md).
 std::string pose_graph_text(const PoseGraph& graph);
 
-/// Whether a text is such a document, by its first kilobyte.
+/// Whether a text is a pose graph in JSON, by its first kilobyte.
 bool is_pose_graph_text(std::string_view beginning);
 
-/// Reads such a document. Normalises quaternions, which may change their last digit; all else is as
-/// written.
+/// Reads a pose graph in JSON. Normalises quaternions, which may change their last digit; keeps all
+/// other values.
 /// @throws Error (input) naming source, the place in the document, value and constraint
 PoseGraph read_pose_graph(ByteSource& source);
 
@@ -42,8 +42,9 @@ struct G2oGraph {
     std::uint64_t to = 0;
     std::array<double, 3> translation = {};
     std::array<double, 4> quaternion = {0.0, 0.0, 0.0, 1.0};
-    /// Upper triangle, row by row, of g2o's information matrix. It weights the translation and the vector
-    /// part of the unit quaternion, w ≥ 0, of measured⁻¹·estimated (half an angle), in the frame of `to`.
+    /// Upper triangle, row by row, of g2o's information matrix. The matrix weights the translation
+    /// and the vector part of the unit quaternion (w ≥ 0, half the angle) of measured⁻¹·estimated,
+    /// in the frame of `to`.
     std::array<double, 21> information = {};
 
     friend bool operator==(const Edge&, const Edge&) = default;
@@ -56,19 +57,20 @@ struct G2oGraph {
   friend bool operator==(const G2oGraph&, const G2oGraph&) = default;
 };
 
-/// Whether a text is g2o, by its first line that is no comment. Not all of g2o is read.
+/// Whether a text is g2o, by its first non-comment line. Readers support only part of g2o.
 bool is_g2o(std::string_view beginning);
 
 /// Reads VERTEX_SE3:QUAT, EDGE_SE3:QUAT and FIX, one per line; lines that start with '#' are comments.
-/// @param log receives a loss if the last line does not end
+/// @param log receives a loss remark if the last line has no line end
 /// @throws Error (input) naming source, line, field, value and constraint
 G2oGraph read_g2o(ByteSource& source, const LogSink& log = {});
 
 /// Writes vertices, fixed vertices, then edges; numbers as the shortest decimals that parse back.
 void write_g2o(const G2oGraph& graph, const ByteSink& sink);
 
-/// An edge becomes a link with target `from` and source `to`, of kind odometry if the ids are consecutive,
-/// else placement. Its covariance is known if the information is positive definite.
+/// Converts each edge to a link with target `from` and source `to`, of kind odometry if the ids are
+/// consecutive, else placement. The link's covariance is known if the information is positive
+/// definite.
 PoseGraph pose_graph(const G2oGraph& graph);
 
 /// The part of a graph that g2o can hold: no names, sessions, kinds or probabilities.
@@ -76,7 +78,7 @@ PoseGraph pose_graph(const G2oGraph& graph);
 ///        not positive definite
 G2oGraph g2o_graph(const PoseGraph& graph);
 
-/// The nodes and links of a database of RTAB-Map; in the library cairn::foreign_formats.
+/// Reads the nodes and links of an RTAB-Map database; in the library cairn::foreign_formats.
 /// @throws Error (input) naming file, table, row, value and constraint
 PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const Execution& execution = {});
 

@@ -10,9 +10,10 @@
 
 namespace cairn {
 
-/// A fast sufficient test for covariances: true only if covariance_defect finds no defect. Without roots,
-/// divisions or calls, because maps have millions of covariances. With less than the tolerance added to the
-/// diagonal, all leading minors are positive (Sylvester's criterion) by more than the rounding error.
+/// Fast sufficient test of a covariance: true only if covariance_defect() finds no defect. Uses no
+/// roots, divisions or calls, because maps contain millions of covariances. Adds less than the
+/// tolerance to the diagonal, then requires all leading minors to exceed the rounding error
+/// (Sylvester's criterion).
 inline bool is_plainly_covariance(const Eigen::Matrix3d& m) {
   const double sum = m.cwiseAbs().sum();  // at most 9 times the largest entry
   // Products of three entries neither overflow nor underflow; NaN fails too.
@@ -35,11 +36,11 @@ inline bool is_plainly_covariance(const Eigen::Matrix3d& m) {
   return a > 0.0 && minor > kRounding * sum * sum && determinant > kRounding * sum * sum * sum;
 }
 
-/// The defect of `covariance`: not finite, not symmetric, or a negative eigenvalue; empty if it has none.
-/// Both tests allow a relative error of 1e-6 of the largest entry, for decimal input.
+/// The defect of `covariance`: not finite, not symmetric, or a negative eigenvalue; empty if valid.
+/// The last two tests tolerate 1e-6 of the largest entry, for decimal input.
 std::string covariance_defect(const Eigen::Matrix3d& covariance);
 
-/// The same of a pose's, (δt, δφ), whatever their units.
+/// The defect of a pose covariance, (δt, δφ) in any units.
 std::string pose_covariance_defect(const Matrix6d& covariance);
 
 /// Largest absolute eigenvalue of a symmetric matrix.
@@ -55,14 +56,14 @@ Matrix propagated_covariance(const Matrix& jacobian, const Matrix& covariance) {
   return 0.5 * (result + result.transpose());
 }
 
-/// Transforms the covariance of a pose `a_from_b` (left perturbation, order δt, δφ) to that of `c_from_a *
-/// a_from_b`.
+/// Transforms the covariance of a pose `a_from_b` (left perturbation, order δt, δφ) to the
+/// covariance of `c_from_a * a_from_b`.
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Rigid3& c_from_a);
-/// The same with a change of the unit of length.
+/// As above, with a change of the length unit.
 Matrix6d left_transformed_covariance(const Matrix6d& covariance, const Similarity3& c_from_a);
 
-/// Derivative of a point x = s·R·x' + t by a left perturbation (δt, δφ, δ log s) of the pose (s, R, t): x moves by δt,
-/// δφ × (x - t) and δ log s · (x - t).
+/// Jacobian of a point x = s·R·x' + t with respect to a left perturbation (δt, δφ, δ log s) of the
+/// pose (s, R, t): δx = δt + δφ × (x - t) + δ log s · (x - t).
 /// @param arm x - t
 inline Eigen::Matrix<double, 3, 7> point_by_pose(const Eigen::Vector3d& arm) {
   Eigen::Matrix<double, 3, 7> derivative;
@@ -70,9 +71,11 @@ inline Eigen::Matrix<double, 3, 7> point_by_pose(const Eigen::Vector3d& arm) {
   return derivative;
 }
 
-/// Transforms the covariance of a pose, (δt, δφ) or (δt, δφ, δ log s), to one whose δt is the displacement of another
-/// point that moves with the source: that of a landmark, or of the origin of another pose in the same target.
-/// @param arm from the source's origin to the point, in the target: s·R·x of a point x of the source
+/// Transforms a pose covariance, (δt, δφ) or (δt, δφ, δ log s), to another reference point fixed to
+/// the source, such as a landmark or the origin of another pose in the same target: δt becomes the
+/// displacement of this point.
+/// @param arm vector from the source origin to the point, in the target frame: s·R·x for x in the
+///        source
 template <class Matrix>
 Matrix covariance_at_point(const Matrix& covariance, const Eigen::Vector3d& arm) {
   Matrix jacobian = Matrix::Identity();
@@ -81,23 +84,23 @@ Matrix covariance_at_point(const Matrix& covariance, const Eigen::Vector3d& arm)
   return propagated_covariance(jacobian, covariance);
 }
 
-/// Covariance of pose.inverse() from that of the pose; both left perturbations, (δt, δφ).
+/// Covariance of pose.inverse() from the covariance of `pose`; left perturbations (δt, δφ).
 Matrix6d inverse_covariance(const Rigid3& pose, const Matrix6d& covariance);
-/// The same with the scale, (δt, δφ, δ log s).
+/// As above, with scale: (δt, δφ, δ log s).
 Matrix7d inverse_covariance(const Similarity3& pose, const Matrix7d& covariance);
 
-/// Squared Mahalanobis distance of a pose error under the stated covariance; if calibrated, chi-squared
-/// with 6 degrees of freedom.
+/// Squared Mahalanobis distance of a pose error under the stated covariance; for a calibrated
+/// covariance, chi-squared with 6 degrees of freedom.
 /// @param covariance of a left perturbation of `estimate`, (δt, δφ); positive definite
 double normalised_squared_error(const Rigid3& estimate, const Matrix6d& covariance,
                                 const Rigid3& truth);
-/// The same for a similarity, with the scale, (δt, δφ, δ log s): 7 degrees of freedom.
+/// As above for a similarity, (δt, δφ, δ log s): 7 degrees of freedom.
 double normalised_squared_error(const Similarity3& estimate, const Matrix7d& covariance,
                                 const Similarity3& truth);
 
-/// 95 % quantile of normalised squared errors.
+/// 95 % quantile of chi-squared, 6 degrees of freedom.
 inline constexpr double kNormalisedSquaredError95 = 12.592;
-/// The same with a scale.
+/// As above, 7 degrees of freedom.
 inline constexpr double kNormalisedSquaredErrorWithScale95 = 14.067;
 
 }  // namespace cairn

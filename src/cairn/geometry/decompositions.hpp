@@ -9,14 +9,14 @@
 
 namespace cairn {
 
-// Eigen's decompositions of the sizes that poses and points have. Compiled here, once: each takes a compiler seconds in
-// every source that has it.
+// Eigen's decompositions for the matrix sizes of poses and points. Compiled here once, because each
+// instantiation costs seconds of compile time.
 
-/// Of a symmetric matrix.
+/// Eigendecomposition of a symmetric matrix.
 template <int kSize>
 struct SymmetricEigen {
   Eigen::Matrix<double, kSize, 1> values;       ///< ascending
-  Eigen::Matrix<double, kSize, kSize> vectors;  ///< columns, of length 1
+  Eigen::Matrix<double, kSize, kSize> vectors;  ///< columns of unit length
 };
 
 /// Reads the lower triangle. For sizes 3, 6, 7.
@@ -28,18 +28,18 @@ template <int kSize>
 Eigen::Matrix<double, kSize, 1> symmetric_eigenvalues(
     const Eigen::Matrix<double, kSize, kSize>& matrix);
 
-/// x with matrix·x = vector, by LDLᵀ; what it is for a singular matrix is not defined. For sizes 6, 7, 14.
+/// Solves matrix·x = vector for x by LDLᵀ; undefined for a singular matrix. For sizes 6, 7, 14.
 template <int kSize>
 Eigen::Matrix<double, kSize, 1> solve_symmetric(const Eigen::Matrix<double, kSize, kSize>& matrix,
                                                 const Eigen::Matrix<double, kSize, 1>& vector);
 
-/// The same; std::nullopt if the matrix is not positive definite. For sizes 6, 12, 14.
+/// As solve_symmetric(); std::nullopt if the matrix is not positive definite. For sizes 6, 12, 14.
 template <int kSize>
 std::optional<Eigen::Matrix<double, kSize, 1>> solve_positive_definite(
     const Eigen::Matrix<double, kSize, kSize>& matrix,
     const Eigen::Matrix<double, kSize, 1>& vector);
 
-/// The inverse of a positive definite matrix; std::nullopt for others.
+/// The inverse of a positive definite matrix; std::nullopt for any other matrix.
 std::optional<Eigen::Matrix<double, 6, 6>> inverse_of_positive_definite(
     const Eigen::Matrix<double, 6, 6>& matrix);
 
@@ -52,12 +52,13 @@ struct SingularValues3 {
 
 SingularValues3 singular_values(const Eigen::Matrix3d& matrix);
 
-/// The rotation R with the least |R - matrix|, which has the greatest trace of Rᵀ·matrix.
+/// The rotation R that minimises |R - matrix| and thus maximises trace(Rᵀ·matrix).
 Eigen::Matrix3d nearest_rotation(const SingularValues3& matrix);
 
-/// The s, R and t with the least sum of |to - (s·R·from + t)|², as a homogeneous matrix (Umeyama, 1991).
-/// @param from, to  of one length, not empty
-/// @param with_scale  estimates s, which is 1 otherwise
+/// The similarity (s, R, t) that minimises Σ|to - (s·R·from + t)|², as a homogeneous matrix
+/// (Umeyama, 1991).
+/// @param from, to  of equal length, not empty
+/// @param with_scale  true: estimates s; false: s = 1
 Eigen::Matrix4d least_squares_similarity(std::span<const Eigen::Vector3d> from,
                                          std::span<const Eigen::Vector3d> to, bool with_scale);
 

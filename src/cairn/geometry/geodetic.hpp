@@ -9,8 +9,8 @@
 
 namespace cairn {
 
-/// A place on or near the Earth, on the ellipsoid of WGS 84. Altitudes are taken as heights above that ellipsoid;
-/// formats rarely say which they mean.
+/// A WGS 84 position on or near the Earth. Altitudes are read as heights above the ellipsoid,
+/// because formats rarely state their vertical datum.
 struct GeodeticPosition {
   double latitude_deg = 0.0;   ///< -90 to 90, north is positive
   double longitude_deg = 0.0;  ///< -180 to 180, east is positive
@@ -19,15 +19,16 @@ struct GeodeticPosition {
   friend bool operator==(const GeodeticPosition&, const GeodeticPosition&) = default;
 };
 
-/// Why it is no place: "latitude 91 is out of range"; empty if it is one.
+/// The defect of `position`, e.g. "latitude 91 is out of range"; empty if valid.
 std::string geodetic_defect(const GeodeticPosition& position);
 
-/// Metres from the centre of the Earth: x through latitude and longitude 0, z through the north pole.
+/// ECEF coordinates in metres, from the Earth's centre: x through latitude and longitude 0, z
+/// through the north pole.
 Eigen::Vector3d ecef_from_geodetic(const GeodeticPosition& position);
-/// The inverse; exact to 1e-9 degrees and 1e-4 m from 100 km below the surface to 1e9 m above it.
+/// The inverse; accurate to 1e-9 degrees and 1e-4 m at altitudes from -100 km to 1e9 m.
 GeodeticPosition geodetic_from_ecef(const Eigen::Vector3d& ecef);
 
-/// The topocentric frame at `origin`: x to the east, y to the north, z up along the ellipsoid's normal, metres.
+/// Pose of the topocentric frame at `origin`, metres: x east, y north, z up (ellipsoid normal).
 Rigid3 ecef_from_enu(const GeodeticPosition& origin);
 
 }  // namespace cairn

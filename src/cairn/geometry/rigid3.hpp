@@ -13,19 +13,19 @@ using Matrix4d = Eigen::Matrix<double, 4, 4, Eigen::DontAlign>;
 
 /// A rotation and a translation, SE(3): `x_in_a = a_from_b * x_in_b`.
 ///
-/// Tangent vectors are (translation, rotation), the first three in metres, the last three in radians. They
-/// act from the left on both parts separately, as in Cairn's pose covariances: perturbed() has the rotation
-/// `Exp(φ)·R` and the translation `t + δt`.
+/// Tangent vectors are (δt, δφ): a translation in metres, then a rotation in radians. They act from
+/// the left on both parts separately, as in Cairn's pose covariances: perturbed() has the rotation
+/// `Exp(δφ)·R` and the translation `t + δt`.
 class Rigid3 {
  public:
   /// The identity.
   Rigid3() = default;
-  /// @param rotation of any norm but zero; is normalised
+  /// @param rotation of any non-zero norm; is normalised
   Rigid3(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation);
   /// @param rotation must be orthonormal with determinant 1; use `from_matrix` for external input
   Rigid3(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation);
 
-  /// From a homogeneous matrix from outside.
+  /// From an external homogeneous matrix.
   /// @throws Error (misuse) if the last row is not 0 0 0 1, an entry of RᵀR - I exceeds `tolerance`, the
   ///        rotation part is a reflection, or the translation is beyond kLargestCoordinate (limits.hpp)
   static Rigid3 from_matrix(const Matrix4d& matrix, double tolerance = 1e-4);
@@ -48,7 +48,7 @@ class Rigid3 {
 
   /// The pose moved by a small left perturbation (δt, δφ): t + δt, Exp(δφ)·R.
   Rigid3 perturbed(const Vector6d& delta) const;
-  /// The (δt, δφ) with `other = perturbed(δ)`.
+  /// The δ = (δt, δφ) that satisfies `other = perturbed(δ)`.
   Vector6d difference_to(const Rigid3& other) const;
 
  private:

@@ -21,9 +21,9 @@ class Similarity3 {
   /// A rigid motion is a similarity of scale 1.
   Similarity3(const Rigid3& rigid) : rigid_(rigid) {}  // NOLINT(google-explicit-constructor)
 
-  /// From a homogeneous matrix from outside, whose upper left part is s·R; the scale is 1 if that is a
-  /// rotation within the tolerance.
-  /// @throws Error (misuse) if its determinant is not positive, or as Rigid3::from_matrix
+  /// From an external homogeneous matrix with the upper left block s·R; the scale is 1 if the block
+  /// is a rotation within `tolerance`.
+  /// @throws Error (misuse) if the block's determinant is not positive, or as Rigid3::from_matrix
   static Similarity3 from_matrix(const Matrix4d& matrix, double tolerance = 1e-4);
 
   double scale() const { return scale_; }
@@ -42,7 +42,7 @@ class Similarity3 {
   Rigid3 rigid_;
 };
 
-/// Each of the points, moved by the pose.
+/// The points transformed by `pose`.
 inline std::vector<Eigen::Vector3d> moved_points(std::span<const Eigen::Vector3d> points,
                                                  const Similarity3& pose) {
   const Eigen::Matrix3d linear = pose.linear();

@@ -30,7 +30,7 @@ class Trajectory {
   std::span<const TimedPose> poses() const { return poses_; }
   std::size_t size() const { return poses_.size(); }
   bool empty() const { return poses_.empty(); }
-  /// From the first pose to the last; 0 for fewer than two.
+  /// Time from the first pose to the last; 0 for fewer than two poses.
   double duration_s() const;
   /// Length of the path through the camera centres, in the unit of the poses.
   double length() const;
@@ -39,10 +39,10 @@ class Trajectory {
   std::vector<TimedPose> poses_;
 };
 
-/// The trajectory in another world.
+/// The trajectory in another world frame.
 Trajectory transformed(const Trajectory& trajectory, const Similarity3& new_from_old);
 
-/// The pose nearest in time, the earlier of two equally near ones; null for an empty trajectory.
+/// The pose nearest in time, the earlier one for a tie; null for an empty trajectory.
 const TimedPose* nearest_pose(const Trajectory& trajectory, double timestamp_s);
 
 /// The pose at a time, interpolated between its neighbours (linear position, constant angular velocity).
@@ -50,11 +50,11 @@ const TimedPose* nearest_pose(const Trajectory& trajectory, double timestamp_s);
 std::optional<Rigid3> interpolated(const Trajectory& trajectory, double timestamp_s,
                                    double max_gap_s = 0.1);
 
-/// Pairs of positions in two trajectories.
+/// Pairs of pose indices in two trajectories.
 using PosePairs = std::vector<std::pair<std::size_t, std::size_t>>;
 
-/// Pairs poses of two trajectories by time, as the TUM benchmark's associate.py does: takes pairs that differ by less than
-/// `max_difference_s`, closest first, each pose at most once.
+/// Pairs poses of two trajectories by time, as in the TUM benchmark's associate.py: greedily,
+/// closest first, each pose at most once, with differences below `max_difference_s`.
 PosePairs associate(const Trajectory& a, const Trajectory& b, double max_difference_s = 0.02);
 
 }  // namespace cairn

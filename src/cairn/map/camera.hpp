@@ -30,11 +30,11 @@ struct Pixel {
 /// The intrinsics of one camera.
 struct Camera {
   CameraId id;
-  /// A model of `camera_models()`, with COLMAP's name.
+  /// COLMAP's name of a model in `camera_models()`.
   std::string model;
   std::uint32_t width = 0;   ///< pixels
   std::uint32_t height = 0;  ///< pixels
-  /// As many as the model has, in its order.
+  /// In the order of CameraModel::parameters.
   std::vector<double> parameters;
 
   friend bool operator==(const Camera&, const Camera&) = default;
@@ -51,15 +51,15 @@ std::span<const CameraModel> camera_models();
 /// The model of this name; null if there is none.
 const CameraModel* camera_model(std::string_view name);
 
-/// The defect of `camera` (unknown model, wrong number of parameters, a parameter that is not finite or out of
-/// its range, no size); empty if it has none.
+/// The defect of `camera` (unknown model, wrong number of parameters, a parameter that is not
+/// finite or out of its range, no size); empty if it has none.
 std::string camera_defect(const Camera& camera);
 
-/// Whether both have one model, size and parameters.
+/// Whether model, size and parameters are equal.
 bool is_same_lens(const Camera& a, const Camera& b);
 
-/// Scales and origin of the image: what a pixel is of the model's plane. On the optical axis, focal lengths and
-/// principal point.
+/// Affine map from the image plane to pixels: u = fx·x + cx, v = fy·y + cy. On the optical axis:
+/// focal lengths and principal point.
 struct Intrinsics {
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< pixels
 };
@@ -67,38 +67,38 @@ struct Intrinsics {
 /// Intrinsics of `camera`, which must have no defect.
 Intrinsics intrinsics(const Camera& camera);
 
-/// Pixel of a point in camera coordinates (x right, y down, z forward), also outside the image; std::nullopt if
-/// the camera's model cannot see it. Perspective models see what is in front of the camera, wide-angle ones
-/// (fisheyes, EUCM, DIVISION) as far to the side and behind as their formula is invertible, EQUIRECTANGULAR
-/// everything. `camera` must have no defect.
+/// Pixel of a point in camera coordinates (x right, y down, z forward), possibly outside the image;
+/// std::nullopt if the model cannot project the point. Perspective models project points in front
+/// of the camera. Wide-angle models (fisheyes, EUCM, DIVISION) project all directions where their
+/// formula is invertible; EQUIRECTANGULAR projects all directions. `camera` must have no defect.
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera);
 
-/// How far the projection of a point is from where it was observed, in pixels, projection minus observation;
-/// the shorter way round a panorama. std::nullopt as project().
+/// Reprojection error of a point in pixels, projection minus observation; the shorter way round a
+/// panorama. std::nullopt as for project().
 std::optional<Eigen::Vector2d> reprojection(const Camera& camera,
                                             const Eigen::Vector3d& x_in_camera,
                                             const Pixel& observed);
 
-/// The inverse of project: the line of sight of `pixel` in camera coordinates, a unit vector, which projects to
-/// it within 1e-3 pixels. std::nullopt if no line of sight belongs to the pixel, e.g. because the distortion
-/// folds the image. `camera` must have no defect.
-/// @param near a nearby solution, e.g. of the neighbouring pixel; saves iterations
+/// The inverse of project(): the bearing of `pixel`, a unit vector in camera coordinates that
+/// projects within 1e-3 pixels of `pixel`. std::nullopt if the pixel has no bearing, e.g. because
+/// the distortion folds the image. `camera` must have no defect.
+/// @param near initial guess, e.g. the bearing of the neighbouring pixel; saves iterations
 std::optional<Eigen::Vector3d> unproject(const Camera& camera, const Pixel& pixel,
                                          const Eigen::Vector3d& near = Eigen::Vector3d::UnitZ());
 
-/// project() of one camera model, looked up by name once, for very many projections.
+/// project() for very many points of one camera model, with a single look-up by name.
 class CameraProjection {
  public:
   /// @throws Error (misuse) for an unknown model or a wrong number of parameters
   explicit CameraProjection(const Camera& camera);
 
-  /// As project(), with these parameters; as many as the model has.
+  /// As project(), with these `parameters` in the model's number and order.
   std::optional<Pixel> operator()(const double* parameters,
                                   const Eigen::Vector3d& x_in_camera) const;
   /// `to` minus `from` in pixels; in a panorama the shorter way round.
   Eigen::Vector2d difference(const double* parameters, const Pixel& to, const Pixel& from) const;
-  /// Number of focal lengths with which the parameters begin; the principal point follows, then distortion.
-  /// 0: a panorama, whose parameters are the size of its image.
+  /// Number of leading focal lengths in the parameters; the principal point follows, then
+  /// distortion. 0 for a panorama: its parameters are the image size.
   int focal_lengths() const;
 
  private:

@@ -17,21 +17,22 @@
 
 namespace cairn {
 
-/// Moves the properties of points that depend on the frame, recognised by their names as point clouds have them: normals
-/// ("nx" or "normal_x"), and the rotations, scales and harmonics of Gaussian splats. Positions are not among them.
+/// Transforms the frame-dependent properties of points, recognised by their names in point clouds:
+/// normals ("nx" or "normal_x"), and the rotations, scales and harmonics of Gaussian splats. Does
+/// not transform positions.
 class ColumnMotion {
  public:
   /// @param names of the properties
-  /// @param where  begins the message
-  /// @throws Error (input) for splats in no known layout, unless only their place changes
+  /// @param where  prefix of the error message
+  /// @throws Error (input) for splats in no known layout, unless the motion is a pure translation
   ColumnMotion(std::span<const std::string_view> names, const Similarity3& new_from_old,
                std::string_view where);
 
   /// Indices of the properties that change.
   const std::vector<std::size_t>& changed() const { return changed_; }
 
-  /// Moves one point.
-  /// @param row a number per name; reads and writes those that change
+  /// Transforms one point's properties.
+  /// @param row one number per name; only entries in changed() change
   void move(std::span<double> row) const;
 
  private:
@@ -46,7 +47,7 @@ class ColumnMotion {
   std::vector<std::size_t> changed_;
 };
 
-/// Moves the named columns of landmarks.
+/// Transforms named columns as ColumnMotion.
 /// @throws Error (input) as ColumnMotion
 void move_columns(std::span<NamedColumn> columns, const Similarity3& new_from_old,
                   std::string_view where);

@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// The images of a map, and the pixels where they show its landmarks. Does not refer to the map.
+/// The images of a map, and the keypoints of its landmarks. Keeps no reference to the map.
 class MapImages {
  public:
   struct Keypoint {
@@ -33,34 +33,36 @@ class MapImages {
 
   const std::vector<Image>& all() const { return images_; }
 
-  /// The same with other indices of the landmarks, without those that have none.
+  /// The images with new landmark indices, without keypoints of landmarks that have none.
   MapImages renumbered(const std::vector<std::optional<LandmarkIndex>>& landmarks) &&;
 
  private:
   std::vector<Image> images_;  // by ascending frame
 };
 
-/// What two maps know of the same images.
+/// Common images and landmarks of two maps.
 struct CommonImages {
   /// A frame of each map.
   using Frames = std::pair<FrameIndex, FrameIndex>;
 
-  std::vector<Frames> same;  ///< frames that show one image, by the first map's frame
-  /// Landmarks of both maps that one keypoint shows, and so are the same, by the first map's; each landmark at most once.
+  std::vector<Frames> same;  ///< frames of the same image, by ascending first frame
+  /// Landmarks of both maps with a common keypoint, by ascending first landmark; each landmark at
+  /// most once.
   std::vector<std::pair<LandmarkIndex, LandmarkIndex>> landmarks;
 };
 
-/// Finds images that two maps have in common, such as two models of overlapping sets of photographs, or a map and what
-/// was made from it: a copy, a part, a larger map.
+/// Finds images that two maps have in common, e.g. two models of overlapping photo sets, or a map
+/// and its copy, part or extension.
 ///
-/// Images with timestamps are the same if these are equal and, because many clocks start at 0, half of the observations
-/// of the one with fewer, and at least 4, are at exactly the same pixels. Their names say nothing: sessions number their
-/// images alike.
-/// Two other images are the same if they have one name, or one base name that is unique in both maps, and one size, and at least
-/// 4 observations at exactly the same pixels; or a tenth of the observations of the one with fewer, and at least 3, within
-/// half a pixel of the other's. Images with other names are the same if a quarter, and at least 20, of these observations
-/// are at exactly the same pixels; without a name, nine in ten, because the keypoints of a camera that stands still may be
-/// alike.
+/// Images with timestamps match if the timestamps are equal and at least half of the observations
+/// of the image with fewer, and at least 4, are at exactly the same pixels (to 1e-3). Timestamps
+/// alone do not suffice, because many clocks start at 0. Names are ignored, because sessions number
+/// their images alike.
+/// Other images with the same name, or the same base name that is unique in both maps, match if
+/// they have the same size and at least 4 observations at exactly the same pixels; or a tenth of
+/// the observations of the image with fewer, and at least 3, within half a pixel. Images with
+/// different names match if a quarter, and at least 20, of these observations are at exactly the
+/// same pixels; without a name, nine in ten, because keypoints of a stationary camera may repeat.
 CommonImages common_images(const MapImages& first, const MapImages& second);
 
 }  // namespace cairn

@@ -21,23 +21,24 @@ struct MapInWorld {
   Similarity3 world_from_map;
 };
 
-/// Part of a map that another map shows to be at the wrong place.
+/// Misplaced part of a map, as revealed by another map.
 struct MapFold {
   std::vector<FrameIndex> frames;  ///< ascending
-  std::size_t other = 0;           ///< index of the map that shows it
-  /// By how much the poses of the images differ that both maps contain; medians.
+  std::size_t other = 0;           ///< index of the revealing map
+  /// Median pose differences of the contradictory common images; `apart` in world units.
   double apart = 0.0;
   double turned_deg = 0.0;
 };
 
-/// Frames that look at the same landmarks as other frames from the same side, but share few of them.
+/// Frames that view the same landmarks as others from similar viewpoints, but share few of them.
 struct SeparateFrames {
   std::vector<FrameIndex> frames;  ///< ascending
-  double shared = 0.0;             ///< share of the landmarks in view of both that both observe
-  double usual = 0.0;  ///< the same among themselves or among the others, the lower of both
+  double shared = 0.0;             ///< share observed by both among landmarks in view of both
+  double usual = 0.0;              ///< the lower share within the group or within the other frames
 };
 
-/// How far the poses of two maps' common images differ in the world, in the order of CommonImages::same.
+/// Pose differences of two maps' common images in the world (`apart` in its unit), in the order of
+/// CommonImages::same.
 struct PoseDifferences {
   std::vector<double> apart;
   std::vector<double> turned_deg;
@@ -46,22 +47,24 @@ struct PoseDifferences {
 PoseDifferences pose_differences(const MapInWorld& first, const MapInWorld& second,
                                  const CommonImages& common);
 
-/// The fold of each map, as others show it.
+/// The fold of each map, as revealed by other maps; std::nullopt if none.
 ///
-/// A map is folded where it takes one of two similar places for the other. Images that it has in common with another map
-/// show it: some are farther from where the other map has them than ten times the median, and turned by 10° or more. With
-/// them, all frames belong to the fold that share more landmarks with them than with the images that agree; of the two
-/// maps it is the one in which these frames have fewer of their landmarks in common with the rest.
+/// A folded map confuses two similar places. Images in common with another map reveal a fold: some
+/// contradict the other map, with camera centres apart by more than ten times the median and
+/// rotations that differ by more than 10°; the rest agree. The fold comprises all frames connected
+/// more strongly, by common landmarks, to the contradictory images than to the agreeing ones. Of the
+/// two maps, the one whose group has the smaller share of landmarks in common with the rest is
+/// folded.
 /// @param maps aligned with each other
 std::vector<std::optional<MapFold>> find_folds(std::span<const MapInWorld> maps);
 
-/// Groups of at least three frames that are where other frames are, by their poses, and share less than a quarter of the
-/// landmarks that frames so close share elsewhere: a model that takes one of two similar places for the other is folded
-/// there, or a loop is not closed. Only of maps whose images have names and no timestamps: mapping a session anew where
-/// it returns is no defect.
+/// Groups of at least three frames that, by their poses, view the same landmarks as other frames,
+/// but share less than a quarter of the share usual in the map: the model confuses two similar
+/// places (a fold), or a loop is not closed. Only for maps with image names and no timestamps,
+/// because a session that remaps a revisited place is no defect.
 std::vector<SeparateFrames> separate_frames(const LandmarkMap& map);
 
-/// "a.jpg, b.jpg, ...": the names of the first eight frames' images, for people.
+/// Names of the first eight frames' images, for display: "a.jpg, b.jpg, ...".
 std::string image_list(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 /// "a is folded: 7 of its 26 images are elsewhere in b, 1.39 away and turned by 105 deg: c.jpg, ...".

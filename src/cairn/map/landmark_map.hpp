@@ -23,20 +23,20 @@
 
 namespace cairn {
 
-/// Where a map is on the Earth: the similarity that takes its frame to a topocentric one. A map that is moved
-/// keeps its landmarks where they are on the Earth.
+/// Georeference of a map: the similarity from its frame to a topocentric frame. A transform of the
+/// map preserves its landmarks' positions on the Earth.
 struct GeoReference {
-  GeodeticPosition origin;  ///< of the frame that points east, north and up (ENU)
+  GeodeticPosition origin;  ///< origin of the east-north-up frame (ENU)
   double scale = 1.0;       ///< metres per unit of the map, 1e-9 to 1e9
   std::array<double, 4> quaternion = {1.0, 0.0, 0.0,
                                       0.0};               ///< enu_from_map, (w, x, y, z) as stored:
                                                           ///< norm within 1e-3 of 1
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< of the map's origin, metres
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< map origin in ENU, metres
 
   Similarity3 enu_from_map() const;
-  /// The reference of the map after it was moved.
+  /// The georeference of the map after a transform.
   GeoReference moved(const Similarity3& new_from_old) const;
-  /// Whether the map's frame is the topocentric one, to 1e-9 in scale and angle and 1e-6 m.
+  /// Whether the map frame is the topocentric one, to 1e-9 in scale and angle (radians) and 1e-6 m.
   bool is_enu() const;
 
   GeodeticPosition geodetic(const Eigen::Vector3d& x_in_map) const;
@@ -45,7 +45,7 @@ struct GeoReference {
   friend bool operator==(const GeoReference&, const GeoReference&) = default;
 };
 
-/// What a satellite receiver (GPS, GNSS) said of a keyframe. It does not move with the map.
+/// Keyframe position measured by a satellite receiver (GPS, GNSS). Unaffected by map transforms.
 struct GnssFix {
   GeodeticPosition position;
   std::optional<double> accuracy_m;  ///< standard deviation of each coordinate; positive
@@ -53,11 +53,11 @@ struct GnssFix {
   friend bool operator==(const GnssFix&, const GnssFix&) = default;
 };
 
-/// A ground control point: a mark whose place on the Earth was surveyed, and the pixels where images show it. It does
-/// not move with the map.
+/// A ground control point: a mark with a surveyed position on the Earth, and its pixels in images.
+/// Unaffected by map transforms.
 struct ControlPoint {
   struct View {
-    std::string image_name;  ///< of a frame of this map or of another one; not empty
+    std::string image_name;  ///< image of a frame of this or another map; not empty
     Pixel pixel;
 
     friend bool operator==(const View&, const View&) = default;
@@ -72,13 +72,13 @@ struct ControlPoint {
   friend bool operator==(const ControlPoint&, const ControlPoint&) = default;
 };
 
-/// Cameras on one body, whose poses relative to each other are known and constant.
+/// Rigidly mounted cameras with known relative poses.
 struct Rig {
   struct Mount {
     CameraIndex camera;
     std::array<double, 4> quaternion = {1.0, 0.0, 0.0, 0.0};  ///< camera_from_rig, (w, x, y, z) as
                                                               ///< stored: norm within 1e-3 of 1
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero();    ///< of camera_from_rig
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero();    ///< camera_from_rig, map's unit
 
     Rigid3 camera_from_rig() const;
 
@@ -86,7 +86,7 @@ struct Rig {
   };
 
   RigId id;
-  std::vector<Mount> mounts;  ///< at least one; a camera is in one rig at most
+  std::vector<Mount> mounts;  ///< at least one; each camera in at most one rig
 
   friend bool operator==(const Rig&, const Rig&) = default;
 };
@@ -97,7 +97,7 @@ enum class LengthUnit {
   kFree,  ///< scale unknown, as from a single moving camera
 };
 
-/// What a map states about itself; std::nullopt if unknown.
+/// Metadata of a map; std::nullopt if unknown.
 struct MapInfo {
   LengthUnit length_unit = LengthUnit::kMetres;
   std::optional<std::string> world_frame;  ///< name of the frame of the positions
@@ -118,11 +118,11 @@ struct FrameTable {
   OptionalColumn<double> timestamps_s;             ///< optional
   std::vector<std::string> image_names;            ///< optional; empty text if unknown
   OptionalColumn<GnssFix> gnss;                    ///< optional
-  /// Optional; of world_from_camera, (δt, δφ) as Rigid3::perturbed(), relative to the map's first keyframe: it grows
-  /// with drift, and where a keyframe has few ties to the others.
+  /// Optional; covariance of world_from_camera, (δt, δφ) as in Rigid3::perturbed(), relative to the
+  /// map's first keyframe. Grows with drift and for weakly connected keyframes.
   OptionalColumn<Matrix6d> pose_covariances;
-  /// Optional; when a rig took the frame. Frames of one instant, at most one of each camera, are of one rig and one
-  /// pose of it.
+  /// Optional; exposure instant of the frame's rig. Frames of one instant share one rig and one rig
+  /// pose, with at most one frame per camera.
   OptionalColumn<InstantId> instants;
 };
 
@@ -139,8 +139,8 @@ inline constexpr std::size_t kMostDescriptorBytes = 4096;
 inline constexpr std::size_t kMostDescriptorsEach = 16;
 inline constexpr std::size_t kMostNamedColumns = 512;
 
-/// The landmarks' descriptors, all of one kind and size. A landmark has none, or one that represents it,
-/// and then perhaps further ones, of other views.
+/// The landmarks' descriptors, all of one kind and size. A landmark has no descriptor, or one
+/// representative descriptor and possibly further descriptors, of other views.
 struct DescriptorColumn {
   std::string kind;                 ///< e.g. "ORB"
   std::size_t bytes_each = 0;       ///< 1 to kMostDescriptorBytes
@@ -166,13 +166,13 @@ struct DescriptorColumn {
   }
 };
 
-/// A number per landmark, with a user's name; NaN if unknown.
+/// One number per landmark under a user-defined name; NaN if unknown.
 struct NamedColumn {
   std::string name;
   std::vector<double> values;
 };
 
-/// The names, which refer to the columns.
+/// Names of the columns; views of `columns`.
 std::vector<std::string_view> column_names(std::span<const NamedColumn> columns);
 
 /// Landmarks in columns. The optional columns are empty or have one entry per landmark.
@@ -186,11 +186,11 @@ struct LandmarkTable {
   std::vector<NamedColumn> columns;  ///< at most kMostNamedColumns, with distinct names
 };
 
-/// How the pixel of an observation was measured.
+/// Measurement method of an observation's pixel.
 enum class PixelSource : std::uint8_t {
   kCorner,     ///< a corner was detected there
   kPatch,      ///< the landmark's patch matches best there
-  kReference,  ///< the patch was taken there: this pixel defines the landmark
+  kReference,  ///< origin of the patch: this pixel defines the landmark
 };
 inline constexpr std::size_t kPixelSourceCount = 3;
 
@@ -200,19 +200,19 @@ std::string_view to_string(PixelSource source);
 /// Observations in columns, grouped by landmark. One observation is one measurement of a landmark in one
 /// keyframe. The optional columns are empty or have one entry per observation.
 struct ObservationTable {
-  /// Landmark i's observations are [offsets[i], offsets[i + 1]). Empty if the map has no observations, such
-  /// as one read from a point cloud, or no landmarks.
+  /// Landmark i's observations are [offsets[i], offsets[i + 1]). Empty if the map has no
+  /// observations (e.g. a point cloud) or no landmarks.
   std::vector<std::uint64_t> offsets;
   std::vector<FrameIndex> frames;
   std::vector<Pixel> pixels;
   OptionalColumn<std::uint32_t> keypoints;  ///< optional; index in the frame's features
-  OptionalColumn<double> depths;            ///< optional; along the optical axis
+  OptionalColumn<double> depths;            ///< optional; along the optical axis, map's unit
   OptionalColumn<std::int32_t> octaves;     ///< optional; pyramid level of the feature
   OptionalColumn<PixelSource> sources;      ///< optional; how the pixel was measured
   OptionalColumn<double> sigmas_px;  ///< optional; standard deviation of u and of v; positive
 };
 
-/// All columns of a map, from which a LandmarkMap is made.
+/// All columns of a map: the input of a LandmarkMap.
 struct MapTables {
   MapInfo info;
   std::vector<Camera> cameras;
@@ -263,8 +263,8 @@ enum class MapColumn : std::uint8_t {
   kInstants = 36,
 };
 
-/// Where an entry of a column was read, for messages, e.g. "desk.map:12: field 2 (id)". Rows of
-/// kColumnValues count through the first named column, then the second, and so on.
+/// Input location of a column entry, for messages, e.g. "desk.map:12: field 2 (id)". Rows of
+/// kColumnValues count through all named columns in order.
 using EntryPlace = std::function<std::string(MapColumn column, std::size_t row)>;
 
 /// A landmark map: keyframes, landmarks and observations. Valid and immutable. An optional column without
@@ -273,8 +273,8 @@ class LandmarkMap {
  public:
   /// An empty map.
   LandmarkMap() = default;
-  /// Checks the columns and takes them over in their order.
-  /// @param place where entries were read from; messages begin with it
+  /// Validates the columns and moves them in, in their order.
+  /// @param place input location of entries; messages begin with it
   /// @throws Error (input) naming the invalid entry: sizes, duplicate ids, indices out of range, numbers
   ///        that are not finite, quaternion norms off 1 by more than 1e-3, matrices that are no covariance,
   ///        defective cameras, contradictory rigs
@@ -296,7 +296,7 @@ class LandmarkMap {
   bool has_covariances() const { return !tables_.landmarks.covariances.empty(); }
   /// std::nullopt if unknown.
   std::optional<Eigen::Matrix3d> covariance(LandmarkIndex landmark) const;
-  /// Whether the map has observations; if not, counts are unknown, not zero.
+  /// Whether the map has observations; if not, observation counts are unknown, not zero.
   bool has_observations() const {
     return !tables_.observations.offsets.empty() || landmark_count() == 0;
   }
@@ -304,7 +304,7 @@ class LandmarkMap {
   std::size_t observation_count(LandmarkIndex landmark) const;
   /// Frames that observed a landmark, in the order of its observations.
   std::span<const FrameIndex> observing_frames(LandmarkIndex landmark) const;
-  /// Pixels of the same observations.
+  /// Pixels of a landmark, parallel to observing_frames().
   std::span<const Pixel> observed_pixels(LandmarkIndex landmark) const;
 
   std::optional<FrameIndex> find(FrameId id) const;
@@ -312,7 +312,7 @@ class LandmarkMap {
   /// The column of that name; null if there is none.
   const NamedColumn* column(std::string_view name) const;
 
-  /// Gives the columns away, to make another map.
+  /// Moves the columns out, to build another map.
   MapTables tables() && { return std::move(tables_); }
 
  private:

@@ -15,49 +15,53 @@
 
 namespace cairn {
 
-// A derived map keeps what still holds and drops the UUID.
+// A derived map keeps all data that remain valid and drops the UUID.
 
 /// Landmarks with at least `count` observations; all if the map has no observations.
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
 
-/// Whether `a` comes before `b` where the order in which maps are given must not matter: the map with more landmarks,
-/// or the one whose first different position is lower. False both ways for maps of equal positions.
+/// Canonical order of two maps, independent of the input order: the map with more landmarks comes
+/// first, then the map with the lexicographically lower first differing position. False in both
+/// directions for equal positions.
 bool precedes(const LandmarkMap& a, const LandmarkMap& b);
 
-/// Whether landmarks are the same, in the same order, up to the rounding of single precision: one map is a copy of the
-/// other. False without any.
+/// Whether landmark positions are equal, in the same order, up to single-precision rounding: one
+/// map is a copy of the other. False for no landmarks.
 bool are_one_map(std::span<const Eigen::Vector3d> a, std::span<const Eigen::Vector3d> b);
 
 /// Rows of a descriptor column, with their further descriptors, in the given order.
 DescriptorColumn descriptor_rows(const DescriptorColumn& descriptors,
                                  std::span<const std::uint32_t> rows);
 
-/// Drops landmarks whose position is not finite or beyond kLargestCoordinate, with their observations.
-/// @param tables a map's, valid but for such positions
-/// @return the rows that they had
+/// Drops landmarks whose position is not finite or beyond kLargestCoordinate, with their
+/// observations.
+/// @param tables valid except for such positions
+/// @return the dropped rows
 std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables);
 
-/// Puts frames and landmarks in another order.
-/// @param frames, landmarks all rows of the tables, each once
+/// Reorders frames and landmarks.
+/// @param frames, landmarks old rows in their new order, each once
 void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
              std::span<const std::uint32_t> landmarks);
 
-/// Only these landmarks, in the given order, with their observations and all frames.
+/// The map with only these landmarks, in the given order, with their observations and all frames.
 /// @throws Error (misuse) for an index out of range, (input) for a duplicate one
 LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks);
 
-/// The mini-map of the frames with ids in [begin, end): those frames, and the landmarks observed only
-/// there.
+/// The mini-map of the frames with ids in [begin, end): these frames and the landmarks that no
+/// other frame observes.
 /// @throws Error (misuse) if the map has no observations or no such frame
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
-/// The map without some frames and their observations, and without landmarks that fewer than two of the other frames
-/// observe.
-/// @param frames any of the map's; no more than all but one
+/// The map without some frames and their observations. Drops landmarks that lose observations and
+/// keep fewer than two.
+/// @param frames to drop; at least one frame must remain
 LandmarkMap without_frames(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
-/// The map in another world frame. Transforms positions, covariances, poses, normals, gravity and georeference; scales
-/// all lengths, of depths and rigs too but not of named columns. Keeps the unit's name. @throws as ColumnMotion
+/// The map in another world frame. Transforms positions, covariances, poses, gravity, georeference
+/// and the columns of ColumnMotion; scales depths and rig translations. Keeps other named columns
+/// and the unit's name.
+/// @throws Error as ColumnMotion
 LandmarkMap transformed(const LandmarkMap& map, const Similarity3& new_from_old);
 
 /// The map with its length unit renamed.
@@ -68,47 +72,48 @@ LandmarkMap with_georeference(const LandmarkMap& map,
                               const std::optional<GeoReference>& georeference);
 
 /// The map transformed into the ENU frame of its georeference: metres to the east, north and up.
-/// @throws Error (input) if it has none
+/// @throws Error (input) if it has no georeference
 LandmarkMap in_enu_frame(const LandmarkMap& map);
 
-/// The map with an added named column; replaces one of that name.
+/// The map with an added named column; replaces a column of the same name.
 /// @param values one per landmark
 LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
                         std::vector<double> values);
 
-/// The map with this camera for all frames, instead of any others and their rigs.
+/// The map with this camera for all frames; drops other cameras and rigs.
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);
 
-/// Whether the file that a map comes from stated the sizes of its images. The provenance says if not.
+/// Whether the source file of a map stated its image sizes, according to the provenance.
 bool states_image_sizes(const MapInfo& info);
 
-/// Notes in the provenance that the file states no image sizes: those of the cameras follow from the observations.
+/// Notes in the provenance that the file states no image sizes: the camera sizes derive from the
+/// observations.
 void note_unstated_image_sizes(MapInfo& info);
 
 // ---- rigs
 
-/// Frames that move together: those that one rig took at one instant.
+/// Rigidly coupled frames: captured by one rig at one instant.
 struct RigidFrames {
-  /// Per frame: the first one that moves with it; itself if it moves alone.
+  /// Per frame: the first frame of its rigid group; itself if alone.
   std::vector<std::uint32_t> lead;
-  std::vector<Rigid3> camera_from_lead;  ///< per frame, as its rig states it
+  std::vector<Rigid3> camera_from_lead;  ///< per frame, from its rig's mounts
 
   bool leads(std::size_t frame) const { return lead[frame] == frame; }
 };
 
 RigidFrames rigid_frames(std::span<const Rig> rigs, const FrameTable& frames);
 
-/// camera_from_rig of all cameras of rigs.
+/// camera_from_rig of every camera in a rig.
 std::unordered_map<CameraIndex, Rigid3> cameras_from_rigs(std::span<const Rig> rigs);
 
-/// Puts each frame where its rig has it relative to its lead, as after each frame was moved by itself.
+/// Recomputes each frame's pose from its lead's pose and its rig, e.g. after independent motion.
 void hold_rigs(MapTables& tables);
 
 // ---- descriptors
 
 /// Measure of the difference between two descriptors.
 enum class DescriptorNorm {
-  kHamming,  ///< bits that differ
+  kHamming,  ///< number of different bits
   kSquared,  ///< sum of squared differences of bytes
 };
 
@@ -119,23 +124,24 @@ bool is_binary(std::string_view kind);
 std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
                                     std::span<const std::uint8_t> b, DescriptorNorm norm);
 
-/// Bytes that stand for a descriptor of floating-point numbers, such as ALIKED's or SuperPoint's, which is compared by its
-/// direction: the vector of length 1, in steps of 1/32 of the root mean square of its numbers, up to 4 times that.
-/// Distances change by less than 1 %.
+/// Quantises a floating-point descriptor that is compared by direction, such as ALIKED or
+/// SuperPoint, to bytes: steps of 1/32 of the values' root mean square, clipped at 4 times the root
+/// mean square. Distances change by less than 1 %.
 /// @param values finite, not all zero
 std::vector<std::uint8_t> descriptor_bytes(std::span<const float> values);
 
-/// Number of descriptors that Cairn gives a landmark with so many distinct ones: four views, because more
-/// cost time and hardly match more.
+/// Maximum number of distinct descriptors that Cairn keeps per landmark: more cost time and hardly
+/// improve matching.
 inline constexpr std::size_t kDistinctViews = 4;
 
-/// Chooses the descriptors of a landmark's most distinct views: greedily, each time the one that differs
-/// most from its nearest among those chosen (farthest-first traversal, Gonzalez 1985); the first of equals.
-/// Considers only the first 64, beside `first`, and stops where all others equal a chosen one.
+/// Selects the descriptors of a landmark's most distinct views by farthest-first traversal
+/// (Gonzalez 1985): repeatedly adds the descriptor farthest from its nearest selected one, the
+/// first one in a tie. Considers only `first` and the first 64; stops when all others equal a
+/// selected one.
 /// @param descriptors all of one size
-/// @param first index of the one to begin with
+/// @param first index of the initial descriptor
 /// @param most largest number, at least 1
-/// @return indices in the order of choice
+/// @return indices in selection order
 std::vector<std::size_t> distinct_descriptors(
     std::span<const std::span<const std::uint8_t>> descriptors, std::size_t first, std::size_t most,
     DescriptorNorm norm);
@@ -145,8 +151,9 @@ std::vector<std::size_t> distinct_descriptors(
 void append_descriptors(DescriptorColumn& column,
                         std::span<const std::span<const std::uint8_t>> descriptors);
 
-/// Appends a row to a column: of the descriptors of one landmark's observations the medoid, which represents it, and those
-/// of the most distinct views; unknown if there is none. Considers only the first 64 for the medoid.
+/// Appends a row to a column, from the descriptors of one landmark's observations: the medoid as
+/// representative, then the descriptors of the most distinct views; unknown if `descriptors` is
+/// empty. Considers only the first 64 for the medoid.
 void append_distinct(DescriptorColumn& column,
                      std::span<const std::span<const std::uint8_t>> descriptors,
                      DescriptorNorm norm);

@@ -12,14 +12,14 @@
 
 namespace cairn {
 
-/// Values that may be unknown, stored flat: the values, and flags for those that are known. Reads and
-/// writes like a vector of optional values, which it returns by value.
+/// Column of optional values, stored as an array of values and an array of flags for known values.
+/// Reads and writes like a vector of std::optional, but returns entries by value.
 template <class Value>
 class OptionalColumn {
  public:
   using value_type = std::optional<Value>;
 
-  /// Proxy of an entry that can be written.
+  /// Proxy for a writable entry.
   class Entry {
    public:
     // NOLINTNEXTLINE(google-explicit-constructor): reads as the value it stands for
@@ -151,7 +151,7 @@ class OptionalColumn {
   friend bool operator==(const OptionalColumn&, const OptionalColumn&) = default;
 
  private:
-  // What an unknown entry holds. Eigen's matrices are not initialised by their default constructor.
+  // Stored value of an unknown entry. Eigen's default constructor leaves matrices uninitialised.
   static Value placeholder() {
     if constexpr (requires { Value::Zero(); }) {
       return Value::Zero();

@@ -17,13 +17,13 @@ namespace cairn {
 struct MergeInput {
   std::string name;
   const LandmarkMap* map = nullptr;  ///< not null
-  std::string session = {};          ///< shared by maps of one run; empty if unknown
+  std::string session = {};          ///< name that maps of one run share; empty if unknown
 };
 
-/// Options of merge(): those of the fusion and of the links.
+/// Options of merge(): options of fusion and linking.
 struct MergeOptions : FusionOptions {
   LinkOptions links = {};
-  /// Known links, of maps by index, such as odometry between mini-maps of one run.
+  /// Known links, e.g. odometry between mini-maps of one run. Their nodes are map indices.
   std::vector<Link> stated = {};
 
   /// @throws Error (misuse) naming the field, its value and the constraint
@@ -33,28 +33,29 @@ struct MergeOptions : FusionOptions {
 /// Result for one map.
 struct MergedMap {
   bool placed = false;
-  std::string reason;  ///< why it is not placed, in one sentence; empty if it is placed
+  std::string reason;  ///< why the map is not placed, in one sentence; empty if placed
   /// Index in MergeResult::links of the likeliest link of a map that is not placed, if none is aligned.
   std::optional<std::size_t> likeliest_link;
   std::optional<Similarity3> world_from_map;
   Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
-  /// What is left out of the map, if another one shows it to be folded; `other` is an index of the inputs.
+  /// Part left out of the map, if another map shows it to be folded; `other` is an index of the
+  /// inputs.
   std::optional<MapFold> fold;
-  /// How far the map was bent, if it was straightened before the fusion.
+  /// Bend of the map, if the map was straightened before the fusion.
   std::optional<MapBend> bend;
   std::optional<MapFusion> fusion;
 };
 
 struct MergeResult {
   std::vector<MergedMap> maps;  ///< one per input
-  /// Of all pairs that were tried, aligned or not; then the stated ones. Their nodes are the maps' indices.
+  /// Links of all tried pairs, aligned or not; then the stated links. Their nodes are map indices.
   std::vector<Link> links;
   std::vector<bool> used;         ///< per link: whether it is aligned and agrees with the poses
-  std::vector<std::size_t> tree;  ///< links that first placed a map, in order
-  /// In the frame of the first map that is placed; std::nullopt if no two maps were placed.
+  std::vector<std::size_t> tree;  ///< indices of links that first placed a map, in order
+  /// Merged map, in the frame of the first placed map; std::nullopt if no two maps were placed.
   std::optional<LandmarkMap> map;
-  /// std::nullopt if not requested, or if the maps lack the data; the log says why. The poses above are
-  /// those before the adjustment, which moves keyframes individually.
+  /// std::nullopt if not requested, or if the maps lack the data; the log says why. The poses above
+  /// precede the adjustment, which moves keyframes individually.
   std::optional<MergeAdjustment> adjustment;
 
   std::size_t placed() const;
@@ -68,17 +69,19 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
 MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options = {},
                   const Execution& execution = {});
 
-/// The first half of merge(): link_maps(), then optimise_poses(). Only aligned and stated links place a map; maps without a
-/// link to the largest group are left out. The order of the maps decides the frame and the numbers, and nothing else.
-/// @return without a map
-/// @throws Error as merge(), and (misuse) for a map that is given twice, whatever its name
+/// The first half of merge(): link_maps(), then optimise_poses(). Only aligned and stated links
+/// place a map; maps without a link to the largest group are left out. The order of the maps
+/// affects only the frame and the numbering.
+/// @return result without a merged map
+/// @throws Error as merge(), and (misuse) for a map that is given twice under any names
 MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options = {},
                        const Execution& execution = {});
 
-/// The second half of merge(): merge_placed() of the maps that are placed, if any, by the links between them that are
-/// used.
-/// @param result of place_maps(), or made from what an atlas keeps; gets the map
-/// @return per map and frame that is not left out as folded: its index in the map; nothing for a map that is not placed
+/// The second half of merge(): merge_placed() of the placed maps, if any, with the used links
+/// between them.
+/// @param result output of place_maps(), or restored from an atlas; receives the merged map
+/// @return per map and frame that is not left out as folded: index in the merged map; empty for a
+///        map that is not placed
 /// @throws Error as merge_placed()
 std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> maps,
                                                  const FusionOptions& options, MergeResult& result,

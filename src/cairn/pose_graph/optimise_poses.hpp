@@ -11,23 +11,23 @@
 
 namespace cairn {
 
-/// Extent of a node's landmarks in its own frame, by which poses are compared.
+/// Extent of a node's landmarks in the node's frame; the reference for pose comparison.
 struct NodeExtent {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double radius = 1.0;  ///< median distance from the centre; positive
 };
 
-/// Centre and radius by medians, robust to outliers.
-/// @param landmarks of the node, in its frame
+/// Computes centre and radius by medians, robust to outliers.
+/// @param landmarks positions in the node's frame
 NodeExtent node_extent(std::span<const Eigen::Vector3d> landmarks);
 
 /// Options of optimise_poses().
 struct PoseOptimisationOptions {
-  /// Two poses of a node agree if they move its landmarks apart by less than this share of its radius: the root of the
-  /// sum of the squares of the shift of its centre in radii, of the rotation in radians, and of the difference of the
-  /// logarithms of scale; in (0, 1].
+  /// Largest disagreement of two poses of a node that agree; in (0, 1]. The disagreement is the
+  /// root of the sum of squares of the centre's shift (in radii of the node), the rotation
+  /// (radians) and the difference of the logarithms of scale.
   double agreement = 0.1;
-  int max_iterations = 100;  ///< of the solver
+  int max_iterations = 100;  ///< iteration limit of the solver
 
   static const OptionTable table;
   /// @throws Error (misuse) naming the field, its value and the constraint
@@ -35,68 +35,82 @@ struct PoseOptimisationOptions {
 };
 
 struct OptimisedPoses {
-  /// One per node, in the frame of the first node of the largest linked group, whose pose is the identity;
-  /// of equally large groups, the one with the first node. std::nullopt for other nodes.
+  /// Poses of the largest linked group, one per node; std::nullopt for other nodes. The pose of the
+  /// group's first node is the identity. Of equally large groups, the group with the first node
+  /// counts.
   std::vector<std::optional<Similarity3>> world_from_node;
-  /// Left perturbation in the world, (δt, δφ, δ log s); zero for the first node. One per node.
+  /// One per node: left perturbation in the world, (δt, δφ, δ log s); zero for the group's first
+  /// node.
   std::vector<Matrix7d> covariances;
-  /// Per link: whether it is in the group and agrees with the poses. Links that disagree were not used.
+  /// Per link: whether both nodes are in the group and the link agrees with their poses.
+  /// Disagreeing links were not used.
   std::vector<bool> agrees;
-  /// Spanning tree of the most certain links, in the order in which they reach nodes from the first one.
+  /// Links of the spanning tree of most certain links, in the order in which the tree grows from
+  /// the first node.
   std::vector<std::size_t> tree;
 };
 
-/// Computes poses in one frame.
+/// Computes the poses of the largest linked group in one frame.
 ///
-/// Initial poses: groups of nodes grow together, those of one session first. Two groups are joined at the relative pose
-/// that more of the links between them support than any other; links by way of a third group count too. So a wrong link
-/// determines the pose only if it is the only link. If one link contradicts another, there is no majority, and the
-/// groups stay apart. Then solves a robust pose graph (Cauchy loss, errors weighted by the links' covariances) of all
-/// consistent links. Links that disagree with the result are removed, together with nodes that only such links connect;
-/// then it is solved again. The order of nodes and links affects only the choice of the frame, unless two nodes have
-/// equal radii.
+/// Initial poses: groups of nodes are joined step by step, groups within one session first. Two
+/// groups are joined at the relative pose that most links between them support; paths through a
+/// third group count as links. A wrong link therefore determines a pose only if it is the only
+/// link. If one link contradicts another, there is no majority, and the groups stay apart. Then
+/// solves a robust pose graph of all consistent links (Cauchy loss, errors weighted by the links'
+/// covariances). Disagreeing links and the nodes that only they connect are removed, and the pose
+/// graph is solved again. The order of nodes and links affects only the choice of the frame, unless
+/// two nodes have equal radii.
 ///
-/// @param graph   its poses are ignored; links without covariance are not used
+/// @param graph   node poses are ignored; links without covariance are not used
 /// @param extents one per node
 /// @throws Error (misuse) for invalid options or extents, (input) for an invalid graph
 OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,
                               const PoseOptimisationOptions& options = {});
 
-/// Updates the poses of a graph to which nodes and links were added, without voting anew on the links used before.
+/// Updates the poses of a graph after nodes and links were added, without a new vote on the links
+/// used before.
 ///
-/// New nodes join the placed ones by the votes of their links, as in optimise_poses(). All used links are then
-/// optimised from the poses before, which takes few iterations, and all covariances are those of the used links.
+/// The votes of their links place new nodes, as in optimise_poses(). The pose graph of all used
+/// links is then solved from the previous poses, in few iterations. All covariances follow from the
+/// used links.
 ///
-/// Differs from optimise_poses() in that links that were used before stay unless the new ones contradict them; a
-/// wrong majority is therefore not reconsidered. If both use the same links, poses and covariances are the same.
+/// Unlike optimise_poses(), this function keeps previously used links unless new links contradict
+/// them. A wrong majority is therefore not reconsidered. If both functions use the same links,
+/// poses and covariances are the same.
 ///
-/// If the frame would change, or the new links break the group apart, the result is that of optimise_poses().
+/// If the frame would change, or the new links split the group, the function calls
+/// optimise_poses().
 ///
-/// @param before of the graph before the additions, but with an entry per present node and link: no pose for
-///        new nodes, `false` for new links; its tree is ignored
-/// @throws Error (misuse) for invalid options or extents or an entry missing, (input) for an invalid graph
+/// @param before result before the additions, extended to one entry per present node and link: no
+///        pose for new nodes, `false` for new links; the tree is ignored
+/// @throws Error (misuse) for invalid options or extents or a missing entry, (input) for an invalid
+///        graph
 OptimisedPoses update_poses(const PoseGraph& graph, std::span<const NodeExtent> extents,
                             const OptimisedPoses& before,
                             const PoseOptimisationOptions& options = {});
 
-/// Poses of all linked nodes: those of the largest group, then of the largest of what is left, and so on.
+/// Poses of all linked nodes, group by group: the largest group, then the largest of the remaining
+/// groups, and so on.
 struct OptimisedComponents {
-  /// Reference of each node: the first node of its group, in whose frame the pose is. std::nullopt for a node without a
-  /// pose.
+  /// Reference of each node: the first node of its group, which defines the frame of the pose.
+  /// std::nullopt for a node without a pose.
   std::vector<std::optional<std::size_t>> frames;
   std::vector<Similarity3> frame_from_node;  ///< one per node
   std::vector<Matrix7d> covariances;         ///< as in OptimisedPoses
-  /// Per link between nodes with poses: whether it is of one group and agrees with the poses.
+  /// Per link: whether it agrees with the poses of two nodes of one group. std::nullopt if a node
+  /// has no pose.
   std::vector<std::optional<bool>> agrees;
 };
 
-/// @param before of the largest group before nodes and links were added, as for update_poses(); null: all poses are new
+/// @param before poses of the largest group before nodes and links were added, as for
+///        update_poses(); null: all poses are new
 /// @throws Error as optimise_poses() and update_poses()
 OptimisedComponents optimise_components(const PoseGraph& graph, std::span<const NodeExtent> extents,
                                         const OptimisedPoses* before = nullptr,
                                         const PoseOptimisationOptions& options = {});
 
-/// Covariances of the graph's own poses relative to its first node, as its links determine them; see OptimisedPoses.
+/// Covariances of the poses stored in the graph, relative to its first node, from its links; see
+/// OptimisedPoses.
 /// @throws Error (input) if the links do not determine all poses, or as optimise_poses()
 std::vector<Matrix7d> covariances_of_poses(const PoseGraph& graph,
                                            std::span<const NodeExtent> extents);

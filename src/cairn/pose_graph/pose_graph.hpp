@@ -19,24 +19,24 @@ using NodeId = StrongId<struct NodeIdTag, std::uint64_t>;
 struct PoseNode {
   NodeId id;
   std::string name;             ///< e.g. the map's file; empty if unknown
-  std::string session;          ///< shared by nodes of one run; empty if unknown
+  std::string session;          ///< name that nodes of one run share; empty if unknown
   Similarity3 world_from_node;  ///< x_in_world = world_from_node * x_in_node
 };
 
 /// Origin of a link's transform.
 enum class LinkKind {
   kOdometry,   ///< neighbours in one run
-  kPlacement,  ///< an alignment that was judged
+  kPlacement,  ///< a judged alignment
   kManual,     ///< stated by a person
 };
 
 /// "odometry" etc.: the names in files.
 std::string_view to_string(LinkKind kind);
 
-/// What alignment says of a pose.
+/// Verdict of an alignment on a pose.
 enum class Verdict {
-  kAligned,    ///< its probability suffices, and the matches determine it
-  kAmbiguous,  ///< the evidence suffices for a match, but not for one pose
+  kAligned,    ///< the pose is probable enough and determined by the matches
+  kAmbiguous,  ///< the maps probably match, but not at a single pose
   kRejected,   ///< no pose is probable enough
 };
 
@@ -45,8 +45,8 @@ std::string_view to_string(Verdict verdict);
 
 using LinkId = StrongId<struct LinkIdTag, std::uint64_t>;
 
-/// The relation of two nodes: a transform that was stated or judged, x_in_target = target_from_source * x_in_source, or
-/// the finding that there is none.
+/// Relation of two nodes: a stated or judged transform, or a judged pair without a transform.
+/// x_in_target = target_from_source * x_in_source.
 struct Link {
   LinkId id = {};  ///< in an atlas, from 1 and never reused; 0 elsewhere
   NodeId target = {};
@@ -56,21 +56,22 @@ struct Link {
   std::optional<double> probability =
       {};                   ///< that the transform is right; std::nullopt if not judged
   std::string reason = {};  ///< one sentence for people
-  /// Whether both maps contain the same images, or are one map, so that the link is no independent evidence; the reason
-  /// says which. Known where the maps were just aligned; neither files nor an atlas keep it.
+  /// Whether both maps share images or are one map, so that the link is not independent evidence;
+  /// `reason` states which. Only an alignment sets this flag; files and atlases do not store it.
   bool repeats = false;
-  /// Only if the link is stated or its verdict is aligned.
+  /// std::nullopt unless the link is stated or its verdict is aligned.
   std::optional<Similarity3> target_from_source = {};
   /// Left perturbation in the target's frame, (δt, δφ); std::nullopt if unknown.
   std::optional<Matrix6d> covariance = {};
-  /// The same with the scale, (δt, δφ, δ log s), for a link that measures it.
+  /// The same with the scale, (δt, δφ, δ log s), for a link that measures the scale.
   std::optional<Matrix7d> covariance_with_scale = {};
 
-  /// Whether it may place a node: it has a transform, which is stated or judged aligned.
+  /// Whether the link may place a node: its transform is stated or its verdict is aligned.
   bool connects() const;
   /// "stated", or the name of the verdict.
   std::string_view status() const;
-  /// The covariance of seven numbers; those of the scale are 0 if the link does not measure it.
+  /// 7x7 covariance of (δt, δφ, δ log s); row and column of the scale are 0 if the link does not
+  /// measure it.
   std::optional<Matrix7d> full_covariance() const;
 };
 
@@ -79,10 +80,11 @@ struct PoseGraph {
   std::vector<PoseNode> nodes;
   std::vector<Link> links;
 
-  /// @throws Error (input) naming the node or link: a duplicate id, a link of a node with itself or a
-  ///        missing one, a link that does not connect, a number that is not finite, a covariance that is not symmetric or has a negative
-  ///        eigenvalue, a probability outside [0, 1]
-  /// @param where for the messages, e.g. the file's name
+  /// @throws Error (input) naming the node or link, for a duplicate id, a link of a node with
+  ///        itself or with a missing node, a link that does not connect, a number that is not
+  ///        finite, a covariance that is not symmetric or has a negative eigenvalue, or a
+  ///        probability outside [0, 1]
+  /// @param where prefix of the messages, e.g. the file's name
   void validate(std::string_view where = "pose graph") const;
 };
 

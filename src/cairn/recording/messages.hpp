@@ -11,14 +11,14 @@
 
 namespace cairn {
 
-/// How a message became bytes.
+/// A serialised message.
 struct MessageBytes {
   std::string_view bytes;
   std::string_view encoding;  ///< "cdr" or "ros1"
-  std::string name;           ///< of the message in errors
+  std::string name;           ///< name of the message in errors
 };
 
-/// When and in which frame something was measured.
+/// Time and frame of a measurement.
 struct MessageHeader {
   double stamp_s = 0.0;
   std::string frame;
@@ -28,12 +28,12 @@ struct MessageHeader {
 struct ImageMessage {
   MessageHeader header;
   bool is_compressed = false;
-  std::uint32_t width = 0;  ///< pixels; 0 of a compressed image
+  std::uint32_t width = 0;  ///< pixels; 0 for a compressed image
   std::uint32_t height = 0;
-  std::string encoding;  ///< as sensor_msgs/image_encodings; the format of a compressed image
+  std::string encoding;  ///< see sensor_msgs/image_encodings; for a compressed image its format
   bool is_big_endian = false;
   std::uint32_t row_bytes = 0;
-  std::string_view data;  ///< of the message's bytes
+  std::string_view data;  ///< view into the message's bytes
 };
 
 /// sensor_msgs/CameraInfo.
@@ -41,15 +41,15 @@ struct CameraInfo : CameraCalibration {
   MessageHeader header;
 };
 
-/// One of a tf2_msgs/TFMessage, or a message of a pose.
+/// One transform of a tf2_msgs/TFMessage, or a pose message.
 struct FrameTransform {
   double stamp_s = 0.0;
   std::string parent;
-  std::string child;  ///< empty if the message does not say it
+  std::string child;  ///< empty if not in the message
   Rigid3 parent_from_child;
 };
 
-/// Of every message that begins with a header; reads no more than its stamp.
+/// Timestamp, seconds, of a message that begins with a header; parses only the stamp.
 /// @throws Error (input) naming message and byte
 double stamp_of(const MessageBytes& message);
 /// @param type "sensor_msgs/Image" or "sensor_msgs/CompressedImage"
@@ -57,8 +57,8 @@ double stamp_of(const MessageBytes& message);
 ImageMessage parse_image(const MessageBytes& message, std::string_view type);
 CameraInfo parse_camera_info(const MessageBytes& message);
 std::vector<FrameTransform> parse_transforms(const MessageBytes& message);
-/// @param type "nav_msgs/Odometry", "geometry_msgs/PoseStamped" or "geometry_msgs/PoseWithCovarianceStamped"; the child
-///        is known of the first alone
+/// @param type "nav_msgs/Odometry", "geometry_msgs/PoseStamped" or
+///        "geometry_msgs/PoseWithCovarianceStamped"; only the first contains the child
 FrameTransform parse_pose(const MessageBytes& message, std::string_view type);
 
 }  // namespace cairn

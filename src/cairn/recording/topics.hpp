@@ -12,60 +12,61 @@
 
 namespace cairn {
 
-/// A topic of images.
+/// An image topic.
 struct ImageTopic {
   std::uint32_t topic = 0;  ///< position in Recording::topics()
   bool is_depth = false;
-  std::string frame;               ///< of the first image
-  std::optional<CameraInfo> info;  ///< of the topic beside it, or else of its frame
+  std::string frame;               ///< frame of the first image
+  std::optional<CameraInfo> info;  ///< from the camera_info beside the topic, or with its frame
 };
 
-/// The topics of images that can be read (ROS 1, or CDR), by name. Without transported copies of raw images that are
-/// there too.
+/// The readable image topics (ROS 1 or CDR), sorted by name. Compressed copies of recorded raw
+/// images are left out.
 std::vector<ImageTopic> image_topics(const Recording& recording);
 
 /// The topics of one RGB-D or stereo camera.
 struct SensorTopics {
-  ImageTopic image;  ///< in colour, or of the left camera
+  ImageTopic image;  ///< colour image or left image
   ImageTopic depth_or_right;
 
   bool is_stereo() const { return !depth_or_right.is_depth; }
 };
 
-/// Chooses the only image and the only depth image, or else the only two images, which are a stereo pair.
-/// @param topics as from image_topics()
-/// @param given "IMAGE,DEPTH" or "LEFT,RIGHT", names of topics; empty: chosen
+/// Chooses the only image and the only depth image, or else the only two images as a stereo pair.
+/// @param topics result of image_topics()
+/// @param given topic names "IMAGE,DEPTH" or "LEFT,RIGHT"; empty: automatic choice
 /// @throws Error (input) naming the topics if there is more than one choice or none
 SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTopic>& topics,
                            const std::string& given = {});
 
-/// Where the second camera is, of two that are mounted on one body: of a stereo pair by P of the CameraInfo; otherwise
-/// and else by /tf_static. std::nullopt if neither says it.
-/// @throws Error (input) for an R that is no rotation
+/// Pose of the second camera in the frame of the first, metres. A stereo pair uses R and P of
+/// CameraInfo; without a baseline in P, and for RGB-D, /tf_static is used. std::nullopt if unknown.
+/// @throws Error (input) for an R that is not a rotation
 std::optional<Rigid3> image_from_partner(const Recording& recording, const SensorTopics& topics);
 
-/// The transform between two frames by /tf_static; of a frame to itself the identity. std::nullopt if it is not stated.
+/// Transform target_from_source by /tf_static; identity for equal frames; std::nullopt if unknown.
 std::optional<Rigid3> static_transform(const Recording& recording, const std::string& target,
                                        const std::string& source);
 
-/// Whether the name says that the images are rectified, as image_proc names them.
+/// Whether the name contains "image_rect", image_proc's name for rectified images.
 bool is_rectified_topic(const std::string& name);
 
-/// A topic of poses that can be read: nav_msgs/Odometry, geometry_msgs/PoseStamped or PoseWithCovarianceStamped.
+/// A readable pose topic: nav_msgs/Odometry, geometry_msgs/PoseStamped or
+/// PoseWithCovarianceStamped.
 struct PoseTopic {
   std::string name;
-  std::string body;  ///< frame whose poses they are; empty if the first message does not say it
+  std::string body;  ///< frame that the poses describe; empty if not in the first message
 };
 
-/// By name.
+/// The readable pose topics, sorted by name.
 std::vector<PoseTopic> pose_topics(const Recording& recording);
 
-/// The poses of a camera by a topic of poses of the body that carries it, and by /tf_static. Times are those of the
-/// messages' headers.
+/// Poses world_from_camera from a topic of body poses and /tf_static; the world is the topic's
+/// parent frame. Timestamps come from the message headers.
 /// @param given "TOPIC", or "TOPIC,FRAME" with the body's frame
-/// @param camera_frame of the camera's images
-/// @throws Error (input) naming the choices for another topic; unless the body and where the camera is on it are known;
-///         for messages in several frames
+/// @param camera_frame frame of the camera's images
+/// @throws Error (input) naming the choices for another topic; if the body's frame or its transform
+///         to the camera is unknown; for messages in several frames
 Trajectory camera_poses(const Recording& recording, const std::string& given,
                         const std::string& camera_frame);
 

@@ -13,28 +13,30 @@
 
 namespace cairn {
 
-/// Options of icp(). The defaults are the paper's.
+/// Options of icp(). The defaults follow the paper.
 struct IcpOptions {
   Rigid3 initial = {};  ///< initial target_from_source
-  /// nearest target points per source point, of which the most confident is matched; at least 1
+  /// Number of nearest target points per source point, at least 1; the most confident is matched.
   std::size_t k = 5;
-  /// At least 1; per sample with coarse_to_fine.
+  /// Iteration limit, per sample with coarse_to_fine; at least 1.
   int max_iterations = PclCriteria().max_iterations;
-  /// Stop if the mean squared match distance changes by less than this.
+  /// Stop if the mean squared match distance changes by less than this (length²).
   double mse_change_threshold = PclCriteria().mse_change_threshold;
-  /// Stop when the matches repeat, because all further iterations are then known (see MatchHistory). If
-  /// false, iterate until the change or the limit above ends it, as PCL does; in a limit cycle, the result
-  /// is then the pose at the limit.
+  /// Stop when the matches repeat, because all further iterations are then known (see
+  /// MatchHistory). If false, iterate until the threshold or the iteration limit is reached, as PCL
+  /// does. In a limit cycle, the result is then the pose at the iteration limit.
   bool stop_at_repetition = true;
-  /// Align growing samples of both sets first (see align_samples): faster; may converge to another optimum.
+  /// Align growing samples of both sets first (see align_samples). Faster, but may converge to
+  /// another optimum.
   bool coarse_to_fine = false;
-  double max_distance = std::numeric_limits<double>::infinity();  ///< of a match; positive
+  double max_distance = std::numeric_limits<double>::infinity();  ///< limit for matches; positive
   bool reciprocal = false;                                        ///< keep only mutual matches
-  /// share of the matches to leave out, those with the largest distances; in [0, 1)
+  /// Share of the matches to reject, the largest distances first; in [0, 1).
   double trimmed_fraction = 0.0;
   /// Weight each match in the estimate by its source point's confidence (the paper does not).
   bool weight_by_source_confidence = false;
-  /// A point overlaps if the other set has one within this distance. std::nullopt: no overlap is computed.
+  /// A point overlaps if the other set has a point within this distance. std::nullopt: no overlap
+  /// is computed.
   std::optional<double> overlap_radius = {};
   bool trace = false;  ///< record score and matches of every iteration
 
@@ -43,8 +45,8 @@ struct IcpOptions {
   void validate() const;
 };
 
-/// Aligns one point set to another with the paper's ICP: base ICP if the target has no confidences, else
-/// weighted.
+/// Aligns one point set to another with the paper's ICP: base ICP if the target has no confidences,
+/// else weighted ICP.
 ///
 /// An expected failure (an empty set, too few matches) is a status. The same input gives the same result
 /// for any number of threads.
@@ -56,7 +58,7 @@ RegistrationResult icp(const PointSet& source, const PointSet& target,
 
 /// Aligns two maps with the confidences of one metric.
 /// @param metric std::nullopt: base ICP
-/// @throws Error also (input) if a map lacks the metric's input
+/// @throws Error as above, and (input) if a map lacks the metric's input
 RegistrationResult icp(const LandmarkMap& source, const LandmarkMap& target,
                        const std::optional<Metric>& metric, const IcpOptions& options = {},
                        const PointSetOptions& point_options = {}, const Execution& execution = {});

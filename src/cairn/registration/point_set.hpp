@@ -15,8 +15,8 @@ namespace cairn {
 /// Points to align, with their confidences.
 struct PointSet {
   std::vector<Eigen::Vector3d> positions;
-  /// One per point, or empty: then the nearest point is always matched. A point with confidence 0 or less
-  /// is never matched.
+  /// One per point. If empty, the nearest point is always matched. A point with confidence 0 or
+  /// less is never matched.
   std::vector<double> confidences;
 };
 
@@ -26,32 +26,34 @@ struct PointSetOptions {
   std::size_t min_observations = 2;
 };
 
-/// The Gaussian splats of a map that serve as landmarks, and the counts of those left out, by reason; each is counted
-/// under one.
+/// The Gaussian splats of a map that serve as landmarks, and the number of rejected splats by
+/// reason. Each rejected splat counts under one reason.
 struct SplatSelection {
   std::vector<LandmarkIndex> kept;  ///< ascending
   std::size_t transparent = 0;      ///< opacity below 0.5, or unknown extent
-  std::size_t large = 0;            ///< longest axis more than 5 times the median's
+  std::size_t large = 0;            ///< longest axis more than 5 times the median
   std::size_t distant =
       0;  ///< background: more than 5 times the median distance from the median position
-  std::size_t isolated = 0;  ///< floaters: 6th neighbour more than 5 times as far as the median's
+  std::size_t isolated = 0;  ///< floaters: distance to 6th neighbour more than 5 times the median
   std::size_t plain =
-      0;  ///< beyond kMostSplatLandmarks, of colours most like those of their neighbours
+      0;  ///< beyond kMostSplatLandmarks: lowest colour contrast to their neighbours
 };
 
-/// More make an alignment slower and hardly better. Splats of outstanding colour stand out in another splat too.
+/// More landmarks make an alignment slower and hardly better. Splats of high colour contrast stand
+/// out in other splat maps too.
 inline constexpr std::size_t kMostSplatLandmarks = 5000;
 
 /// @return std::nullopt if the map has no Gaussian splats
 std::optional<SplatSelection> selected_splats(const LandmarkMap& map);
 
-/// The landmarks that take part in an alignment, by ascending id: of Gaussian splats those of selected_splats().
+/// The landmarks used by an alignment, by ascending id. selected_splats() selects them from
+/// Gaussian splats.
 std::vector<LandmarkIndex> landmarks_to_align(const LandmarkMap& map,
                                               const PointSetOptions& options = {});
 
-/// The landmarks of a map as points, by ascending landmark id, so that ties resolve by id: point i is
-/// landmarks_to_align()[i].
-/// @param metric gives the confidences; std::nullopt: none
+/// The landmarks of a map as points: point i is landmarks_to_align()[i]. The order by landmark id
+/// resolves ties.
+/// @param metric computes the confidences; std::nullopt: no confidences
 PointSet point_set(const LandmarkMap& map, const std::optional<Metric>& metric,
                    const PointSetOptions& options = {});
 

@@ -12,7 +12,7 @@
 
 namespace cairn {
 
-/// How an iteration ended. Whether its pose is right is a separate verdict.
+/// How an iterative method ended. A separate verdict states whether the pose is right.
 enum class RegistrationStatus {
   kConverged,  ///< converged
   kStopped,    ///< ended by a limit or in a limit cycle
@@ -29,13 +29,13 @@ RegistrationStatus status_of(StopReason reason);
 struct IterationRecord {
   Rigid3 target_from_source;           ///< after the iteration
   double scale = 1.0;                  ///< see RegistrationResult::scale
-  double mean_squared_distance = 0.0;  ///< of its matches, before the step
+  double mean_squared_distance = 0.0;  ///< over its matches, before the step
   std::size_t match_count = 0;
-  std::optional<double> score;  ///< after the iteration; with `trace`
+  std::optional<double> score;  ///< after the iteration; only with `trace`
   std::vector<Match> matches;   ///< with `trace`
 };
 
-/// Share of each set's points that have a point of the other within the radius.
+/// Share of each set's points with a point of the other set within the overlap radius.
 struct Overlap {
   double source = 0.0;
   double target = 0.0;
@@ -43,8 +43,8 @@ struct Overlap {
 
 /// A cycle of iterations.
 struct MatchCycle {
-  int first = 0;   ///< iteration, from 1, whose matches repeated
-  int length = 0;  ///< number of iterations until then; 1: a fixed point
+  int first = 0;   ///< iteration, from 1, whose matches were repeated
+  int length = 0;  ///< number of iterations until the repetition; 1: a fixed point
 };
 
 /// Repeated matches, and the cycle of poses that follows from them.
@@ -59,17 +59,17 @@ struct RegistrationResult {
   RegistrationStatus status = RegistrationStatus::kFailed;
   StopReason stop_reason = StopReason::kTooFewMatches;
   std::string reason;         ///< one sentence for people
-  Rigid3 target_from_source;  ///< of the source as passed in; includes the initial pose
+  Rigid3 target_from_source;  ///< for the source as passed in; includes the initial pose
   /// s in x_in_target = R·(s·x_in_source) + t; 1 if not estimated. All lengths below are in the target's
   /// unit.
   double scale = 1.0;
   std::optional<double>
       initial_score;            ///< Eq. 5 at the initial pose; std::nullopt if a set is empty
   std::optional<double> score;  ///< Eq. 5 at the final pose
-  int iterations = 0;           ///< with all points
-  int coarse_iterations = 0;  ///< on samples, before `iterations`; with IcpOptions::coarse_to_fine
-  /// Set if matches repeated, whether or not that ended the alignment. If it did, the pose is that of the
-  /// cycle's best iteration.
+  int iterations = 0;           ///< number with all points
+  int coarse_iterations = 0;    ///< number on samples; with IcpOptions::coarse_to_fine
+  /// Set if matches repeated, whether or not the repetition ended the alignment. If it did, the
+  /// pose is the pose after the cycle's best iteration.
   std::optional<RepeatedMatches> repetition;
   std::vector<Match> matches;  ///< at the final pose
   std::vector<IterationRecord> history;

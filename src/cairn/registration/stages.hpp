@@ -19,8 +19,8 @@
 #include "cairn/core/execution.hpp"
 #include "cairn/geometry/rigid3.hpp"
 
-/// The replaceable stages of an ICP, the types passed between them, and the loop that combines any four, run_icp().
-/// icp() (icp.hpp) is the ready-made combination.
+/// Replaceable stages of an ICP, the types passed between the stages, and run_icp(), the loop that
+/// combines four stages. icp() (icp.hpp) is the ready-made combination.
 namespace cairn {
 
 /// A point of a set, found by a query.
@@ -40,8 +40,8 @@ struct Match {
   friend bool operator==(const Match&, const Match&) = default;
 };
 
-/// The squared distance exactly as a NeighborSearch computes it. Written out, because Eigen may add in
-/// another order.
+/// The squared distance exactly as a NeighborSearch computes it. The sum is written out because
+/// Eigen may add in another order.
 inline double squared_distance(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   const double x = a.x() - b.x();
   const double y = a.y() - b.y();
@@ -49,7 +49,7 @@ inline double squared_distance(const Eigen::Vector3d& a, const Eigen::Vector3d& 
   return x * x + y * y + z * z;
 }
 
-/// The nearest points of a query, nearest first. It may compute distances on demand.
+/// The nearest points of a query, nearest first. The list may compute distances on demand.
 template <class List>
 concept NearestList = requires(const List& nearest, std::size_t j) {
   { nearest.size() } -> std::convertible_to<std::size_t>;
@@ -74,9 +74,10 @@ static_assert(NearestList<NeighborList>);
 
 /// Finds the nearest points of a fixed set, exactly.
 ///
-/// `nearest(query, out)` fills `out` with the out.size() nearest points (all, if there are fewer), nearest
-/// first, equal distances by lower index, and returns their number. If the k-th distance is tied, the lower
-/// indices are kept. Distances are `(p - query).squaredNorm()`. Thread-safe.
+/// `nearest(query, out)` fills `out` with the out.size() nearest points (all points if there are
+/// fewer) and returns their number. The nearest point comes first; equal distances are ordered by
+/// index. If the k-th distance is tied, the lower indices are kept. Distances are
+/// `(p - query).squaredNorm()`. Thread-safe.
 template <class Search>
 concept NeighborSearch =
     requires(const Search& search, const Eigen::Vector3d& query, std::span<Neighbor> out) {
@@ -86,10 +87,11 @@ concept NeighborSearch =
 
 /// A NeighborSearch that also answers batches of queries and reuses earlier answers.
 ///
-/// `search.batch(k)` makes a batch for the k nearest points of queries that move little between calls; what
-/// it stores never changes an answer. `batch.for_each(queries, executor, visit)` calls `visit(i, nearest)`
-/// once for each query, with the result of `search.nearest` for queries[i] and k as a NearestList that is
-/// valid during the call; from several threads, in any order. A batch is not thread-safe and must not
+/// `search.batch(k)` makes a batch for the k nearest points of queries that move little between
+/// calls. The stored state of a batch never changes an answer.
+/// `batch.for_each(queries, executor, visit)` calls `visit(i, nearest)` once for each query, from
+/// several threads, in any order. `nearest` is a NearestList with the result of `search.nearest`
+/// for queries[i] and k; it is valid during the call. A batch is not thread-safe and must not
 /// outlive its search.
 template <class Search>
 concept BatchSearch = NeighborSearch<Search> && requires(const Search& search, std::size_t k,
@@ -125,8 +127,8 @@ class OneByOneBatch {
   std::size_t count_;
 };
 
-/// Asks a search for the k nearest points of many queries, with the search's own batches if it has them:
-/// see BatchSearch.
+/// Makes a batch for the k nearest points of many queries: the search's own batch if it is a
+/// BatchSearch, else a OneByOneBatch.
 template <NeighborSearch Search>
 auto query_batch(const Search& search, std::size_t k) {
   if constexpr (BatchSearch<Search>) {
@@ -180,12 +182,12 @@ std::string_view to_string(StopReason reason);
 struct IterationState {
   int iteration = 0;                   ///< from 1
   Rigid3 step;                         ///< the motion of this iteration
-  Rigid3 target_from_source;           ///< after it
-  double mean_squared_distance = 0.0;  ///< of the matches, before the step
+  Rigid3 target_from_source;           ///< after the step
+  double mean_squared_distance = 0.0;  ///< over the matches, before the step
   double previous_mean_squared_distance = std::numeric_limits<double>::max();
 };
 
-/// Decides whether and why to stop after an iteration.
+/// Returns the reason to stop after an iteration, if any.
 template <class Convergence>
 concept ConvergenceTest = requires(const Convergence& test, const IterationState& state) {
   { test(state) } -> std::same_as<std::optional<StopReason>>;
@@ -197,7 +199,7 @@ inline constexpr std::size_t kFewestMatches = 3;
 /// Record of one iteration.
 struct Iteration {
   Rigid3 target_from_source;           ///< after the iteration's step
-  double mean_squared_distance = 0.0;  ///< of its matches, before the step
+  double mean_squared_distance = 0.0;  ///< over its matches, before the step
   std::vector<Match> matches;
 };
 

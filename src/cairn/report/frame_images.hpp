@@ -15,14 +15,15 @@ namespace cairn::report {
 inline constexpr std::size_t kMostFrameImages = 60;
 inline constexpr std::uint32_t kWidestFrameImage = 320;  ///< pixels
 
-/// Images for frames of a map, from the RGB-D sequence that the map was built from. The image of a frame is the colour
-/// image nearest in time, if it is within half the median interval between colour images. The frames are spread evenly
-/// over those that have an image. If the frame has a camera, the image is resampled to fill the map's frustum without
-/// lens distortion; what the camera did not see is grey.
+/// Images for frames of a map, from the RGB-D sequence that the map was built from. The image of a
+/// frame is the colour image nearest in time, if it is within half the median interval between
+/// colour images. The frames are spread evenly over those that have an image. If the frame has a
+/// camera, the image is resampled to fill the map's frustum without lens distortion; pixels outside
+/// the camera's view are grey.
 /// @param sequence folder of the sequence
-/// @return in the order of the frames
-/// @throws Error (input) naming the folder if no colour image is near a frame in time, and as ImageSequence
-///        and read_color_image()
+/// @return images in the order of the frames
+/// @throws Error (input) naming the folder if no colour image is close in time to a frame, and as
+///        ImageSequence and read_color_image()
 std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
                                      const LogSink& log = {});
 

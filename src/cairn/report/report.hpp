@@ -19,8 +19,9 @@
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-/// A report: its content, and writing it as a page. The types mirror docs/report_format.md, which defines each field for readers; a
-/// value absent there is an empty optional, text or list here. Invalid UTF-8 in texts is shown as U+FFFD.
+/// Content of a report, and functions that write it as a page. The types mirror
+/// docs/report_format.md, which defines each field. A null there is an empty optional, text or list
+/// here. Invalid UTF-8 in texts is shown as U+FFFD.
 namespace cairn::report {
 
 /// A list of numbers that is too long for JSON, with its storage type.
@@ -35,7 +36,7 @@ using Scalar = std::variant<std::monostate, double, std::string>;
 struct Machine {
   std::string system = {};
   std::string processor = {};
-  unsigned threads = 0;  ///< available to the work
+  unsigned threads = 0;  ///< threads available to the work
 };
 
 struct Input {
@@ -72,18 +73,18 @@ struct Frustum {
 
 enum class ImageType { kPng, kJpeg };
 
-/// What a frame's camera saw, as a pinhole camera with the map's frustum sees it: the image fills the
-/// frustum, without lens distortion.
+/// Image of a frame, resampled for a pinhole camera with the map's frustum: the image fills the
+/// frustum and has no lens distortion.
 struct FrameImage {
   std::size_t frame = 0;  ///< position in Frames::world_from_camera
   ImageType type = ImageType::kJpeg;
-  std::vector<std::uint8_t> bytes = {};  ///< of the file
+  std::vector<std::uint8_t> bytes = {};  ///< bytes of the image file
 };
 
 struct Frames {
   std::vector<Rigid3> world_from_camera = {};
   std::vector<std::uint64_t> ids = {};    ///< empty: 0, 1, ...
-  std::vector<double> timestamps_s = {};  ///< empty: unknown; else NaN if unknown
+  std::vector<double> timestamps_s = {};  ///< empty: all unknown; NaN: this one unknown
   std::optional<Frustum> frustum = {};
   std::vector<FrameImage> images = {};  ///< at most one per frame
 };
@@ -112,8 +113,8 @@ struct Matches {
   std::vector<std::int32_t> targets = {};         ///< their new matches, or -1
 };
 
-/// One alignment; runs_of() builds it from a result. A list of numbers is empty if none of its values is known;
-/// otherwise it has one entry per pose, NaN where the value is unknown.
+/// One alignment; runs_of() builds it from a result. A list of numbers is empty if none of its
+/// values is known; otherwise it has one entry per pose, NaN where the value is unknown.
 struct AlignmentRun {
   std::string name = {};
   std::vector<std::pair<std::string, Scalar>> summary = {};
@@ -186,7 +187,7 @@ struct HeatmapChart {
   std::vector<double> y = {};
   std::vector<HeatmapPanel> panels = {};
   std::optional<std::array<double, 2>> range =
-      {};  ///< of the colours; std::nullopt: that of the values
+      {};  ///< range of the colours; std::nullopt: range of the values
 };
 
 struct IntervalItem {
@@ -265,7 +266,7 @@ struct Table {
   std::vector<Best> best = {};                 ///< one per column, or empty
 };
 
-/// One of several maps.
+/// A map of the network.
 struct NetworkNode {
   std::string name = {};
   std::optional<std::string> map = {};    ///< id of a map of the report, whose landmarks are shown
@@ -274,8 +275,8 @@ struct NetworkNode {
   std::optional<std::size_t> group = {};  ///< index of a NetworkGroup; std::nullopt: no pose
   std::size_t landmarks = 0;
   std::size_t keyframes = 0;
-  std::optional<std::size_t> fused = {};          ///< landmarks that other maps have too
-  Eigen::Vector3d centre = {0.0, 0.0, 0.0};       ///< of its landmarks, in its own frame
+  std::optional<std::size_t> fused = {};          ///< landmarks shared with other maps
+  Eigen::Vector3d centre = {0.0, 0.0, 0.0};       ///< centre of its landmarks, in its own frame
   std::vector<Similarity3> group_from_node = {};  ///< one per stage if it has a group, else empty
 };
 
@@ -300,8 +301,8 @@ struct NetworkLink {
   std::string kind = {};  ///< e.g. "placement"
   std::optional<double> probability = {};
   std::string reason = {};
-  /// Residual of the link against the poses: distance between the places of the source's centre, in the
-  /// target's unit, and angle.
+  /// Residual of the link against the optimised poses: distance between the two positions of the
+  /// source's centre, in the target's unit, and angle.
   std::optional<double> residual = {};
   std::optional<double> residual_deg = {};
 };
@@ -313,10 +314,10 @@ struct NetworkThing {
   std::size_t group = 0;
   Eigen::Vector3d low = {0.0, 0.0, 0.0};  ///< corners of its box, in the group's frame
   Eigen::Vector3d high = {0.0, 0.0, 0.0};
-  std::optional<std::array<Eigen::Vector3d, 2>> moved_to = {};  ///< of a moved thing: its new box
+  std::optional<std::array<Eigen::Vector3d, 2>> moved_to = {};  ///< new box of a moved thing
 };
 
-/// Maps, their poses and links: as graph, matrix and in 3D.
+/// Maps, their poses and links, shown as a graph, as a matrix and in 3D.
 struct Network {
   LengthUnit length_unit = LengthUnit::kMetres;
   std::vector<std::string> stages = {};  ///< at least one; names of the poses, the final ones last
@@ -329,11 +330,11 @@ struct Network {
 /// A candidate pose and its evidence.
 struct AnswerCandidate {
   Similarity3 target_from_source = {};
-  double probability = 0.0;                 ///< that it is the right pose
+  double probability = 0.0;                 ///< probability that the pose is correct
   std::size_t matches = 0;                  ///< landmarks matched within AlignmentAnswer::radius
-  double share = 0.0;                       ///< of the smaller map's landmarks that are matched
-  std::optional<double> contradicted = {};  ///< share of the compared lines of sight
-  /// Log-likelihood ratios versus a wrong pose, by source.
+  double share = 0.0;                       ///< matched share of the smaller map's landmarks
+  std::optional<double> contradicted = {};  ///< contradicted share of compared lines of sight
+  /// Log-likelihood ratios versus a wrong pose, by source of evidence.
   std::vector<std::pair<std::string, double>> evidence = {};
 };
 
@@ -346,10 +347,10 @@ struct AnswerDirection {
 
 /// Result of one alignment.
 struct AlignmentAnswer {
-  std::string name = {};    ///< of its run
+  std::string name = {};    ///< name of its run
   std::string status = {};  ///< name of the verdict or, if not judged, of the method's status
   bool judged = false;      ///< whether there is a verdict
-  std::optional<double> probability{};  ///< of the pose
+  std::optional<double> probability{};  ///< probability that the pose is correct
   std::string reason = {};
   std::optional<Similarity3> target_from_source = {};  ///< the best pose, whatever the verdict
   std::optional<PoseDeviations> deviations = {};
@@ -386,8 +387,8 @@ struct Report {
 /// Writes a report as one self-contained HTML page (docs/report_format.md). The same report and page give
 /// the same bytes.
 /// @param page the viewer: HTML that contains `<!--CAIRN:TITLE-->` and `<!--CAIRN:DATA-->` once each
-/// @throws Error (input) if the page lacks a mark; (misuse) naming the part of the report that is invalid
-///        by its types: ids, sizes, maps named by scenes
+/// @throws Error (input) if the page lacks a marker; (misuse) naming the invalid part of the
+///        report: ids, sizes, maps referenced by scenes
 void write_report(const Report& report, std::string_view page, const ByteSink& sink);
 
 /// Writes a report with this build's viewer to a file, atomically.
@@ -402,7 +403,7 @@ bool has_viewer();
 std::string_view viewer_page();
 
 /// The machine that runs this program; texts are empty if the system does not provide them.
-/// @param threads available to the work
+/// @param threads number of threads available to the work
 Machine this_machine(unsigned threads);
 
 }  // namespace cairn::report

@@ -14,7 +14,8 @@
 #include "cairn/registration/point_set.hpp"
 #include "cairn/report/report.hpp"
 
-/// Results as sections of a report: one map, a pair of maps and its alignments, several maps and their links, experiments.
+/// Results as sections of a report: one map, a pair of maps and its alignments, several maps and
+/// their links, experiments.
 namespace cairn::report {
 
 /// One alignment of a pair of maps.
@@ -26,14 +27,14 @@ struct ShownAlignment {
 
 /// Two maps and their alignments.
 struct ShownPair {
-  std::string source_name = "source";  ///< name for people
+  std::string source_name = "source";  ///< display name
   std::string target_name = "target";
-  const LandmarkMap* source = nullptr;  ///< with the target, or neither: then there is no scene
+  const LandmarkMap* source = nullptr;  ///< both maps or neither; no scene without maps
   const LandmarkMap* target = nullptr;
-  std::vector<FrameImage> source_images = {};  ///< what its frames saw
+  std::vector<FrameImage> source_images = {};  ///< images of its frames
   std::vector<FrameImage> target_images = {};
   LengthUnit unit = LengthUnit::kMetres;
-  PointSetOptions points = {};  ///< landmarks that take part
+  PointSetOptions points = {};  ///< selects the landmarks to align
   Rigid3 initial = {};
   std::optional<Similarity3> truth = {};  ///< target_from_source; adds errors
   std::optional<std::string> story = {};  ///< a paragraph above the scene
@@ -48,19 +49,20 @@ std::vector<AlignmentRun> runs_of(const ShownPair& pair);
 
 /// Adds the maps, the results, the scene, the table of results and the convergence curves.
 /// @param runs from runs_of()
-/// @param prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
+/// @param prefix prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
 void add_pair(Report& report, const ShownPair& pair, std::vector<AlignmentRun> runs,
               const std::string& prefix = {});
 
 /// Adds a scene with this map only.
-/// @param images what its frames saw
+/// @param images images of its frames
 void add_map(Report& report, const LandmarkMap& map, const std::string& name,
              const std::string& prefix = {}, std::vector<FrameImage> images = {});
 
-/// "Aligned: REASON." for a single alignment; of several, "base aligned, covariance ambiguous."
+/// "Aligned: REASON." for a single alignment; for several, "base aligned, covariance ambiguous."
 std::string verdict_sentence(std::span<const ShownAlignment> alignments);
 
-/// A page's name of an alignment: the words of `--method` and `--confidence`, where icp and base go without saying.
+/// Name of an alignment on a page: the values of `--method` and `--confidence`, without icp, and
+/// without base after another method.
 std::string strategy_name(AlignMethod method, const std::string& confidence);
 
 /// A map and its pose.
@@ -69,13 +71,13 @@ struct NetworkMap {
   const LandmarkMap* map = nullptr;  ///< null: its landmarks are not shown
   std::string session = {};          ///< empty: unknown
   std::string reason = {};           ///< why it has no pose, or which part of it is left out
-  /// Index of the map whose frame the pose is in, whose own pose is the identity; std::nullopt: no pose.
+  /// Index of the map that defines the pose's frame, itself at the identity; std::nullopt: no pose.
   std::optional<std::size_t> frame = {};
   Similarity3 frame_from_map = {};
   std::size_t landmarks = 0;
   std::size_t keyframes = 0;
   std::optional<std::size_t> fused = {};     ///< landmarks fused with those of other maps
-  Eigen::Vector3d centre = {0.0, 0.0, 0.0};  ///< of the landmarks
+  Eigen::Vector3d centre = {0.0, 0.0, 0.0};  ///< centre of its landmarks, in its own frame
   LengthUnit length_unit = LengthUnit::kMetres;
 };
 
@@ -90,12 +92,13 @@ struct NetworkEdge {
   std::optional<Similarity3> target_from_source = {};
 };
 
-/// Largest number of landmarks on a page; of more, a regular sample is shown.
+/// Largest number of landmarks on a page; more landmarks are subsampled regularly.
 inline constexpr std::size_t kShownLandmarks = 400000;
 
-/// Adds the maps' landmarks and the sections `network`, `residuals`, `sessions`, `maps` and `links`, except
-/// empty ones. The network has three stages of the poses: every map in its own frame; placed by the most certain chain
-/// of used links from its group's frame; optimised.
+/// Adds the maps' landmarks and the sections `network`, `residuals`, `sessions`, `maps` and
+/// `links`, except empty ones. The network shows the poses in three stages: every map in its own
+/// frame; each map placed by the most certain chain of used links from its group's frame; optimised
+/// poses.
 /// @throws Error (misuse) for an index out of range
 void add_network(Report& report, std::span<const NetworkMap> maps,
                  std::span<const NetworkEdge> edges, std::vector<NetworkThing> things = {},
@@ -107,8 +110,9 @@ Section table_section(const ResultTable& source);
 /// truth is known, and all tables.
 std::vector<Section> paper_sections(const PaperResults& results, const PoseTolerance& tolerance);
 
-/// Success by strategy, kind of place and pair, basins of convergence, score versus pose error, and all tables.
-/// @param runs those of the summary
+/// Success by strategy, kind of place and pair, basins of convergence, score versus pose error, and
+/// all tables.
+/// @param runs the summarised runs
 std::vector<Section> study_sections(const Study& study, const StudySummary& summary,
                                     std::span<const TrialResult> runs);
 

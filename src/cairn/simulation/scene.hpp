@@ -12,10 +12,10 @@
 
 namespace cairn {
 
-/// An image on a surface with its mip levels, each half the size of the previous, so that distant surfaces
-/// are averaged and do not flicker.
+/// Image of a surface with its mip levels, which prevent flicker of distant surfaces. Each level is
+/// half the size of the previous one.
 ///
-/// A texel is 0x00RRGGBB, 8 bits per channel. Row by row from the top left.
+/// Texels are 0x00RRGGBB, 8 bits per channel, row by row from the top left.
 class Texture {
  public:
   /// @param texels width * height values
@@ -27,17 +27,17 @@ class Texture {
   std::size_t levels() const { return levels_.size(); }
   const std::vector<std::uint32_t>& texels() const { return levels_.front().texels; }
 
-  /// Colour at a point: bilinear between texels, and linear between mip levels. Outside points take the
-  /// colour of the border.
-  /// @param u,v   in texels of level 0 from the texture's corner; the first texel's centre is 0.5
-  /// @param level 0 and up, fractional; clamped to the last level
+  /// Colour at a point: bilinear between texels, linear between mip levels. Points outside the
+  /// texture get the colour of the border.
+  /// @param u,v   texel coordinates in level 0 from the top left; the first centre is 0.5
+  /// @param level mip level, fractional; clamped to the existing levels
   std::uint32_t sample(float u, float v, float level) const;
 
  private:
   struct Level {
     std::uint32_t width = 0;
     std::uint32_t height = 0;
-    float scale_u = 1.0F;  // of coordinates in level 0: sizes are rounded down, so not quite 2^-n
+    float scale_u = 1.0F;  // from level 0; not exactly 2^-n, because sizes are rounded down
     float scale_v = 1.0F;
     std::vector<std::uint32_t> texels;
   };
@@ -60,7 +60,7 @@ struct Surface {
   std::uint32_t object = 0;  ///< index in Scene::objects
   bool emits_light = false;  ///< a screen or a lamp: not darkened by shade
 
-  /// Unit vector to the front.
+  /// Unit normal towards the front, world frame.
   Eigen::Vector3d normal() const { return edge_v.cross(edge_u).normalized(); }
   Eigen::Vector3d point(double s, double t) const { return origin + s * edge_u + t * edge_v; }
   /// Corners in the world frame.
@@ -72,7 +72,7 @@ struct SceneObject {
   std::string name;          ///< kind, e.g. "cup"
   Rigid3 world_from_object;  ///< its pose
   bool movable = false;      ///< may be moved in another session
-  bool moved = false;        ///< differs from the scene without changes
+  bool moved = false;        ///< its pose differs from the unchanged scene
 };
 
 /// A rectangular light on or below the ceiling that shines downwards.
@@ -95,7 +95,7 @@ struct Scene {
   ///        that are not orthogonal, an outline with fewer than 3 corners
   void validate() const;
 
-  /// Distance from a point to the nearest surface; infinite in an empty scene.
+  /// Distance in metres from a point to the nearest surface; infinite in an empty scene.
   double distance(const Eigen::Vector3d& point) const;
 };
 

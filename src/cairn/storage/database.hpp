@@ -11,8 +11,8 @@
 #include <string_view>
 #include <utility>
 
-/// Statements and transactions, the same for SQLite and PostgreSQL; see sqlite/database.hpp and
-/// postgres/database.hpp for what opens a database.
+/// Statements and transactions, common to SQLite and PostgreSQL. sqlite/database.hpp and
+/// postgres/database.hpp open databases.
 namespace cairn::storage {
 
 enum class ColumnType { kInteger, kReal, kText, kBlob, kNull, kOther };
@@ -22,8 +22,8 @@ std::string_view to_string(ColumnType type);
 
 namespace detail {
 
-/// What a database system does for a Statement, whose functions these are. Columns are read only if they have
-/// the type, except that real() also reads an integer.
+/// Implements a Statement for one database system, with the functions of Statement. A column must
+/// have the requested type, except that real() also reads an integer.
 class Cursor {
  public:
   virtual ~Cursor() = default;
@@ -47,13 +47,13 @@ class Cursor {
 
 }  // namespace detail
 
-/// A statement: bind parameters, step through rows, read columns. Parameters count from 1 and are written "?1";
-/// columns count from 0.
+/// A statement: bind parameters, step through rows, read columns. Parameters count from 1 and are
+/// written "?1"; columns count from 0.
 class Statement {
  public:
   explicit Statement(std::unique_ptr<detail::Cursor> cursor) : cursor_(std::move(cursor)) {}
 
-  /// Of an integer, a double, text, a blob (a span of bytes) or nullptr.
+  /// Binds an integer, a double, text, a blob (a span of bytes) or nullptr.
   /// @throws Error (misuse) for text with a NUL, which PostgreSQL cannot store
   template <class Value>
   Statement& bind(int parameter, const Value& value) {
@@ -71,7 +71,7 @@ class Statement {
   Statement& bind(int parameter, const std::optional<Value>& value) {
     return value ? bind(parameter, *value) : bind(parameter, nullptr);
   }
-  /// Restarts with these as parameters 1, 2, ...; others are NULL.
+  /// Resets, then binds `values` to parameters 1, 2, ...; all others are NULL.
   template <class... Values>
   Statement& bind_all(const Values&... values) {
     reset();
@@ -82,9 +82,9 @@ class Statement {
 
   /// Moves to the next row. @return false at the end; the statement can then run again.
   bool step() { return cursor_->step(); }
-  /// Returns to before the first row and clears the parameters.
+  /// Rewinds to before the first row and clears the parameters.
   void reset() { cursor_->reset(); }
-  /// bind_all(), then runs to the end.
+  /// Calls bind_all(), then steps to the end.
   template <class... Values>
   void run(const Values&... values) {
     bind_all(values...);
@@ -95,8 +95,9 @@ class Statement {
   ColumnType type(int column) const { return cursor_->type(column); }
   bool is_null(int column) const { return type(column) == ColumnType::kNull; }
 
-  // Columns of the current row. A value of another type throws Error (input) naming database, column, value and
-  // constraint. Text and blobs are valid until the next step(), reset() or the end.
+  // Columns of the current row. A value of another type throws Error (input) naming database,
+  // column, value and constraint. Text and blobs are valid until the next step() or reset(), or the
+  // statement's destruction.
   std::int64_t integer(int column) const;
   /// @throws Error (input) also for an integer below 0
   std::uint64_t unsigned_integer(int column) const;
@@ -132,23 +133,25 @@ namespace detail {
 class Connection;
 }
 
-/// Everything between its construction and commit() happens atomically. One at a time.
+/// All statements from construction to commit() take effect atomically. One at a time per
+/// connection.
 class Transaction {
  public:
   enum class Kind {
-    kRead,   ///< sees one state of the database throughout
-    kWrite,  ///< waits for other writers at once, so it cannot fail because of them later
-    kRows,   ///< in PostgreSQL locks only the rows that its statements lock; in SQLite as kWrite
+    kRead,   ///< reads one snapshot of the database throughout
+    kWrite,  ///< waits for other writers when it begins, so that they cannot fail it later
+    kRows,   ///< PostgreSQL: only the row locks of its statements; SQLite: as kWrite
   };
 
-  /// @throws Error (storage) if another process held its lock for too long
+  /// @throws Error (storage) if another process held its lock beyond the timeout
   explicit Transaction(Database& database, Kind kind = Kind::kWrite);
-  /// Undoes everything that was not committed.
+  /// Rolls back an uncommitted transaction.
   ~Transaction();
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
 
-  /// @throws Error (storage); the database is then unchanged, or the message says that this is unknown
+  /// @throws Error (storage); the database is then unchanged, or the message states that the
+  ///        outcome is unknown
   void commit();
 
  private:
@@ -158,7 +161,7 @@ class Transaction {
 
 namespace detail {
 
-/// The same of a Database and its Transaction.
+/// Implements a Database and its Transaction.
 class Connection {
  public:
   explicit Connection(std::string its_name) : name(std::move(its_name)) {}
@@ -180,15 +183,15 @@ class Connection {
 
 }  // namespace detail
 
-/// A connection to a database; for one thread at a time. Errors name the database: kind input for invalid
-/// content, kind storage for failures of the operating system, the server or the network, or conflicts with
-/// another process.
+/// A connection to a database, for one thread at a time. Errors name the database. Their kind is
+/// input for invalid content, and storage for a failure of the operating system, server or network,
+/// or a conflict with another process.
 class Database {
  public:
   /// Name in messages.
   const std::string& name() const noexcept { return connection_->name; }
 
-  /// One statement. It must not outlive the database.
+  /// One statement, valid for the database's lifetime.
   Statement prepare(std::string_view sql) { return Statement(connection_->prepare(sql)); }
   /// Runs any number of statements without parameters; ignores rows.
   void execute(const std::string& sql) { connection_->execute(sql); }

@@ -23,7 +23,7 @@ struct Image {
       : width(image_width),
         height(image_height),
         values(std::size_t{image_width} * image_height * kChannels, value) {}
-  /// @param image_values width x height x kChannels values; consistent() checks that
+  /// @param image_values width x height x kChannels values; consistent() checks the number
   Image(std::uint32_t image_width, std::uint32_t image_height, std::vector<T> image_values)
       : width(image_width), height(image_height), values(std::move(image_values)) {}
 
@@ -63,22 +63,22 @@ GrayImage read_gray_image(const std::filesystem::path& path);
 /// @throws Error as read_gray_image
 ColorImage read_color_image(const std::filesystem::path& path);
 
-/// Reads a depth image as stored, a PNG with one 16-bit channel.
-/// @throws Error as read_gray_image, and for any other image
+/// Reads a depth image in its stored units: a PNG with one 16-bit channel.
+/// @throws Error as read_gray_image, and (input) for any other image
 StoredDepthImage read_depth_image(const std::filesystem::path& path);
 
-/// The same of the bytes of such a file: a GrayImage, ColorImage or StoredDepthImage.
-/// @param name in errors
+/// Decodes the bytes of an image file as GrayImage, ColorImage or StoredDepthImage.
+/// @param name name of the image in errors
 template <class ImageOf>
 ImageOf decode_image(std::string_view bytes, const std::filesystem::path& name);
 
-/// Depth from whole numbers; 0, no reading, stays 0.
+/// Converts stored depth to metres; 0 (no reading) stays 0.
 DepthImage metric_depth(const StoredDepthImage& stored, double units_per_metre);
 
-/// The nearest whole numbers; 0 beyond 16 bits, as of a real camera.
+/// Rounds depth to stored units; 0 beyond 16 bits, as in a real camera.
 StoredDepthImage stored_depth(const DepthImage& depth_m, double units_per_metre);
 
-/// The grey that PNG's readers make of a colour.
+/// Grey value of a colour, as computed by libpng's png_set_rgb_to_gray().
 std::uint8_t gray_of(std::uint8_t blue, std::uint8_t green, std::uint8_t red);
 
 /// Writes a GrayImage, ColorImage or StoredDepthImage as PNG, atomically.
@@ -95,7 +95,7 @@ template <class ImageOf>
 void write_jpeg(const std::filesystem::path& path, const ImageOf& image, int quality = 95,
                 Durability durability = Durability::kAtOnce);
 
-/// An image as the bytes of a JPEG file.
+/// Encodes an image as the bytes of a JPEG file.
 /// @param quality 0 to 100
 /// @throws Error (misuse) as write_jpeg()
 std::string jpeg_bytes(const ColorImage& image, int quality = 95);

@@ -18,32 +18,34 @@ namespace cairn {
 /// An image that was located in a map.
 struct LocatedImage {
   std::string name;
-  ImageLocation location;  ///< located
+  ImageLocation location;  ///< with located = true
 };
 
-/// The map with further frames: the images at their poses, each with its matches as observations. Positions of landmarks
-/// and other frames are as they were. The UUID is that of the new content.
-/// @param images located in this map, with names that its frames do not have
+/// Adds images to a map as frames, each at its pose and with its matches as observations. Landmark
+/// positions and other frames do not change. The UUID is computed from the new content.
+/// @param images images located in this map; their names differ from its frames' names
 /// @throws Error (misuse) for an image that is not located, or a name that occurs twice
 LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images);
 
-/// The map with SIFT descriptors (roots) of its landmarks, from its frames' images: a feature belongs to the nearest
-/// observation within a pixel and a half. A landmark has the descriptors of its most distinct views; none if no feature
-/// is near its observations. Other descriptors are replaced. The UUID is that of the new content.
-/// @param image_of a frame's image; std::nullopt if it has none. Called by several threads
-/// @throws Error (input) for an image of another size than the frame's camera has; (cancelled)
+/// Replaces the landmarks' descriptors by RootSIFT descriptors from the images of the map's frames.
+/// Each observation gets the nearest SIFT feature within 1.5 pixels. A landmark keeps the
+/// descriptors of its most distinct views, or none if no feature is near its observations. The UUID
+/// is computed from the new content.
+/// @param image_of returns a frame's image, or std::nullopt without one; called by several threads
+/// @throws Error (input) for an image without the size of its frame's camera; (cancelled)
 LandmarkMap with_image_descriptors(
     const LandmarkMap& map, const std::function<std::optional<GrayImage>(FrameIndex)>& image_of,
     const Execution& execution = {});
 
-/// A map whose landmarks have descriptors of its images.
+/// A map whose landmarks have descriptors from its images.
 struct DescribedMap {
   LandmarkMap map;
-  std::size_t images = 0;  ///< number of frames whose image was there
+  std::size_t images = 0;  ///< number of frames with an image
 };
 
-/// The same with images in files: those of the frames' names, in a folder. Frames whose image is missing have none.
-/// @throws Error (input) if no image is there, or naming an image that cannot be read
+/// As above, with image files in a folder, named as the frames' images. Frames without a file are
+/// skipped.
+/// @throws Error (input) if the folder has no image of the map, or naming an unreadable image
 DescribedMap with_image_descriptors(const LandmarkMap& map, const std::filesystem::path& folder,
                                     const Execution& execution = {});
 

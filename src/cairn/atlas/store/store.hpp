@@ -42,7 +42,7 @@ struct AtlasNode {
 /// Pose of a map in its component.
 struct AtlasPose {
   NodeId node;
-  NodeId frame;  ///< the node whose frame its component uses
+  NodeId frame;  ///< node that defines the component's frame
   Similarity3 frame_from_node;
   Matrix7d covariance = Matrix7d::Zero();  ///< left perturbation in the frame, (δt, δφ, δ log s)
 };
@@ -56,18 +56,19 @@ struct AtlasState {
   std::map<NodeId, AtlasNode> nodes;
   std::map<LinkId, Link> links;
   std::map<NodeId, AtlasPose> poses;
-  /// For aligned links: whether they agree with the poses; without links added since the last optimisation.
+  /// Whether each aligned link agrees with the poses; without links added since the last
+  /// optimisation.
   std::map<LinkId, bool> agrees;
 
-  /// Null if there is none of that name.
+  /// The node of this name; null if there is none.
   const AtlasNode* find(const std::string& name) const;
 };
 
-/// Changes of a commit. Nodes and links with id 0 are new; with another id, removed ones are restored.
-/// Removing a node does not remove its links and poses.
+/// Changes of a commit. Nodes and links with id 0 are new; other ids restore removed nodes and
+/// links. Removing a node does not remove its links and poses.
 struct AtlasChanges {
-  std::string text;                ///< description for people
-  std::optional<CommitId> undoes;  ///< last commit of the command that they undo
+  std::string text;                ///< human-readable description
+  std::optional<CommitId> undoes;  ///< last commit of the undone command
   std::vector<AtlasNode> nodes;
   std::vector<Link> links;
   std::vector<AtlasPose> poses;  ///< each replaces the node's pose
@@ -92,8 +93,8 @@ struct AtlasCommit {
   std::string host;
   std::string verb;  ///< "add" etc.
   std::string text;
-  std::optional<CommitId> undoes;  ///< last commit of the run that this one undid
-  CommitId run;                    ///< first commit of the command that it belongs to
+  std::optional<CommitId> undoes;  ///< last commit of the undone command
+  CommitId run;                    ///< first commit of the same command
 };
 
 /// Objects that commits changed.
@@ -113,7 +114,7 @@ struct AtlasStoreOptions {
   /// writes before they are on its disk.
   bool insist = false;
   std::chrono::milliseconds wait{30'000};  ///< longest wait for another process that writes
-  std::string author = {};                 ///< of commits
+  std::string author = {};                 ///< author of commits
   std::string host = {};
   std::stop_token stop = {};
 };
@@ -139,15 +140,15 @@ struct AtlasVerification {
   std::uint64_t poses = 0;
   std::uint64_t maps = 0;
   std::uint64_t map_bytes = 0;
-  std::vector<std::string> problems;  ///< sentences; empty if no damage was found
+  std::vector<std::string> problems;  ///< one sentence each; empty if no damage was found
 };
 
-/// How many of the last commits a compaction keeps unless told otherwise.
+/// Default number of last commits that a compaction keeps.
 inline constexpr std::uint64_t kKeptCommits = 100;
 
 struct AtlasCompaction {
-  std::uint64_t commits = 0;  ///< joined into one
-  std::uint64_t nodes = 0;    ///< dropped
+  std::uint64_t commits = 0;  ///< commits joined into one
+  std::uint64_t nodes = 0;    ///< dropped nodes
   std::uint64_t links = 0;
   std::uint64_t poses = 0;
   std::uint64_t maps = 0;
@@ -165,14 +166,14 @@ class AtlasPairQueue {
   AtlasPairQueue& operator=(const AtlasPairQueue&) = delete;
   virtual ~AtlasPairQueue() = default;
 
-  /// Up to `count` pairs that no other process has taken; empty if all others are taken. Pairs of a process
-  /// that ends before done() are given to others.
+  /// Reserves up to `count` pairs that no other process has reserved; empty if none is left. Pairs
+  /// of a process that ends before done() are released.
   virtual std::vector<NodePair> take(std::size_t count) = 0;
-  /// The pairs of the last take() are finished.
+  /// Marks the pairs of the last take() as finished.
   virtual void done() = 0;
 };
 
-/// Storage of an atlas. One thread at a time; any number of processes.
+/// Storage of an atlas, for one thread at a time and any number of processes.
 class AtlasStore {
  public:
   AtlasStore() = default;
@@ -183,27 +184,28 @@ class AtlasStore {
   /// Name in messages.
   virtual const std::string& name() const = 0;
   virtual CommitId last_commit() = 0;
-  /// State after the last commit, or after this one.
+  /// State after commit `at`; std::nullopt: the last commit.
   /// @throws Error (misuse) if there is no such commit, (input) naming the damage
   virtual AtlasState state(std::optional<CommitId> at = std::nullopt) = 0;
   /// All commits, oldest first.
   virtual std::vector<AtlasCommit> log() = 0;
   virtual AtlasTouched touched(std::span<const CommitId> commits) = 0;
 
-  /// Stores a map's bytes, once for equal bytes. Outside of a commit with a node of it, compact() of another
-  /// process may drop them at once. @return their hash
+  /// Stores a map's bytes; equal bytes are stored once. Until a commit adds a node with this map,
+  /// compact() of another process may drop the bytes. @return hash of the bytes
   virtual std::string put_map(std::string_view bytes) = 0;
-  /// @throws Error (input) if they are missing or damaged, (storage) if no commit needs them any more
+  /// @throws Error (input) for missing or damaged bytes, (storage) if no commit needs them any more
   virtual std::string map_bytes(const std::string& hash) = 0;
 
   using Make = std::function<AtlasChanges(const AtlasState& now)>;
-  /// Makes one commit, atomically: calls `make` while no other process can change the atlas. `make` may read
-  /// this store and put maps, as part of the commit. When this returns, the commit is on disk.
+  /// Makes one commit, atomically: calls `make` while no other process can change the atlas. `make`
+  /// may read this store and call put_map(), as part of the commit. The commit is on disk when the
+  /// call returns.
   /// @throws Error (misuse) for inconsistent changes: a name that is taken, a link or pose of a missing
   ///        node, a restored node or link that is not stored
   virtual AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) = 0;
 
-  /// Adds pairs to the atlas's queue, once each. Null if this store has no queue.
+  /// Adds pairs that are not yet queued to the atlas's queue. Null if the store has no queue.
   virtual std::unique_ptr<AtlasPairQueue> share(std::span<const NodePair> pairs) {
     (void)pairs;
     return nullptr;
@@ -211,9 +213,9 @@ class AtlasStore {
 
   /// Reads and checks all data.
   virtual AtlasVerification verify() = 0;
-  /// Joins the oldest commits so that `keep` commits are left, and drops data that none of these needs. Their ids
-  /// are not given again.
-  /// @param dry only report what would be done
+  /// Joins the oldest commits so that `keep` commits remain, and drops data that no remaining
+  /// commit needs. Dropped ids are never reused.
+  /// @param dry only report the effect
   /// @throws Error (misuse) for `keep` = 0
   virtual AtlasCompaction compact(std::uint64_t keep, bool dry) = 0;
 };

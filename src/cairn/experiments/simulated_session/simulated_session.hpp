@@ -23,14 +23,15 @@ struct SimulatedSession {
   Rigid3 world_from_map() const;
 };
 
-/// Where the map of a session begins.
+/// Pose of a session's first camera in the map.
 enum class SessionStart {
-  kOwnFrame,  ///< at the identity: the map's frame is that of the first camera
-  kTruePose,  ///< at the true pose of the first camera: the map's frame is the place's, with z up
+  kOwnFrame,  ///< the identity: the map is in the frame of the first camera
+  kTruePose,  ///< the true pose: the map is in the world frame of the place, with z up
 };
 
-/// Renders a session frame by frame, directly into the tracker, and maps it. Path and noise derive from the place's seed
-/// and the session number. The same options give the same bytes for any number of threads.
+/// Renders a session frame by frame and maps the frames directly. Path and noise derive from the
+/// place's seed and the session number. The same options give the same bytes for any number of
+/// threads.
 /// @param path    its seed has no effect
 /// @param mapping its `odometry.start` has no effect
 /// @throws Error (misuse) for options out of range, or if no frame could be tracked; (cancelled)

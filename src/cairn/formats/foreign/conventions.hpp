@@ -7,8 +7,9 @@
 
 #include "cairn/map/landmark_map.hpp"
 
-// Formats differ in their conventions for poses, axes and pixels, and some files break those of their
-// format. The reprojection error reveals the actual convention, because only one explains the observations.
+// Formats differ in their conventions for poses, axes and pixels, and some files violate their
+// format's conventions. The reprojection error reveals the actual convention: only one explains the
+// observations.
 namespace cairn {
 
 /// Order of the stored quaternion components.
@@ -29,7 +30,7 @@ enum class PositionReading {
 enum class FocalReading {
   kAsRead,
   kNormalised,  ///< divided by the longer side of the image; must be multiplied by it
-  kMultiplied,  ///< already multiplied by it
+  kMultiplied,  ///< already multiplied by the longer side
 };
 
 enum class PixelCentreReading {
@@ -38,7 +39,7 @@ enum class PixelCentreReading {
   kHalfLess,
 };
 
-/// An interpretation of the numbers of a map. The default is that of its format.
+/// An interpretation of a map's numbers. The default is the format's convention.
 struct ConventionReading {
   QuaternionOrder quaternion = QuaternionOrder::kAsRead;
   bool order_is_of_world = false;  ///< the quaternions in the wrong order are world_from_camera
@@ -76,17 +77,17 @@ struct ConventionCheck {
   ConventionVerdict verdict = ConventionVerdict::kNotChecked;
   double as_format_px = 0.0;  ///< median reprojection error of the map as read
   ScoredReading best;
-  /// The best interpretation that moves landmarks elsewhere; std::nullopt if there is none.
+  /// The best interpretation that projects the landmarks differently; std::nullopt if none.
   std::optional<ScoredReading> runner_up;
   std::size_t observations = 0;  ///< number used
-  std::string sentence;          ///< verdict and advice for people
+  std::string sentence;          ///< verdict and advice in words
 };
 
 /// Projects landmarks into the frames that observed them under every interpretation, for at most two
 /// thousand observations spread over the map.
 ConventionCheck check_conventions(const LandmarkMap& map);
 
-/// The map with this interpretation: changes poses, pixels and cameras, keeps all else but rigs.
+/// The map under this interpretation: changes poses, pixels and cameras, drops rigs and instants.
 LandmarkMap reread(LandmarkMap map, const ConventionReading& reading);
 
 }  // namespace cairn

@@ -21,7 +21,7 @@ namespace cairn {
 ///        with the name of another field
 void write_mcap(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
-/// One of several maps to write in one frame.
+/// One of several maps to write in one world frame.
 struct McapMap {
   std::string name;  ///< unique
   Similarity3 world_from_map;
@@ -33,13 +33,13 @@ struct McapLink {
   std::size_t target = 0;  ///< index of a map
   std::size_t source = 0;
   std::string kind;                   ///< e.g. "placement"
-  std::optional<double> probability;  ///< that the link is right; std::nullopt if not judged
+  std::optional<double> probability;  ///< P(correct link); std::nullopt if not judged
   bool agrees = true;                 ///< false: it contradicts the maps' poses
 };
 
 /// Writes maps, each in its own frame "map/NAME" below the frame "world", and the links between them, all
 /// at time 0. Frames have no scale, so a map's lengths are multiplied by the scale of its pose.
-/// @throws Error as above, and what `McapMap::read` throws
+/// @throws Error as above; rethrows exceptions of `McapMap::read`
 void write_mcap(std::span<const McapMap> maps, std::span<const McapLink> links,
                 const ByteSink& sink);
 

@@ -17,14 +17,15 @@ namespace detail {
 class McapWriter;
 }  // namespace detail
 
-/// Writes images, cameras and poses as an MCAP recording of ROS 2 (CDR messages with their definitions), which ROS,
-/// Foxglove and `cairn map` read. Messages are written in the order of the calls.
+/// Writes images, cameras and poses as an MCAP recording of ROS 2 (CDR messages with their
+/// definitions), which ROS, Foxglove and `cairn map` read. Messages are written in the order of the
+/// calls.
 class Ros2RecordingWriter {
  public:
   explicit Ros2RecordingWriter(ByteSink sink);
   ~Ros2RecordingWriter();
 
-  /// Of a message: when it was measured, which is also when it was recorded, and in which frame.
+  /// Header of a message: its measurement time, also used as its recording time, and its frame.
   struct Stamp {
     std::uint64_t time_ns = 0;  ///< since 1970, before 2106
     std::string_view frame;
@@ -41,7 +42,7 @@ class Ros2RecordingWriter {
   void add_jpeg(const std::string& topic, const Stamp& stamp, std::string_view data);
   /// geometry_msgs/PoseStamped, in the stamp's frame.
   void add_pose(const std::string& topic, const Stamp& stamp, const Rigid3& pose);
-  /// Writes the end of the file; nothing may be added afterwards.
+  /// Completes the file; no further message may follow.
   void finish();
 
  private:
@@ -53,9 +54,9 @@ class Ros2RecordingWriter {
   std::map<std::string, std::uint16_t> channels_;  // by topic
 };
 
-/// A camera as ROS states it.
-/// @param baseline_m of the right camera of a stereo pair, from the left one
-/// @throws Error (misuse) for a model that ROS does not have
+/// The ROS calibration of a camera.
+/// @param baseline_m of the right camera of a stereo pair, from the left camera
+/// @throws Error (misuse) for a model without a ROS equivalent
 CameraCalibration ros_calibration(const Camera& camera, double baseline_m = 0.0);
 
 }  // namespace cairn

@@ -11,31 +11,32 @@
 
 namespace cairn::detail {
 
-/// Two frames that see the same landmarks.
+/// Two frames that observe common landmarks.
 struct CovisibleFrames {
   FrameIndex first;
   FrameIndex second;
-  std::size_t landmarks = 0;  ///< number that both observe
+  std::size_t landmarks = 0;  ///< number of common landmarks
 };
 
-/// Frames that belong together, by the landmarks that they share.
+/// Frames connected by common landmarks.
 struct ConnectedFrames {
   std::vector<FrameIndex> frames;  ///< ascending
-  /// Share of the landmarks that the group sees which other frames see, too; 0 if it sees none.
+  /// Share of the group's observed landmarks that other frames observe, too; 0 without landmarks.
   double shared = 0.0;
 };
 
-/// How the frames of a map are connected by landmarks that several of them see: the strongest connections that connect
-/// all frames that can be connected (a maximum spanning forest, by Kruskal 1956). Refers to the map.
+/// Covisibility graph of a map's frames, reduced to its maximum spanning forest (Kruskal 1956);
+/// edge weights are numbers of common landmarks. Keeps a reference to the map.
 class Covisibility {
  public:
   explicit Covisibility(const LandmarkMap& map);
 
-  /// Strongest first; of equal ones, by their frames.
+  /// Edges by descending weight, then by frames.
   std::span<const CovisibleFrames> forest() const { return forest_; }
 
-  /// Divides the frames between `seeds` and `others`: each frame belongs to the one to which it is connected more strongly,
-  /// where a chain of connections is as strong as its weakest. Frames that neither reaches belong to neither.
+  /// Divides the frames between `seeds` and `others`: each frame joins the side with the stronger
+  /// connection; a path is as strong as its weakest edge. Frames connected to neither side belong
+  /// to neither.
   /// @return the group of `seeds`
   ConnectedFrames group_of(std::span<const FrameIndex> seeds,
                            std::span<const FrameIndex> others) const;
@@ -45,7 +46,7 @@ class Covisibility {
   std::vector<CovisibleFrames> forest_;
 };
 
-/// Per frame: the landmarks that it observes, ascending.
+/// Landmarks observed by each frame, ascending.
 std::vector<std::vector<std::uint32_t>> landmarks_by_frame(const LandmarkMap& map);
 
 }  // namespace cairn::detail

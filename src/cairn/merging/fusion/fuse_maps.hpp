@@ -19,18 +19,19 @@ struct PlacedMap {
   const LandmarkMap* map = nullptr;  ///< not null
   std::string name;                  ///< for the provenance
   Similarity3 world_from_map;
-  /// Left perturbation in the world, (δt, δφ, δ log s); zero for the map whose frame is the world's.
+  /// Left perturbation in the world, (δt, δφ, δ log s); zero for the map that defines the world
+  /// frame.
   Matrix7d covariance = Matrix7d::Zero();
-  /// The same relative to the largest of the maps, by which landmarks are compared, so that the frame does not matter;
-  /// std::nullopt: as `covariance`.
+  /// The same relative to the largest map. Landmarks are compared by this covariance, so that the
+  /// world frame does not matter. std::nullopt: `covariance`.
   std::optional<Matrix7d> relative_covariance = {};
 
-  /// Whether the map's frame is the world: its pose is exactly the identity. Its values are then copied as
-  /// read, to the last digit.
+  /// Whether the map's frame is the world: its pose is exactly the identity. The values of such a
+  /// map are copied exactly.
   bool is_in_world() const;
 };
 
-/// Indices of maps in the order in which they are worked on, whatever order they are given in: precedes().
+/// Indices of maps in the order of processing (precedes()), independent of the order of the input.
 std::vector<std::size_t> largest_first(std::span<const PlacedMap> maps);
 
 /// Options of fuse_maps(), which fuses maps as they are, and of merge_placed().
@@ -39,12 +40,12 @@ struct FusionOptions {
   double fusion_probability = 0.5;
   /// merge_placed(): whether to straighten maps that others show to be bent.
   bool straighten = true;
-  /// Of splats: whether to leave out the duplicates of lower opacity; see fuse_maps().
+  /// Splats: whether to leave out the duplicates of lower opacity; see fuse_maps().
   bool thin_splats = true;
   /// merge_placed(): whether to bundle-adjust all keyframes and landmarks of the merged map.
   bool adjust = false;
   AdjustOptions adjustment = {};
-  /// Rounds of matching landmarks again after an adjustment, and adjusting again; 0 to 10.
+  /// Rounds of renewed matching and adjustment after the first adjustment; 0 to 10.
   int matching_rounds = 2;
 
   static const OptionTable table;
@@ -56,7 +57,7 @@ struct FusionOptions {
 struct MapFusion {
   std::size_t landmarks = 0;
   std::size_t fused = 0;  ///< number fused with landmarks of other maps
-  /// Distance of fused landmarks beyond their covariances; see AssociationResult.
+  /// Deviation of fused landmarks beyond their covariances, per coordinate, in the world's unit.
   double deviation = 0.0;
 };
 
@@ -67,44 +68,51 @@ struct FusionResult {
 };
 
 /// Columns of a fused map that state each landmark's origin.
-inline constexpr const char* kFromMapColumn = "from_map";  ///< index of the first of its maps
+inline constexpr const char* kFromMapColumn = "from_map";  ///< index of the landmark's first map
 inline constexpr const char* kFromLandmarkColumn = "from_landmark";  ///< id there; NaN above 2^53
-inline constexpr const char* kFusedColumn = "fused";  ///< number of landmarks it combines
+inline constexpr const char* kFusedColumn = "fused";  ///< number of combined landmarks
 
 /// Fuses maps in one frame into one map.
 ///
-/// The order of the maps decides nothing but numbers: they are worked on by largest_first().
-/// Finds the same landmarks of the maps before (associate()). A landmark's position is the information-weighted mean of
-/// all maps' together: of their covariances, and of the variance per map that these do not explain. n maps of one
-/// quality weigh 1/n each. The covariance is that of the mixture of "same landmark" and "one of them is another" with
-/// the pairs' probabilities, with the uncertainty of the maps' poses. This moves a map's landmarks together, so it has no
-/// part in the weights. A map that is given twice, wherever it is placed, counts once. Landmarks of one map are never
-/// fused. A landmark that lacks a covariance in one map has none.
+/// Maps are processed in the order of largest_first(), so the order of the input affects only the
+/// numbering. Each map's landmarks are associated with the landmarks of the maps processed before
+/// (associate()). The fused position is the information-weighted mean over all maps. The weights
+/// follow from the landmark covariances and from an additional variance per map, for distances that
+/// the covariances do not explain. n maps of one quality weigh 1/n each. The fused covariance is
+/// the covariance of the mixture of "same landmark" and "one is a different landmark" with the
+/// pairs' probabilities, plus the uncertainty of the map poses. The pose uncertainty moves a map's
+/// landmarks together, so it does not affect the weights. A map that is given twice, at any pose,
+/// counts once. Landmarks of one map are never fused. If one map lacks the covariance of a
+/// landmark, the fused landmark has no covariance.
 ///
-/// Poses of the maps count as independent, although maps that share links err alike: covariances of landmarks far from
-/// the world's frame are then too small by what is common.
+/// Map poses count as independent, although shared links correlate their errors. Covariances of
+/// landmarks far from the world's origin are then too small by the common part.
 ///
-/// Neighbouring mini-maps of a session share a keyframe. Two maps' frames become one, with the pose of the larger map,
-/// if one is the last frame of its map and the other the first of its, timestamp, image name and camera are equal, and
-/// their pixels are those of one image. Images without timestamps that several maps contain (common_images()) become one
-/// frame each, with the pose and camera of the largest of these maps, and landmarks that their keypoints show to be the
-/// same are fused.
-/// A landmark keeps its first observation in a frame of several maps.
+/// Consecutive mini-maps of a session share a keyframe. The last frame of one map and the first
+/// frame of another map become one frame, with the pose of the larger map, if timestamp, image name
+/// and camera are equal and the pixels belong to one image. An image without timestamp that several
+/// maps contain (common_images()) becomes one frame, with the pose and camera of the largest of
+/// these maps; landmarks that its keypoints identify are fused. In a frame of several maps, a
+/// landmark keeps only its first observation.
 ///
-/// Keeps all other frames and observations, the cameras of frames and rigs (one of equal ones), colours, descriptors of the largest map's kind,
-/// and named columns, with normals turned. If images of two maps have one name, the names of all images of these maps
-/// are preceded by the map's name and "/"; the log says so. Numbers frames, cameras and landmarks anew from 0, frames in
-/// the order of the maps, landmarks in that of their sizes; provenance and columns state their origin. Poses, positions,
-/// gravity and georeference are in the world. Length unit and gravity are those of the first map, and so is the name of the world frame if that map is
-/// in the world. The same input and seed give the same result for any number of threads.
+/// Keeps all other frames and observations, the cameras of frames and rigs without duplicates,
+/// colours, descriptors of the largest map's kind, and named columns with normals rotated into the
+/// world. If images of two maps have the same name, the map's name and "/" are prepended to all
+/// image names of these maps, and the log reports this. Frames, cameras and landmarks are
+/// renumbered from 0: frames in the order of the maps, landmarks in the order of largest_first().
+/// Provenance and columns state their origin. Poses, positions, gravity and georeference are in the
+/// world. Length unit and gravity come from the first map. The name of the world frame also comes
+/// from the first map if that map is in the world. The same input and seed give the same result for
+/// any number of threads.
 ///
-/// Gaussian splats are joined instead: each stays as it is, moved into the world, but for duplicates. Two splats of
-/// different maps are duplicates if their Gaussians overlap by a Bhattacharyya coefficient of at least 0.8. The one of
-/// lower opacity is left out and counts as fused. Columns are those of the map with the highest degree, then others.
-/// Harmonics and normals that a map lacks are zero, other values unknown.
+/// Gaussian splats are concatenated instead: each splat except a duplicate is moved into the world
+/// without other changes. Two splats of different maps are duplicates if the Bhattacharyya
+/// coefficient of their Gaussians is at least 0.8. The splat of lower opacity is left out and
+/// counts as fused. Columns of the map with the highest harmonic degree come first, then other
+/// columns. Missing harmonics and normals are zero; other missing values are unknown.
 ///
-/// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than indices, or for splats
-///         with maps that are none
+/// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than
+///         32-bit indices, or for splats mixed with other maps
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {},
                        const Execution& execution = {});
 

@@ -17,7 +17,7 @@
 
 namespace cairn {
 
-/// The maps that are linked and merged, by index: in memory, of one session, or in an atlas.
+/// The maps to link and merge, by index: in memory, from one session, or in an atlas.
 class MapStore {
  public:
   MapStore() = default;
@@ -26,19 +26,19 @@ class MapStore {
   virtual ~MapStore() = default;
 
   virtual std::size_t size() const = 0;
-  /// The run that the map is of; empty if unknown.
+  /// Name of the map's run; empty if unknown.
   virtual std::string session(std::size_t map) const = 0;
   virtual std::size_t landmark_count(std::size_t map) const = 0;
   /// Called by one thread at a time.
   virtual std::shared_ptr<const LandmarkMap> load(std::size_t map) = 0;
-  /// How many prepared maps may stay in memory.
+  /// Largest number of prepared maps in memory.
   virtual std::size_t capacity() const = 0;
 };
 
 /// A store of maps in memory.
 class MapsInMemory : public MapStore {
  public:
-  /// @param maps     not null; they outlive the store
+  /// @param maps     not null; must outlive the store
   /// @param sessions one per map, or none
   explicit MapsInMemory(std::span<const LandmarkMap* const> maps,
                         std::vector<std::string> sessions = {});
@@ -66,8 +66,8 @@ struct LinkOptions {
   double prior_odds = 1.0;        ///< see AlignOptions
   double effort = 1.0;            ///< see AlignOptions
   PointSetOptions points = {};
-  /// Number of other maps to try each map with, the likeliest by recognition; 0: all. std::nullopt: all of up to
-  /// kMapsTriedInFull maps, else kDefaultCandidates.
+  /// Number of candidates per map: the likeliest other maps by recognition; 0: all. std::nullopt:
+  /// all of up to kMapsTriedInFull maps, else kDefaultCandidates.
   std::optional<std::size_t> candidates = {};
 
   static const OptionTable table;
@@ -78,35 +78,39 @@ struct LinkOptions {
 inline constexpr std::size_t kMapsTriedInFull = 32;
 inline constexpr std::size_t kDefaultCandidates = 10;
 
-/// A map prepared to be linked with these options.
+/// Prepares a map for linking with these options.
 PreparedMap prepared_to_link(const LandmarkMap& map, const LinkOptions& options = {},
                              const Execution& execution = {});
 
-/// The parts of two maps, which show whether one is bent: place_by_parts(). std::nullopt if they do not agree.
+/// Aligns two maps by parts (place_by_parts()), to show whether one is bent. std::nullopt without a
+/// consensus.
 std::optional<PartsAlignment> parts_of_pair(const PreparedMap& target, const PreparedMap& source,
                                             const LinkOptions& options = {},
                                             const Execution& execution = {});
 
-/// The pairs that may show one place: all, or those found by recognition, neighbours in a session, and all pairs with
-/// maps whose descriptors cannot be compared.
-/// @return by the higher index, then the lower
+/// The pairs that may show one place: all pairs, or pairs found by recognition, consecutive maps of
+/// a session, and all pairs with a map without comparable descriptors.
+/// @return pairs sorted by the higher index, then by the lower index
 /// @throws Error (cancelled) if the caller asked to stop
 std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options = {},
                                      const Execution& execution = {});
 
-/// Aligns pairs of maps, and keeps the maps that it prepared for further pairs. The larger of two maps is the target
-/// (precedes()), so that the order of the maps does not matter. Estimates the scale if one of the two has a free scale.
-/// The same input and seed give the same links for any number of threads.
+/// Aligns pairs of maps, and caches prepared maps for further pairs. The larger of two maps is the
+/// target (precedes()), so that the order of the maps does not matter. Estimates the scale if one
+/// of the two maps has a free scale. The same input and seed give the same links for any number of
+/// threads.
 class PairLinker {
  public:
-  /// @param maps outlives the linker; an index always names the same map, but maps may be added
+  /// @param maps must outlive the linker; an index must always denote the same map, but maps may be
+  ///        added
   /// @throws Error (misuse) for invalid options
   PairLinker(MapStore& maps, const LinkOptions& options, const Execution& execution = {});
   ~PairLinker();
   PairLinker(const PairLinker&) = delete;
   PairLinker& operator=(const PairLinker&) = delete;
 
-  /// @param take is given each result in the order of the pairs, one at a time; its nodes are the maps' indices
+  /// @param take receives each link in the order of the pairs, one at a time; the link's nodes are
+  ///        map indices
   /// @throws Error (cancelled) if the caller asked to stop
   void link(std::span<const IndexPair> pairs, const std::function<void(Link link)>& take);
 
@@ -120,7 +124,7 @@ class PairLinker {
 };
 
 /// Links all pairs_to_link().
-/// @return one link per pair, in their order
+/// @return one link per pair, in the order of the pairs
 std::vector<Link> link_maps(MapStore& maps, const LinkOptions& options = {},
                             const Execution& execution = {});
 

@@ -19,32 +19,34 @@ struct RecognitionCandidate {
   double score = 0.0;   ///< higher is likelier; comparable within one query only
 };
 
-/// Finds which of many maps may show the same place as a map, without aligning any: an inverted index over
-/// binary descriptors. Others, such as SIFT's, become binary first: each of 256 bits says whether the sum of two random
-/// bytes exceeds that of two others by more than the mean of these maps (random projections, Charikar 2002; sparse,
-/// Achlioptas 2003). Of SIFT's matches in real images, 84 % then differ in so few bits that they count, as do
-/// 3 of 10,000 other pairs.
+/// Finds maps that may show the same place as a query map, without aligning any: an inverted index
+/// over binary descriptors. Other descriptors, e.g. SIFT, are converted to 256 bits first. A bit is
+/// set if the sum of two random bytes minus the sum of two other bytes exceeds the mean difference
+/// in these maps (random projections, Charikar 2002; sparse, Achlioptas 2003). In real images, 84 %
+/// of SIFT matches and 3 of 10,000 other pairs then differ in few enough bits to count.
 ///
-/// Each table stores a descriptor under a key of a few of its bits (Indyk and Motwani 1998), drawn at
-/// random from bits that are balanced and uncorrelated in these maps. Other bits would collect
-/// everything under few keys. A query looks up its key and the keys that differ in one bit (Lv et al.
-/// 2007), skips overfull keys, and keeps descriptors with few differing bits. Each landmark of the query
-/// votes for the maps in which it is found, with log(maps / maps in which it is found), so that ubiquitous
-/// landmarks do not count. The same maps, order and seed give the same result.
+/// Each table stores a descriptor under a key of a few of its bits (Indyk and Motwani 1998), drawn
+/// at random from bits that are balanced and uncorrelated in these maps. Other bits would map most
+/// descriptors to few keys. A query looks up its key and the keys that differ in one bit (Lv et al.
+/// 2007), skips overfull keys, and keeps descriptors with few differing bits. Each query landmark
+/// votes for the maps in which it is found, with weight log(number of maps / number of maps in
+/// which it is found), so that ubiquitous landmarks hardly count. The same maps, order and seed
+/// give the same result.
 class MapIndex {
  public:
-  /// @param seed for the choice of bits
+  /// @param seed seed of the random choice of bits
   explicit MapIndex(std::uint64_t seed = 0) : seed_(seed) {}
 
   /// Adds a map: its most observed landmarks, at most 600. @return its number, from 0
   std::size_t add(const LandmarkMap& map);
   std::size_t size() const { return entries_of_.size(); }
-  /// Whether a map has landmarks here. The first known descriptor sets the kind; maps without
-  /// descriptors of this kind are never found.
+  /// Whether the index contains landmarks of a map. The first known descriptor sets the kind; maps
+  /// without descriptors of this kind are never found.
   bool holds(std::size_t map) const { return entries_of_[map] > 0; }
 
-  /// The maps most similar to map number `map`, likeliest first, at most `most`; of equal scores the lower
-  /// number. The first call after an add() prepares the index. Any number of threads may call this.
+  /// The maps most similar to map number `map`, at most `most`, likeliest first; equal scores are
+  /// ordered by number. The first call after an add() prepares the index. Any number of threads may
+  /// call this function.
   std::vector<RecognitionCandidate> find(std::size_t map, std::size_t most) const;
   /// The same for any map.
   std::vector<RecognitionCandidate> find(const LandmarkMap& map, std::size_t most) const;
@@ -67,14 +69,15 @@ class MapIndex {
                                          std::size_t except) const;
 
   std::uint64_t seed_;
-  std::string kind_;            // of the descriptors; empty until there is one
+  std::string kind_;            // kind of the descriptors; empty until the first one
   std::size_t bytes_each_ = 0;  // per descriptor
-  std::size_t words_each_ = 0;  // of its bits
+  std::size_t words_each_ = 0;  // 64-bit words per descriptor
   std::size_t bits_each_ = 0;
-  // Of all descriptors. Those of bits are without room to spare once the tables are made.
+  // All descriptors: bytes, and bits without spare capacity.
   std::vector<std::uint8_t> bytes_;
   mutable std::vector<std::uint64_t> words_;  // made on the first query after an add()
-  // One bit of a descriptor that has none: whether a + b - c - d, of its bytes at these places, exceeds the mean.
+  // One bit of a converted descriptor: whether a + b - c - d of its bytes at these places exceeds
+  // the mean.
   struct Comparison {
     std::array<std::uint16_t, 4> places;
     int mean;
@@ -83,12 +86,12 @@ class MapIndex {
       return bytes[places[0]] + bytes[places[1]] - bytes[places[2]] - bytes[places[3]];
     }
   };
-  mutable std::vector<Comparison> comparisons_;  // one a bit; none for binary descriptors
-  std::vector<std::size_t> entries_of_;          // of each map
-  std::vector<std::uint32_t> first_of_;          // descriptor of each map, ascending
+  mutable std::vector<Comparison> comparisons_;  // one per bit; empty for binary descriptors
+  std::vector<std::size_t> entries_of_;          // number of descriptors per map
+  std::vector<std::uint32_t> first_of_;          // first descriptor of each map, ascending
   // Tables as lists by key, made on the first query after an add().
   mutable std::size_t key_bits_ = 0;
-  mutable std::vector<std::uint16_t> bits_;  // key_bits_ of each table
+  mutable std::vector<std::uint16_t> bits_;  // key_bits_ bits per table
   mutable std::vector<std::vector<std::uint32_t>> starts_;
   mutable std::vector<std::vector<std::uint32_t>> entries_;
   mutable std::size_t prepared_ = 0;

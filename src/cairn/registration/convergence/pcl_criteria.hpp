@@ -8,9 +8,9 @@
 
 namespace cairn {
 
-/// The stopping rules of PCL's IterativeClosestPoint with its default thresholds, in its order: the
-/// iteration limit; a step with exactly no motion; a change of the mean squared match distance below a
-/// threshold. Omits PCL's relative change, which is off by default. A ConvergenceTest.
+/// A ConvergenceTest with the criteria of PCL's IterativeClosestPoint, in PCL's order and with
+/// PCL's default thresholds: the iteration limit; a step without any motion; a change of the mean
+/// squared match distance below a threshold. Omits PCL's relative change, which is off by default.
 struct PclCriteria {
   int max_iterations = 150;
   double mse_change_threshold = 1e-12;  ///< square of the map's unit of length

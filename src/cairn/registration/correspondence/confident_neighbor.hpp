@@ -15,12 +15,12 @@
 
 namespace cairn {
 
-/// The paper's choice among the k nearest points: the one of highest confidence (Eq. 6).
+/// The paper's choice among the k nearest points: the point of highest confidence (Eq. 6).
 ///
 /// @param nearest     candidates, nearest first
-/// @param confidences of the candidates' set; empty: the nearest is chosen
-/// @return the nearer of equal confidences; std::nullopt if no candidate within `max_squared_distance` has
-///        a positive confidence
+/// @param confidences one per point of the searched set; empty: the nearest point is chosen
+/// @return the chosen point, the nearer of equal confidences; std::nullopt if no candidate within
+///        `max_squared_distance` has a positive confidence
 template <NearestList List>
 std::optional<Neighbor> most_confident(const List& nearest, std::span<const double> confidences,
                                        double max_squared_distance) {
@@ -43,8 +43,8 @@ std::optional<Neighbor> most_confident(const List& nearest, std::span<const doub
   return Neighbor{nearest.index(best), nearest.squared_distance(best)};
 }
 
-/// Leaves out the share `trimmed_fraction` of the matches with the largest distances (of equal ones, the
-/// later). Keeps the order of the others.
+/// Rejects the share `trimmed_fraction` of the matches with the largest distances (among equal
+/// distances, the later matches). Keeps the order of the others.
 std::vector<Match> trimmed(std::vector<Match> matches, double trimmed_fraction);
 
 /// One side of the data association: a searchable set and its points' confidences.
@@ -55,17 +55,17 @@ struct ConfidentSet {
   std::span<const double> confidences;  ///< one per point, or empty
 };
 
-/// The paper's data association: matches a source point with the most confident of its k nearest target
-/// points; with k = 1 or without confidences, with the nearest, as in base ICP. If a source set is given,
-/// keeps only reciprocal matches: the same rule, applied to the target point, must choose the source point.
-/// A CorrespondenceSearch; the sets must outlive it.
+/// The paper's data association: matches a source point with the most confident of its k nearest
+/// target points. With k = 1 or without confidences, this is the nearest point, as in base ICP. If
+/// a source set is given, keeps only reciprocal matches: the same rule, applied to the target
+/// point, must choose the source point. A CorrespondenceSearch; the sets must outlive this object.
 ///
 /// A search with batches reuses the previous call's results, so small motions cost little. Not thread-safe.
 template <NeighborSearch Search>
 class ConfidentNeighborCorrespondence {
  public:
-  /// @param source  in the source frame; std::nullopt: matches need not be reciprocal
-  /// @param options k, max_distance and trimmed_fraction count
+  /// @param source  set in the source frame; std::nullopt: matches need not be reciprocal
+  /// @param options only k, max_distance and trimmed_fraction are used
   ConfidentNeighborCorrespondence(ConfidentSet<Search> target,
                                   std::optional<ConfidentSet<Search>> source,
                                   const IcpOptions& options, const Executor& executor = Executor())
@@ -92,7 +92,7 @@ class ConfidentNeighborCorrespondence {
     return trimmed(std::move(matches), trimmed_fraction_);
   }
 
-  /// The target's queries for the moved source points, to share with other users of the same nearest
+  /// The batch of queries for the moved source points, shared with other users of the same nearest
   /// points.
   QueryBatch<Search>& source_queries() const { return source_queries_; }
 

@@ -16,10 +16,11 @@ namespace cairn {
 
 /// Exact nearest neighbours of many queries at once; a BatchSearch. Keeps a copy of the points.
 ///
-/// Nearby queries descend the tree together, one per lane of a vector register. The lanes compute in single
-/// precision and only exclude points, with a proven error bound; the remaining points are measured and
-/// ordered in double precision. The answers equal those of a brute-force search, bit by bit, on every
-/// instruction set. The instruction set is chosen at run time.
+/// Nearby queries descend the tree together, one per lane of a vector register. The lanes compute
+/// in single precision and only exclude points, with a proven error bound. The distances of the
+/// remaining points are computed and ordered in double precision. The answers equal those of a
+/// brute-force search, bit by bit, on every instruction set. The instruction set is chosen at run
+/// time.
 class BatchTree {
  public:
   class Batch;
@@ -35,8 +36,9 @@ class BatchTree {
   /// Indices of the points, in an order in which consecutive points are close.
   std::span<const std::uint32_t> order() const;
 
-  /// A batch for repeated queries of the k nearest points; the tree must outlive it.
-  /// @param order of the queries, in which consecutive ones are close; empty: that of the first queries' places
+  /// A batch for repeated queries of the k nearest points; the tree must outlive the batch.
+  /// @param order order of the queries, with consecutive queries close together; empty: spatial
+  ///        order of the first queries
   Batch batch(std::size_t k, std::vector<std::uint32_t> order = {}) const;
 
  private:
@@ -46,9 +48,10 @@ class BatchTree {
 
 /// The k nearest points of many queries that move little between calls. Not thread-safe.
 ///
-/// For each query, stores a few more candidates than k and a lower bound of the distance to all other
-/// points. While the query's motion stays within the proven bound, only its candidates are ranked again;
-/// else the farthest of them bounds a new search. Jumping queries cost time, never exactness.
+/// For each query, stores a few more candidates than k and a lower bound of the distance to all
+/// other points. While the query's motion stays within the proven bound, only the candidates are
+/// ranked again. Otherwise, the farthest candidate bounds a new search. Large jumps of queries cost
+/// time, never exactness.
 class BatchTree::Batch {
  public:
   /// Neighbours per query: k, or all points if there are fewer.
@@ -58,8 +61,8 @@ class BatchTree::Batch {
   /// only during the visit.
   class Nearest;
 
-  /// Calls `visit(i, nearest)` once for each query, with the count() points nearest to queries[i]; from
-  /// several threads, in any order.
+  /// Calls `visit(i, nearest)` once for each query, with the count() points nearest to queries[i],
+  /// from several threads, in any order.
   template <class Visit>
   void for_each(std::span<const Eigen::Vector3d> queries, const Executor& executor,
                 const Visit& visit);
@@ -68,11 +71,11 @@ class BatchTree::Batch {
   friend class BatchTree;
 
   static constexpr std::size_t kBlock = 256;
-  static constexpr std::size_t kParallelFrom = 2000;  // below this, threads do not pay
+  static constexpr std::size_t kParallelFrom = 2000;  // with fewer queries, threads do not pay
 
   struct Answers {
     std::array<std::uint8_t, kBlock> certain;  // not 0: the first candidates are the neighbours
-    std::vector<Neighbor> settled;             // of each query for which they are not
+    std::vector<Neighbor> settled;             // neighbours of each query that is not certain
   };
 
   Batch(const Nodes& nodes, std::size_t k, std::vector<std::uint32_t> order);
@@ -81,7 +84,7 @@ class BatchTree::Batch {
   void prepare(std::span<const Eigen::Vector3d> queries);
   // Finds the neighbours of the queries at [begin, end) of that order, one block.
   Answers answer(std::span<const Eigen::Vector3d> queries, std::size_t begin, std::size_t end);
-  // Finds those of one query that the vector code could not settle.
+  // Finds the neighbours of one query that the vector code could not settle.
   void settle(const Eigen::Vector3d& query, std::size_t slot, std::span<Neighbor> found) const;
   // The first candidate of a query; the others follow kBlock apart.
   const std::uint32_t* candidates_of(std::size_t slot) const {
@@ -117,7 +120,7 @@ class BatchTree::Batch::Nearest {
  private:
   friend class Batch;
 
-  // @param settled the answer; null: the candidates are
+  // @param settled the neighbours; null: the candidates
   Nearest(const Batch& batch, const Eigen::Vector3d& query, const std::uint32_t* candidates,
           const Neighbor* settled)
       : batch_(batch), query_(query), candidates_(candidates), settled_(settled) {}

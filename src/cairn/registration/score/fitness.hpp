@@ -16,8 +16,8 @@
 namespace cairn {
 
 /// Squared distance of each point, moved by `search_from_points`, to the nearest point of a non-empty set.
-/// @param queries a batch of a search in that set, for at least one neighbour; it is asked for the moved
-///        points
+/// @param queries a batch of a search in that set, for at least one neighbour; queried with the
+///        moved points
 template <class Batch>
   requires(!NeighborSearch<std::remove_cvref_t<Batch>>)
 std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> points,
@@ -39,8 +39,9 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
   return nearest_squared_distances(points, search_from_points, query_batch(search, 1), executor);
 }
 
-/// The paper's score (Eq. 5, like PCL's getFitnessScore): mean squared distance to the nearest points, in
-/// the squared unit of length; std::nullopt for no points. Lower is a closer fit, not always a better pose.
+/// The paper's score (Eq. 5, like PCL's getFitnessScore): mean squared distance to the nearest
+/// points, in the squared unit of length; std::nullopt for no points. A lower score is a closer
+/// fit, not always a better pose.
 inline std::optional<double> fitness_score(std::span<const double> squared_distances) {
   if (squared_distances.empty()) return std::nullopt;
   return std::accumulate(squared_distances.begin(), squared_distances.end(), 0.0) /

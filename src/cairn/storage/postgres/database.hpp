@@ -22,11 +22,11 @@ struct OpenOptions {
 using storage::Statement;
 using storage::Transaction;
 
-/// A connection to a PostgreSQL database. All rows of a statement are fetched at once. Writing transactions wait for
-/// each other and do not block readers.
+/// A connection to a PostgreSQL database. All rows of a statement are fetched at once. Writing
+/// transactions wait for each other and do not block readers.
 class Database : public storage::Database {
  public:
-  /// @param name in messages: the URL for display
+  /// @param name in messages, e.g. without_password(url)
   /// @throws Error (storage) if the connection fails
   Database(const std::string& url, std::string name, const OpenOptions& options = {});
 };

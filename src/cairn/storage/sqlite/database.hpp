@@ -22,15 +22,15 @@ enum class Access {
 
 struct OpenOptions {
   Access access = Access::kRead;
-  /// No other process writes while it is open: takes no locks, works in a read-only folder, ignores a
-  /// journal. For kRead only.
+  /// True if no other process writes while the file is open: takes no locks, works in a read-only
+  /// folder, ignores a journal. For kRead only.
   bool immutable = false;
-  /// The file comes from others: no views or triggers, no functions in its schema with side effects,
-  /// structure checked while reading, no value longer than the file can hold. Never for a file whose own
-  /// triggers must run.
+  /// True for a file of foreign origin: disables views, triggers and schema functions with side
+  /// effects, checks the structure while reading, and limits values to the file's size. Never for a
+  /// file whose own triggers must run.
   bool untrusted = true;
-  /// Longest value that this process or another writes while an untrusted file is open, bytes. std::nullopt: none that
-  /// is longer than the file, for kRead; any, for other access.
+  /// Largest value, in bytes, that any process writes while an untrusted file is open.
+  /// std::nullopt: for kRead, no longer than the file; for other access, unlimited.
   std::optional<std::uint64_t> longest_written = {};
   /// Longest wait for another process's lock.
   std::chrono::milliseconds busy_timeout{10'000};
@@ -42,8 +42,8 @@ using storage::ColumnType;
 using storage::Statement;
 using storage::Transaction;
 
-/// A connection to an SQLite database file. Never loads extensions or attaches other files. Its name in messages is the
-/// path as given.
+/// A connection to an SQLite database file. Never loads extensions or attaches other files. Its
+/// name in messages is the path as given.
 class Database : public storage::Database {
  public:
   /// @throws Error (input) if the file is missing, not a regular file or not a database, (storage) if it
