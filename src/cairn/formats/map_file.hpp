@@ -89,7 +89,7 @@ class FormatRegistry {
   /// Reads a map in any of the formats, recognised by content. A folder must contain exactly one
   /// map (maps_of_folder()). A path that does not exist may be "path#N": map N of a file with
   /// several maps.
-  /// @throws Error (input) naming the file, line or byte, field, value and constraint; (cancelled); (cancelled)
+  /// @throws Error (input) naming the file, line or byte, field, value and constraint; (cancelled)
   LandmarkMap read(const std::filesystem::path& path, const Execution& execution = {}) const;
 
   /// The format named in `options`, or else the format of the path's ending.

@@ -52,8 +52,8 @@ PoseDifferences pose_differences(const MapInWorld& first, const MapInWorld& seco
 /// A folded map confuses two similar places. Images in common with another map reveal a fold: some
 /// contradict the other map, with camera centres apart by more than ten times the median and
 /// rotations that differ by more than 10°; the rest agree. The fold comprises all frames connected
-/// more strongly, by common landmarks, to the contradictory images than to the agreeing ones. Of the
-/// two maps, the one whose group has the smaller share of landmarks in common with the rest is
+/// more strongly, by common landmarks, to the contradictory images than to the agreeing ones. Of
+/// the two maps, the one whose group has the smaller share of landmarks in common with the rest is
 /// folded.
 /// @param maps aligned with each other
 std::vector<std::optional<MapFold>> find_folds(std::span<const MapInWorld> maps);

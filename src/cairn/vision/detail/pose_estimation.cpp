@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
 
