@@ -33,10 +33,8 @@ Matrix6d recolouring(const Matrix6d& from, const Matrix6d& to) {
 
 }  // namespace
 
-Vector7d length_units(const Matrix7d& information) {
-  const double length =
-      std::sqrt(information.diagonal().segment<3>(3).sum() / (2.0 * information(0, 0)));
-  Vector7d unit = Vector7d::Constant(1.0 / std::max(length, 1e-12));
+Vector7d length_units(double length) {
+  Vector7d unit = Vector7d::Constant(1.0 / length);
   unit.head<3>().setOnes();
   return unit;
 }
@@ -104,7 +102,8 @@ Matrix7d MapDrift::covariance(std::span<const Term> terms, const Similarity3& fr
   Matrix7d all = Matrix7d::Zero();
   for (const Matrix7d& part : information) all += part;
   if (!(all(0, 0) > 0.0)) return Matrix7d::Zero();
-  const Vector7d unit = length_units(all);
+  const double length = std::sqrt(all.diagonal().segment<3>(3).sum() / (2.0 * all(0, 0)));
+  const Vector7d unit = length_units(std::max(length, 1e-12));
   const Matrix7d scaled = unit.asDiagonal() * all * unit.asDiagonal();
   Eigen::MatrixXd used = scaled.topLeftCorner(freedoms, freedoms);
   used.diagonal().array() += kDamping * used.trace();

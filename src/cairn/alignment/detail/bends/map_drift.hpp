@@ -12,9 +12,10 @@
 
 namespace cairn::detail {
 
-/// What to multiply the rows and columns of a pose's information, (δt, δφ, δ log s), by to make rotations and scale lengths,
-/// comparable to its translations.
-Vector7d length_units(const Matrix7d& information);
+/// Factors of the rows and columns of a pose's information, (δt, δφ, δ log s), that make rotations and scale lengths,
+/// comparable to translations.
+/// @param length root mean square distance of the landmarks from the pivot
+Vector7d length_units(double length);
 
 /// Uncertainty of how a map bends, by the covariances of its keyframes' poses.
 ///

@@ -297,7 +297,8 @@ PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
   }
   const double spare = 3.0 * static_cast<double>(known_.pairs.size()) - freedoms - kFewer;
   if (spare <= 0.0) return {};
-  const Vector7d unit = length_units(information);
+  const double length = std::sqrt(information(6, 6) / information(0, 0));
+  const Vector7d unit = length_units(length);
   const Matrix7d scaled = unit.asDiagonal() * information * unit.asDiagonal();
   const Eigen::MatrixXd used = scaled.topLeftCorner(freedoms, freedoms);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(used);
@@ -305,7 +306,7 @@ PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
     return {};
   Matrix7d covariance = Matrix7d::Zero();
   covariance.topLeftCorner(freedoms, freedoms) =
-      std::max(squares / spare, std::pow(kBestAccuracy / unit[3], 2)) * used.inverse();
+      std::max(squares / spare, std::pow(kBestAccuracy * length, 2)) * used.inverse();
   covariance = unit.asDiagonal() * covariance * unit.asDiagonal();
   PoseUncertainty result;
   result.covariance = covariance.topLeftCorner<6, 6>();
