@@ -270,7 +270,9 @@ NearestBothWays nearest_both_ways(std::span<const std::uint8_t> a, std::span<con
   NearestBothWays result;
   result.of_a.resize(of_a.count);
   result.of_b.resize(of_b.count);
-  if (of_a.count > 0 && of_b.count > 0) HWY_DYNAMIC_DISPATCH(compare_any)(of_a, of_b, norm, result);
+  if (of_a.count > 0 && of_b.count > 0) {
+    HWY_DYNAMIC_DISPATCH(compare_any)(of_a, of_b, norm, result);
+  }
   return result;
 }
 
