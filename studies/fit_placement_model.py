@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fits the weights of src/cairn/alignment/detail/evidence/probability.cpp and reports how reliable they are.
+"""Fits the weights of src/cairn/alignment/detail/evidence/verdict.cpp and reports how reliable they are.
 
   studies/fit_placement_model.py FIT.csv CHOOSE.csv [TEST.csv [DIAGRAM.svg]]
 

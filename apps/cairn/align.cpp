@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <exception>
 #include <list>
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <stop_token>
@@ -201,9 +200,7 @@ int align_pairs(const std::string& list, const AlignOptions& options, bool gravi
           }
           console.print(line + "\n");
           std::fflush(stdout);  // for who follows a file
-          if (progress) {
-            progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
-          }
+          if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(pairs.size()));
         });
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kCancelled) throw;

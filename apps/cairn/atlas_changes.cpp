@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Verbs of atlas that take back or look back: remove, split, unlink, log, undo, diff, verify, compact, salvage.
-#include <algorithm>
 #include <iterator>
 #include <string>
 #include <vector>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -409,9 +408,7 @@ LandmarkMap ConvertArguments::changed(LandmarkMap map, const Changes& made,
     with_option_names({{"map", input}}, [&] { map = transformed(map, by); });
   };
   if (made.new_from_old) move(*made.new_from_old);
-  if (enu) {
-    with_option_names({{"map", input}}, [&] { map = in_enu_frame(map); });
-  }
+  if (enu) with_option_names({{"map", input}}, [&] { map = in_enu_frame(map); });
 #ifdef CAIRN_HAS_ODOMETRY
   if (!images.empty()) map = with_descriptors(map);
 #endif
@@ -480,13 +477,12 @@ int ConvertArguments::run() {
   LandmarkMap map = changed(loaded.map, made, covariances);
   // A map made from another has a name of its own, if that one had.
   if (loaded.map.info().uuid && !map.info().uuid) map = with_content_uuid(std::move(map));
-  MapWriteOptions options;
-  options.format = written.name;
-  options.native_version = format_version;
-  options.ascii = ascii;
-  options.double_precision = double_precision;
-  options.log = strict_log(common.console().log(), loading.strict);
-  save_map(map, output, common, options);
+  save_map(map, output, common,
+           {.format = written.name,
+            .native_version = format_version,
+            .ascii = ascii,
+            .double_precision = double_precision},
+           strict_log(common.console().log(), loading.strict));
   const bool has_frames = written.holds_frames;
   Json json = describe(loaded, made, map, has_frames);
   json["covariances"] = std::move(covariances);

@@ -366,9 +366,7 @@ struct EvaluateMapArguments {
   std::vector<std::optional<Eigen::Vector3d>> true_positions(
       const LandmarkMap& map, const std::optional<LoadedMap>& truth) const {
 #ifdef CAIRN_HAS_ODOMETRY
-    if (!truth) {
-      return true_positions_from_depth(map, truth_depth, kTumDepthUnits);
-    }
+    if (!truth) return true_positions_from_depth(map, truth_depth, kTumDepthUnits);
 #endif
     KeyframePoses poses;
     if (truth_trajectory.empty()) {

@@ -74,8 +74,8 @@ struct PaperArguments {
     require_outputs(common);
     MapPair pair;
     if (!truth.empty()) pair.truth = read_pose_file(truth);
-    LoadedMap source_map = load_map(source, common, true);
-    LoadedMap target_map = load_map(target, common, true);
+    LoadedMap source_map = load_map(source, common, {}, true);
+    LoadedMap target_map = load_map(target, common, {}, true);
     for (LoadedMap* const loaded : {&source_map, &target_map}) {
       require_metres(loaded->map, loaded->path);
       loaded->description["kept_landmarks"] =

@@ -130,9 +130,7 @@ std::vector<StudyInput> study_inputs(const Study& study, const std::string& stud
 // A map in metres.
 // @throws Error (input)
 LandmarkMap read_study_map(const std::string& path) {
-  MapReadOptions options;
-  options.stop = interrupt_requests();
-  LandmarkMap map = read_map(path, options);
+  LandmarkMap map = read_map(path, {.stop = interrupt_requests()});
   require_metres(map, path);
   return map;
 }

@@ -23,11 +23,10 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/splats.hpp"
-#include "cairn/registration/splat_selection.hpp"
+#include "cairn/registration/point_set.hpp"
 
 #ifdef CAIRN_HAS_BAGS
-#include "cairn/recording/pose_topics.hpp"
-#include "cairn/recording/sensor_topics.hpp"
+#include "cairn/recording/topics.hpp"
 #endif
 
 #include "commands.hpp"
@@ -285,9 +284,7 @@ void print(const Console& console, const LoadedMap& loaded, const Findings& find
     console.print("\nconventions: {}\n", findings.conventions.sentence);
   }
   if (!findings.warnings.empty()) console.print("\n");
-  for (const std::string& warning : findings.warnings) {
-    console.print("warning: " + warning + "\n");
-  }
+  for (const std::string& warning : findings.warnings) console.print("warning: " + warning + "\n");
 }
 
 Json finite_or_null(double value) {

@@ -37,6 +37,7 @@
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/location_hints.hpp"
+#include "support/map_lists.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -114,36 +115,19 @@ std::vector<std::string> stamps_of(const std::vector<std::string>& images) {
 // images of a folder begin with the folder, or as many folders as tell them apart. The map's own names stay.
 std::vector<std::string> image_names(const std::vector<std::string>& files,
                                      const LandmarkMap& map) {
-  std::vector<fs::path> paths;
+  std::vector<PossibleNames> possible;
   for (const std::string& file : files) {
-    paths.push_back(fs::absolute(file).lexically_normal().relative_path());
-  }
-  std::map<fs::path, std::ptrdiff_t> folders_before;  // their number, by the innermost
-  std::vector<std::string> names(files.size());
-  for (bool changed = true; changed;) {
-    changed = false;
-    std::map<std::string, int> uses;
-    for (const std::string& known : map.frames().image_names) ++uses[known];
-    for (std::size_t i = 0; i < paths.size(); ++i) {
-      fs::path folder = paths[i].parent_path();
-      std::string folders;
-      for (auto k = folders_before[folder]; k > 0; --k, folder = folder.parent_path()) {
-        folders = folder.filename().string() + "/" + folders;
-      }
-      std::replace(folders.begin(), folders.end(), ' ', '_');  // COLMAP ends a name at a blank
-      names[i] = folders + paths[i].filename().string();
-      ++uses[names[i]];
+    const fs::path path = fs::absolute(file).lexically_normal().relative_path();
+    fs::path folder = path.parent_path();
+    PossibleNames image{folder.string(), {path.filename().string()}};
+    for (; !folder.empty(); folder = folder.parent_path()) {
+      std::string word = folder.filename().string();
+      std::replace(word.begin(), word.end(), ' ', '_');  // COLMAP ends a name at a blank
+      image.names.push_back(word + "/" + image.names.back());
     }
-    std::set<fs::path> alike;
-    for (std::size_t i = 0; i < paths.size(); ++i) {
-      const fs::path folder = paths[i].parent_path();
-      const auto most = std::distance(folder.begin(), folder.end());
-      if (uses[names[i]] > 1 && folders_before[folder] < most) alike.insert(folder);
-    }
-    for (const fs::path& folder : alike) ++folders_before[folder];
-    changed = !alike.empty();
+    possible.push_back(std::move(image));
   }
-  return names;
+  return told_apart(possible, map.frames().image_names);
 }
 
 // The locators of images: with the given camera or, by their sizes, with the only one of that size among others, or with a

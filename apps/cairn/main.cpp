@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <new>
 #include <string>
-#include <system_error>
 
 #include <fcntl.h>
 #include <fmt/format.h>

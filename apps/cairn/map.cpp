@@ -276,17 +276,13 @@ struct MapArguments {
     } else {
       parse_length(mini_map_length);
       std::error_code ignored;
-      if (fs::exists(output, ignored)) {
-        throw Error(ErrorKind::kMisuse, output, "exists already", "the name of a new folder");
-      }
+      refuse_if(fs::exists(output, ignored), output, "exists already", "the name of a new folder");
       require_folder_of(output);
     }
     if (!ImageSequence::is_in(sequence)) {
       const fs::path parent = (fs::path(sequence) / "..").lexically_normal();
-      if (ImageSequence::is_in(parent)) {
-        throw Error(ErrorKind::kInput, sequence, "is a folder of a sequence's images",
-                    "the sequence, " + parent.string());
-      }
+      reject_if(ImageSequence::is_in(parent), sequence, "is a folder of a sequence's images",
+                "the sequence, " + parent.string());
       if (const auto known = foreign_content(sequence)) {
         throw Error(ErrorKind::kInput, sequence, known->what, known->advice);
       }

@@ -2,7 +2,6 @@
 #include "cairn/merging/merge.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <set>
 #include <span>
@@ -34,9 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 
 report::LinkUse use_of(const Link& link, bool used) {
-  if (link.connects()) {
-    return used ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
-  }
+  if (link.connects()) return used ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
   return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
                                              : report::LinkUse::kRejected;
 }

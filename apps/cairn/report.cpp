@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <filesystem>
-#include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -143,9 +141,7 @@ class Assembly {
   /// Adds what is to be said at the end.
   void finish() {
     if (report_.title.empty()) report_.title = fmt::format("{} results", count_);
-    if (!options_.empty()) {
-      report_.provenance.options_json = options_.dump(-1);
-    }
+    if (!options_.empty()) report_.provenance.options_json = options_.dump(-1);
     if (remarks_.empty()) return;
     std::string text;
     for (const std::string& remark : remarks_) text += (text.empty() ? "" : "\n\n") + remark + ".";
@@ -298,7 +294,7 @@ class Assembly {
         changed = true;
         continue;
       }
-      LoadedMap loaded = load_map(path.string(), common_, true);
+      LoadedMap loaded = load_map(path.string(), common_, {}, true);
       if (is_folder && differs(*loaded.description.at("hash").text())) {
         changed = true;
         continue;

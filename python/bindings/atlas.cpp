@@ -411,9 +411,7 @@ std::optional<Route> path_between(SharedAtlas& self, const py::object& target,
     if (!found) return std::nullopt;
     Route path{*found, {}, {}};
     for (const NodeId id : found->nodes) path.maps.push_back(state.nodes.at(id).name);
-    for (const LinkId id : found->links) {
-      path.links.push_back(held_link(state, state.links.at(id)));
-    }
+    for (const LinkId id : found->links) path.links.push_back(held_link(state, state.links.at(id)));
     return path;
   });
 }

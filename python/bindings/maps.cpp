@@ -9,13 +9,11 @@
 
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/formats/camera_file.hpp"
-#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "bindings/optional_columns.hpp"
 #include "bindings/properties.hpp"
-#include "bindings/support.hpp"
 #include "bindings/text.hpp"
 
 namespace cairn::python {
@@ -44,12 +42,9 @@ SharedMap read(const std::filesystem::path& path, const py::kwargs& keywords) {
   table.read(keywords, &call);
   SharedMap map;
   std::vector<std::string> remarks;
-  run("reading", call, [&](const Execution& execution) {
-    MapReadOptions options;
-    options.progress = execution.progress;
-    options.stop = execution.stop;
-    options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
-    map = std::make_shared<LandmarkMap>(all_formats().read(path, options));
+  run("reading", call, [&](Execution execution) {
+    execution.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    map = std::make_shared<LandmarkMap>(all_formats().read(path, execution));
   });
   warn(remarks);
   return map;
@@ -58,13 +53,12 @@ SharedMap read(const std::filesystem::path& path, const py::kwargs& keywords) {
 void write(const SharedMap& map, const std::filesystem::path& path, const py::kwargs& keywords) {
   static const auto table = write_keywords();
   CallOptions call;
-  MapWriteOptions options = table.read(keywords, &call);
+  const MapWriteOptions options = table.read(keywords, &call);
   std::vector<std::string> remarks;
-  options.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
   all_formats().format_to_write(path, options);  // throws before the work if there is none
-  run("writing", call, [&](const Execution& execution) {
-    options.progress = execution.progress;
-    all_formats().write(*map, path, options);
+  run("writing", call, [&](Execution execution) {
+    execution.log = [&](std::string_view remark) { remarks.emplace_back(remark); };
+    all_formats().write(*map, path, options, execution);
   });
   warn(remarks);
 }

@@ -83,9 +83,7 @@ Keywords<MapOptions> map_keywords() {
 
 std::unique_ptr<SharedOdometry> make_odometry(const Camera& camera, const py::kwargs& given) {
   OdometryKeywords keywords = odometry_keywords().read(given);
-  if (keywords.start) {
-    keywords.options.start = [start = *keywords.start](double) { return start; };
-  }
+  if (keywords.start) keywords.options.start = [start = *keywords.start](double) { return start; };
   return std::make_unique<SharedOdometry>(camera, keywords.options);
 }
 

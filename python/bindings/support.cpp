@@ -243,9 +243,7 @@ std::vector<Eigen::Vector3d> positions_of(py::handle value, std::string_view nam
   detail::reserve_populated(positions, count);
   positions.resize(count);
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
-  if (!positions.empty()) {
-    std::copy_n(array.data(), 3 * positions.size(), positions.front().data());
-  }
+  if (!positions.empty()) std::copy_n(array.data(), 3 * positions.size(), positions.front().data());
   return positions;
 }
 

@@ -3,7 +3,6 @@
 #include "support/real_data.hpp"
 
 #include <cstdint>
-#include <cstdlib>
 #include <string>
 
 #include "cli.hpp"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <string>
 
-#include "cairn/recording/pose_topics.hpp"
 #include "cairn/recording/recording.hpp"
+#include "cairn/recording/topics.hpp"
 #include "cairn/vision/sequence.hpp"
 
 #include "fuzz/file_in_memory.hpp"

@@ -2,7 +2,6 @@
 // The Point Cloud Library as judge: its own IterativeClosestPoint, base and with our correspondence
 // estimation, against cairn::align.
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <numbers>

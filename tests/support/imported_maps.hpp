@@ -93,10 +93,9 @@ class ImportTest : public ::testing::Test {
     return refusal(ErrorKind::kInput, [&] { read_bytes(bytes, name); });
   }
   std::filesystem::path write(const LandmarkMap& map, const std::string& name,
-                              MapWriteOptions options = {}) {
+                              const MapWriteOptions& options = {}) {
     remarks_.clear();
-    options.log = remarks_.sink();
-    all_formats().write(map, folder_ / name, options);
+    all_formats().write(map, folder_ / name, options, {.log = remarks_.sink()});
     return folder_ / name;
   }
 

@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/random.hpp"
-#include "cairn/map/rigid_frames.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::testing {
 

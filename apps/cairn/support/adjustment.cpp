@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "support/adjustment.hpp"
 
-#include <utility>
-
 #include <fmt/format.h>
 
-#include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 
 #include "support/map_lists.hpp"

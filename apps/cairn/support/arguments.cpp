@@ -2,11 +2,9 @@
 #include "support/arguments.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <system_error>
 
-#include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
@@ -19,7 +17,6 @@
 #include "cairn/core/text.hpp"
 #include "cairn/geometry/limits.hpp"
 
-#include "support/command_line.hpp"
 #include "support/interrupt.hpp"
 
 namespace cairn::cli {

@@ -14,7 +14,6 @@
 
 #include <fmt/format.h>
 
-#include "cairn/confidence/metric.hpp"
 #include "cairn/core/execution.hpp"
 #include "cairn/core/option_table.hpp"
 #include "cairn/experiments/run.hpp"

@@ -6,13 +6,10 @@
 #include <cstddef>
 #include <filesystem>
 #include <optional>
-#include <span>
 #include <sstream>
-#include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
-#include <vector>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>

@@ -2,11 +2,8 @@
 #include "support/console.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <string>
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include "cairn/core/text.hpp"

@@ -2,10 +2,8 @@
 #include "support/documents.hpp"
 
 #include <cmath>
-#include <filesystem>
 #include <string_view>
 #include <system_error>
-#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -16,7 +14,6 @@
 #include "cairn/core/file.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
-#include "cairn/formats/map_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/report/report.hpp"
 
@@ -76,22 +73,17 @@ std::string beginning_of(const std::string& path) {
   return first;
 }
 
-LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash) {
-  return load_map(path, common, MapLoading{}, with_hash);
-}
-
 LoadedMap load_map(const std::string& path, const CommonArguments& common,
                    const MapLoading& loading, bool with_hash) {
   const Console console = common.console();
-  MapReadOptions options;
-  options.progress = console.progress("reading " + path);
-  options.stop = interrupt_requests();
-  options.log = strict_log(console.log(), loading.strict);
+  const Execution execution{.stop = interrupt_requests(),
+                            .progress = console.progress("reading " + path),
+                            .log = strict_log(console.log(), loading.strict)};
   LoadedMap loaded{path, {}, {}};
   std::vector<std::filesystem::path> files;
   {
     const detail::FilesRead read;
-    loaded.map = all_formats().read(path == "-" ? kStdin : path, options);
+    loaded.map = all_formats().read(path == "-" ? kStdin : path, execution);
     files = read.paths();
   }
   std::string reread_as;
@@ -167,10 +159,8 @@ void require_place_of(const std::string& path, const MapFormat& format) {
   std::error_code ignored;
   const std::filesystem::path folder = std::filesystem::path(path + "/").parent_path();
   if (!std::filesystem::is_directory(folder, ignored)) return require_folder_of(folder.string());
-  if (!std::filesystem::is_empty(folder, ignored)) {
-    throw Error(ErrorKind::kMisuse, path, "cannot be written: the folder is not empty",
-                "a new or an empty folder");
-  }
+  refuse_if(!std::filesystem::is_empty(folder, ignored), path,
+            "cannot be written: the folder is not empty", "a new or an empty folder");
 }
 
 void require_map_output(const std::string& path, const std::string& format,
@@ -214,27 +204,29 @@ void write_text(const std::string& text, const std::string& path) {
 }
 
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
-              MapWriteOptions options) {
+              const MapWriteOptions& options, LogSink log) {
   const Console console = common.console();
-  options.progress = [show = console.progress("writing " + path), path,
-                      stop = interrupt_requests()](double share) {
+  Execution execution;
+  execution.progress = [show = console.progress("writing " + path), path,
+                        stop = interrupt_requests()](double share) {
     if (stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, path, "writing was cancelled", "");
     }
     if (show) show(share);
   };
-  if (!options.log) options.log = console.log();
+  execution.log = log ? std::move(log) : console.log();
   const MapFormat& format = all_formats().format_to_write(path, options);
   // Before anything is written: the log may refuse it.
   if (!format.holds_frames && map.frame_count() > 0) {
-    options.log({fmt::format("{} holds landmarks only: {} frames and {} observations are left out",
-                             path, map.frame_count(), map.observation_count()),
-                 RemarkKind::kLoss});
+    execution.log(
+        {fmt::format("{} holds landmarks only: {} frames and {} observations are left out", path,
+                     map.frame_count(), map.observation_count()),
+         RemarkKind::kLoss});
   }
   if (path == "-") {
-    format.write_to(map, print_raw, options);
+    format.write_to(map, print_raw, options, execution);
   } else {
-    all_formats().write(map, path, options);
+    all_formats().write(map, path, options, execution);
   }
 }
 

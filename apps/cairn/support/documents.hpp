@@ -29,10 +29,6 @@ struct LoadedMap {
   Json description;  ///< path, hash, counts
 };
 
-/// @param path of a file, or "-" for stdin
-/// @param with_hash even where no document or report was asked for
-LoadedMap load_map(const std::string& path, const CommonArguments& common, bool with_hash = false);
-
 /// How `load_map` treats a file.
 struct MapLoading {
   /// Whose conventions hold where a file breaks those of its format: "data" or "format".
@@ -46,9 +42,10 @@ struct MapLoading {
   void validate() const;
 };
 
-/// load_map, where a verb lets people choose. By default it is this.
+/// @param path of a file, or "-" for stdin
+/// @param with_hash even where no document or report was asked for
 LoadedMap load_map(const std::string& path, const CommonArguments& common,
-                   const MapLoading& loading, bool with_hash = false);
+                   const MapLoading& loading = {}, bool with_hash = false);
 
 /// A log that throws the first loss as an Error (input) if `strict`, and hands on all else.
 LogSink strict_log(LogSink log, bool strict);
@@ -92,8 +89,9 @@ void write_text(const std::string& text, const std::string& path);
 void require_place_of(const std::string& path, const MapFormat& format);
 
 /// Writes a map and remarks what its format does not hold.
+/// @param log empty: the console
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
-              MapWriteOptions options = {});
+              const MapWriteOptions& options = {}, LogSink log = {});
 
 /// The head that every document has; `schema` is e.g. "align".
 Json document(const std::string& schema, const CommonArguments& common, Json inputs, Json options,

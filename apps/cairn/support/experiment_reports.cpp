@@ -2,7 +2,6 @@
 #include "support/experiment_reports.hpp"
 
 #include <algorithm>
-#include <filesystem>
 #include <span>
 #include <system_error>
 #include <utility>
@@ -12,7 +11,6 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/experiments/paper.hpp"
 #include "cairn/report/sections.hpp"
 #ifdef CAIRN_HAS_ODOMETRY
 #include "cairn/vision/image.hpp"

@@ -27,9 +27,7 @@ double extent_of(const LandmarkMap& map) {
   for (const Eigen::Vector3d& position : positions) centre += position;
   centre /= static_cast<double>(positions.size());
   std::vector<double> distances;
-  for (const Eigen::Vector3d& position : positions) {
-    distances.push_back((position - centre).norm());
-  }
+  for (const Eigen::Vector3d& position : positions) distances.push_back((position - centre).norm());
   return upper_median(distances);
 }
 
@@ -87,9 +85,7 @@ class Hints {
       std::string text = fmt::format(
           "Check the units: the source's landmarks extend {:.3g} times as far as the target's.",
           ratio);
-      if (!with_scale_ && factor <= kLargestScale) {
-        text += " Add --scale if the scales differ.";
-      }
+      if (!with_scale_ && factor <= kLargestScale) text += " Add --scale if the scales differ.";
       add(text);
     }
     const bool free = source_.info().length_unit == LengthUnit::kFree ||

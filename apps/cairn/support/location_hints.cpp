@@ -77,9 +77,7 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
   }
   std::vector<std::string> hints = {
       "Use an image that shows more of the map, in more of its area."};
-  if (found.probability >= kLeastRequired) {
-    hints.push_back(accepted_risk_hint(found.probability));
-  }
+  if (found.probability >= kLeastRequired) hints.push_back(accepted_risk_hint(found.probability));
   return hints;
 }
 

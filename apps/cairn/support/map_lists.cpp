@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -121,22 +122,32 @@ bool is_folder_of_maps(const std::string& path) {
   return maps.empty() || maps.front() != path;
 }
 
-std::vector<std::string> map_names(const std::vector<std::string>& files) {
-  std::vector<std::vector<std::string>> possible;
-  for (const std::string& file : files) possible.push_back(possible_names(file));
-  std::vector<std::size_t> chosen(files.size(), 0);
-  std::vector<std::string> names(files.size());
+std::vector<std::string> told_apart(const std::vector<PossibleNames>& possible,
+                                    const std::vector<std::string>& taken) {
+  std::map<std::string, std::size_t> chosen;  // index of a name, by group
+  std::vector<std::string> names(possible.size());
   for (bool changed = true; changed;) {
-    changed = false;
-    for (std::size_t i = 0; i < files.size(); ++i) names[i] = possible[i][chosen[i]];
-    for (std::size_t i = 0; i < files.size(); ++i) {
-      if (std::count(names.begin(), names.end(), names[i]) == 1) continue;
-      if (chosen[i] + 1 == possible[i].size()) continue;
-      ++chosen[i];
-      changed = true;
+    std::map<std::string, int> uses;
+    for (const std::string& name : taken) ++uses[name];
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      names[i] = possible[i].names[chosen[possible[i].group]];
+      ++uses[names[i]];
     }
+    std::set<std::string> alike;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const auto& [group, longer] = possible[i];
+      if (uses[names[i]] > 1 && chosen[group] + 1 < longer.size()) alike.insert(group);
+    }
+    for (const std::string& group : alike) ++chosen[group];
+    changed = !alike.empty();
   }
   return names;
+}
+
+std::vector<std::string> map_names(const std::vector<std::string>& files) {
+  std::vector<PossibleNames> possible;
+  for (const std::string& file : files) possible.push_back({file, possible_names(file)});
+  return told_apart(possible);
 }
 
 std::vector<ListedMap> listed_maps(const std::vector<std::string>& paths) {

@@ -30,6 +30,17 @@ std::vector<ListedMap> listed_maps(const std::vector<std::string>& paths);
 std::vector<Link> links_of_folders(const std::vector<std::string>& paths,
                                    const std::vector<ListedMap>& maps);
 
+/// What a thing may be called. Those of one group are called by names of one index.
+struct PossibleNames {
+  std::string group;
+  std::vector<std::string> names;  ///< the shortest first; as many for all of the group
+};
+
+/// The shortest names that tell things apart, as far as there are any.
+/// @param taken names of others
+std::vector<std::string> told_apart(const std::vector<PossibleNames>& possible,
+                                    const std::vector<std::string>& taken = {});
+
 /// What maps are called: file names without extension, or for one/sparse/0 the name of the project's folder, one; with
 /// further folders where several are alike.
 std::vector<std::string> map_names(const std::vector<std::string>& files);

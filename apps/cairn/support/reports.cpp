@@ -10,7 +10,6 @@
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/report/frame_images.hpp"
 #endif
-#include "cairn/report/report.hpp"
 
 #include "support/command_line.hpp"
 #include "support/console.hpp"

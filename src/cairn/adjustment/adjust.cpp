@@ -6,7 +6,6 @@
 #include <memory>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
@@ -55,9 +54,7 @@ struct DepthMeasure {
 
 std::unique_ptr<ceres::LossFunction> loss_of(RobustKernel kernel, double usual) {
   if (kernel == RobustKernel::kHuber) return std::make_unique<ceres::HuberLoss>(std::sqrt(usual));
-  if (kernel == RobustKernel::kCauchy) {
-    return std::make_unique<ceres::CauchyLoss>(std::sqrt(usual));
-  }
+  if (kernel == RobustKernel::kCauchy) return std::make_unique<ceres::CauchyLoss>(std::sqrt(usual));
   return nullptr;
 }
 
@@ -368,14 +365,10 @@ LandmarkMap without_covariances(LandmarkMap map) {
 
 void AdjustOptions::validate() const {
   if (noise) noise->validate();
-  if (max_iterations < 1) {
-    throw Error(ErrorKind::kMisuse, "AdjustOptions.max_iterations",
-                fmt::format("{}", max_iterations), "at least 1");
-  }
-  if (min_observations < 1) {
-    throw Error(ErrorKind::kMisuse, "AdjustOptions.min_observations",
-                fmt::format("{}", min_observations), "at least 1");
-  }
+  refuse_if(max_iterations < 1, "AdjustOptions.max_iterations", fmt::format("{}", max_iterations),
+            "at least 1");
+  refuse_if(min_observations < 1, "AdjustOptions.min_observations",
+            fmt::format("{}", min_observations), "at least 1");
 }
 
 AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options,
@@ -416,9 +409,7 @@ AdjustResult adjust(const LandmarkMap& map, const AdjustOptions& options,
       result.why_no_covariances = error.what();
     }
   }
-  if (result.covariance_references.empty()) {
-    result.map = without_covariances(std::move(result.map));
-  }
+  if (result.covariance_references.empty()) result.map = without_covariances(std::move(result.map));
   return result;
 }
 

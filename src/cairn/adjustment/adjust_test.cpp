@@ -12,7 +12,6 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/random.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/adjusted_maps.hpp"

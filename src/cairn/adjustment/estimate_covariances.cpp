@@ -33,9 +33,7 @@ LinearObservation linearise(const LandmarkMap& map, const Measurement& measureme
   const auto pixel = seen_pixel(CameraProjection(camera), camera.parameters.data(),
                                 measurement.pixel, measurement.sigma_px, x_in_camera);
   if (pixel) at.by_point.topRows<2>() = pixel->by_x_in_camera * camera_from_world;
-  if (measurement.depth) {
-    at.by_point.row(2) = camera_from_world.row(2) / measurement.sigma_depth;
-  }
+  if (measurement.depth) at.by_point.row(2) = camera_from_world.row(2) / measurement.sigma_depth;
   at.by_pose = derivative_by_pose(at.by_point, x_in_world - map.frames().translations[lead]);
   return at;
 }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <numeric>
-#include <optional>
 #include <utility>
 #include <vector>
 

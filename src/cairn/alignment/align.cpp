@@ -19,7 +19,6 @@
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/alignment/detail/refinement/widen.hpp"
 #include "cairn/alignment/detail/search/placement.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"

@@ -2,7 +2,6 @@
 #include "cairn/alignment/detail/bends/by_parts.hpp"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdint>

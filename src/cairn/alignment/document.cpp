@@ -114,9 +114,7 @@ void read(const JsonField& field, Value& value) {
 
 void read(const JsonField& field, std::array<std::size_t, Support::kRadii>& counts) {
   const std::vector<JsonField> items = field.items();
-  if (items.size() != counts.size()) {
-    field.refuse(fmt::format("{} whole numbers", counts.size()));
-  }
+  if (items.size() != counts.size()) field.refuse(fmt::format("{} whole numbers", counts.size()));
   for (std::size_t i = 0; i < counts.size(); ++i) read(items[i], counts[i]);
 }
 
@@ -616,9 +614,7 @@ std::vector<AlignmentRecord> read_alignments(std::string_view document, const st
     }
   }
   const JsonField results = root["results"];
-  if (results.is_null()) {
-    throw Error(ErrorKind::kInput, name, "holds no results of an alignment", kExpected);
-  }
+  reject_if(results.is_null(), name, "holds no results of an alignment", kExpected);
   std::vector<AlignmentRecord> records;
   for (const JsonField& result : results.items()) records.push_back(record_of(result, version));
   if (records.empty()) results.refuse("at least one result");

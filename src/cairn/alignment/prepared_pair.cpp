@@ -2,14 +2,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "cairn/alignment/align.hpp"
 #include "cairn/alignment/detail/evidence/verdict.hpp"
-#include "cairn/alignment/detail/refinement/known_matches.hpp"
+#include "cairn/alignment/detail/refinement/refine.hpp"
 #include "cairn/alignment/detail/search/placement.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"

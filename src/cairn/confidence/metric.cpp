@@ -167,9 +167,7 @@ Metric reprojection_metric() {
 Metric column_metric(const std::string& column) {
   return {"column:" + column, [column](const LandmarkMap& map) {
             const NamedColumn* const found = map.column(column);
-            if (found == nullptr) {
-              fail_missing("column:" + column, "column " + printable(column));
-            }
+            if (found == nullptr) fail_missing("column:" + column, "column " + printable(column));
             std::vector<double> values = found->values;
             std::replace_if(
                 values.begin(), values.end(), [](double value) { return std::isnan(value); }, 0.0);

@@ -2,10 +2,7 @@
 #include "cairn/core/number_text.hpp"
 
 #include <array>
-#include <bit>
-#include <charconv>
 #include <cmath>
-#include <cstring>
 
 namespace cairn {
 namespace {

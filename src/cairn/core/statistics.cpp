@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/statistics.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <vector>
 

@@ -2,7 +2,6 @@
 #include "cairn/core/text.hpp"
 
 #include <algorithm>
-#include <cstddef>
 #include <vector>
 
 #include <fmt/format.h>

@@ -9,7 +9,6 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
-#include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 
 namespace cairn {

@@ -144,9 +144,7 @@ class Solver {
       return result;
     };
     const auto begin = start();
-    if (!begin) {
-      return too_few(pairs_at(estimate_, truth_, 0.0, kMaxGap).size());
-    }
+    if (!begin) return too_few(pairs_at(estimate_, truth_, 0.0, kMaxGap).size());
     State state = *begin;
     constexpr int kMostSteps = 50;
     for (int i = 0; i < kMostSteps; ++i) {

@@ -2,12 +2,19 @@
 #include "cairn/evaluation/map_consistency.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <span>
+
+#include <fmt/format.h>
 
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/option_table.hpp"
+#include "cairn/geometry/detail/grid_steps.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/map/folds.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
@@ -33,6 +40,59 @@ std::vector<Rigid3> inverse_poses(const LandmarkMap& map) {
     camera_from_world[i] = map.world_from_camera(FrameIndex{i}).inverse();
   }
   return camera_from_world;
+}
+
+KeyframeUncertainty uncertainty_of(const Matrix6d& covariance) {
+  const auto root = [](double square) { return std::sqrt(std::max(square, 0.0)); };
+  return {root(covariance.diagonal().head<3>().sum()), root(covariance.diagonal().tail<3>().sum())};
+}
+
+// Landmarks beyond the first at each position.
+std::size_t repeated_positions(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks) {
+  std::vector<std::array<double, 3>> positions;
+  positions.reserve(landmarks.size());
+  for (const LandmarkIndex landmark : landmarks) {
+    const Eigen::Vector3d& x = map.landmarks().positions[landmark.value];
+    positions.push_back({x.x(), x.y(), x.z()});
+  }
+  std::sort(positions.begin(), positions.end());
+  const auto distinct = std::unique(positions.begin(), positions.end()) - positions.begin();
+  return positions.size() - static_cast<std::size_t>(distinct);
+}
+
+// The most common covariance and how many landmarks have it.
+std::size_t most_common_covariance(const LandmarkMap& map) {
+  std::vector<std::array<double, 9>> covariances;
+  for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
+    const auto covariance = map.covariance(LandmarkIndex{i});
+    if (!covariance) continue;
+    auto& entry = covariances.emplace_back();
+    std::copy_n(covariance->data(), 9, entry.begin());
+  }
+  std::sort(covariances.begin(), covariances.end());
+  std::size_t most = 0;
+  for (std::size_t i = 0, run = 0; i < covariances.size(); ++i) {
+    run = i > 0 && covariances[i] == covariances[i - 1] ? run + 1 : 1;
+    most = std::max(most, run);
+  }
+  return most;
+}
+
+std::size_t unobserving_frames(const LandmarkMap& map) {
+  std::vector<bool> observes(map.frame_count(), false);
+  for (const FrameIndex frame : map.observations().frames) observes[frame.value] = true;
+  return static_cast<std::size_t>(std::count(observes.begin(), observes.end(), false));
+}
+
+std::string separate_frames_text(const LandmarkMap& map, const SeparateFrames& group) {
+  return fmt::format(
+      "{} images ({}) are where others are, but share {:.0f} % of the landmarks in view with them, "
+      "where "
+      "{:.0f} % is usual: two alike places are taken for one, and the model is folded; or a loop "
+      "is "
+      "not closed",
+      group.frames.size(), image_list(map, group.frames), 100.0 * group.shared,
+      100.0 * group.usual);
 }
 
 }  // namespace
@@ -101,6 +161,71 @@ MapConsistency map_consistency(const LandmarkMap& map, double inlier_px) {
   }
   result.depth = statistics_of(depth_errors);
   if (result.depth) result.depth_bias = depth_sum / static_cast<double>(depth_errors.size());
+  return result;
+}
+
+std::vector<std::string> map_defects(const LandmarkMap& map) {
+  std::vector<std::string> result;
+  const std::size_t count = map.landmark_count();
+  if (count == 0) result.emplace_back("the map has no landmarks");
+  if (!map.has_observations()) {
+    result.emplace_back(
+        "the map has no observations: confidences observations, distance, parallax and "
+        "reprojection cannot be had");
+  } else if (count > 0) {
+    if (const auto none = count - landmarks_observed(map, 1).size(); none > 0) {
+      result.push_back(fmt::format("landmarks without any observation: {}", none));
+    }
+    if (const auto idle = unobserving_frames(map); idle > 0) {
+      result.push_back(fmt::format("frames that observe no landmark: {}", idle));
+    }
+  }
+  const auto kept = landmarks_observed(map, 2);
+  if (const auto repeated = repeated_positions(map, kept); repeated > 0) {
+    result.push_back(fmt::format(
+        "landmarks, observed twice or more, that lie exactly where another does: {}", repeated));
+  }
+  const Eigen::Vector3d grid = detail::grid_steps(map.landmarks().positions);
+  if (!grid.isZero(0.0)) {
+    result.push_back(fmt::format(
+        "the positions lie on a grid of {:.4g} x {:.4g} x {:.4g}, as of voxels or rounded numbers: "
+        "they are known to within a step only",
+        grid.x(), grid.y(), grid.z()));
+  }
+  for (const SeparateFrames& group : separate_frames(map)) {
+    result.push_back(separate_frames_text(map, group));
+  }
+  if (count > 0 && !map.has_covariances()) {
+    result.emplace_back("the map has no covariances: confidence covariance cannot be had");
+  } else if (const auto alike = most_common_covariance(map); count > 1 && alike * 2 > count) {
+    result.push_back(fmt::format("landmarks that share one and the same covariance: {}", alike));
+  }
+  return result;
+}
+
+std::optional<KeyframeUncertainties> keyframe_uncertainties(const LandmarkMap& map) {
+  const FrameTable& frames = map.frames();
+  if (frames.pose_covariances.empty()) return std::nullopt;
+  KeyframeUncertainties result;
+  std::optional<std::size_t> before;
+  for (std::size_t i = 0; i < frames.ids.size(); ++i) {
+    const std::optional<Matrix6d> covariance = frames.pose_covariances[i];
+    if (!covariance) continue;
+    const KeyframeUncertainty here = uncertainty_of(*covariance);
+    if (!before || here.angle_rad > result.of_worst.angle_rad) {
+      result.worst = frames.ids[i];
+      result.of_worst = here;
+    }
+    if (before) {
+      const KeyframeUncertainty grown =
+          uncertainty_of(Matrix6d(*covariance - *frames.pose_covariances[*before]));
+      if (grown.angle_rad >= result.of_step.angle_rad) {
+        result.step = {frames.ids[*before], frames.ids[i]};
+        result.of_step = grown;
+      }
+    }
+    before = i;
+  }
   return result;
 }
 

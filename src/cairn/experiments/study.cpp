@@ -7,8 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "cairn/core/random.hpp"
-
 namespace cairn {
 namespace {
 

@@ -190,9 +190,7 @@ void parse_simulation(const Entry& entry, const std::string& name, std::vector<S
               {"seeds",
                [&](const Entry& e) {
                  seeds.clear();
-                 for (const Entry& seed : e.list()) {
-                   seeds.push_back(seed.whole(0, kMostSeed));
-                 }
+                 for (const Entry& seed : e.list()) seeds.push_back(seed.whole(0, kMostSeed));
                }},
               {"path", text_into(simulation.path)},
               {"frames", whole_into(simulation.frames, 10, kMost)},

@@ -155,9 +155,7 @@ StrategySummary summarise(const RunsByStrategy& runs, std::size_t strategy,
     of_group[static_cast<std::size_t>(group - whole.groups.begin())].push_back(of_pair);
   }
   summary.success = rates.clustered(success);
-  for (const auto& counts : of_group) {
-    summary.of_group.push_back(rates.clustered(counts));
-  }
+  for (const auto& counts : of_group) summary.of_group.push_back(rates.clustered(counts));
   summary.median_iterations = median(iterations);
   if (!rotations.empty()) {
     summary.median_rotation_rad = median(rotations);

@@ -281,9 +281,7 @@ Camera tum_camera(const std::string& name) {
     return camera({520.908620, 521.007327, 325.141442, 249.701764, 0.231222, -0.784899, -0.003257,
                    -0.000105, 0.917205, 0.0, 0.0, 0.0});
   }
-  if (name == "fr3") {
-    return Camera{CameraId{0}, "PINHOLE", 640, 480, {535.4, 539.2, 320.1, 247.6}};
-  }
+  if (name == "fr3") return Camera{CameraId{0}, "PINHOLE", 640, 480, {535.4, 539.2, 320.1, 247.6}};
   throw Error(ErrorKind::kMisuse, "camera", printable(name) + " is no camera of the TUM benchmark",
               "fr1, fr2 or fr3");
 }

@@ -2,13 +2,12 @@
 #include "cairn/formats/map_file.hpp"
 
 #include <algorithm>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/file.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/format_row.hpp"
 #include "cairn/formats/detail/losses.hpp"
@@ -17,10 +16,9 @@ namespace cairn {
 namespace {
 
 // Frames and observations aside, which the format's row says it cannot hold.
-void log_point_losses(const LandmarkMap& map, const MapWriteOptions& options,
-                      std::string_view format) {
+void log_point_losses(const LandmarkMap& map, std::string_view format, const LogSink& log) {
   const std::vector<std::string_view> columns = column_names(map.landmarks().columns);
-  detail::log_losses(options.log, map,
+  detail::log_losses(log, map,
                      {.timestamps = true,
                       .keypoints = true,
                       .depths = true,
@@ -126,15 +124,21 @@ bool looks_like_native(const MapInput& input) {
   return text.starts_with("CAIRN") || text.starts_with("FRAME") || text.starts_with("LANDMARK");
 }
 
+std::string uuid_of(const detail::Hash128& hash) {
+  constexpr std::uint64_t kVersion8 = 0x8000;
+  constexpr std::uint64_t kVariant = 0x8000;
+  return fmt::format("{:08x}-{:04x}-{:04x}-{:04x}-{:012x}", hash.high >> 32,
+                     (hash.high >> 16) & 0xffff, kVersion8 | (hash.high & 0x0fff),
+                     kVariant | ((hash.low >> 48) & 0x3fff), hash.low & 0xffffffffffff);
+}
+
 }  // namespace
 
 FormatRegistry::FormatRegistry(std::vector<MapFormat> formats) : formats_(std::move(formats)) {
   for (auto format = formats_.begin(); format != formats_.end(); ++format) {
     const auto same = [&](const MapFormat& other) { return other.name == format->name; };
-    if (std::any_of(formats_.begin(), format, same)) {
-      throw Error(ErrorKind::kMisuse, "map format " + printable(format->name), "is there twice",
-                  "distinct names");
-    }
+    refuse_if(std::any_of(formats_.begin(), format, same), "map format " + printable(format->name),
+              "is there twice", "distinct names");
   }
 }
 
@@ -252,7 +256,7 @@ std::vector<std::filesystem::path> FormatRegistry::maps_of_folder(
 }
 
 LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
-                                 const MapReadOptions& options) const {
+                                 const Execution& execution) const {
   MapInput input = input_at(path);
   const auto read_recognised = [&]() -> std::optional<LandmarkMap> {
     const MapFormat* const format = recognised(input);
@@ -263,7 +267,7 @@ LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
                   "a path without " + printable("#" + *input.part));
     }
     try {
-      return format->read(input, options);
+      return format->read(input, execution);
     } catch (const Error& error) {
       refuse_lfs_pointer(error.what());
       throw;
@@ -283,7 +287,7 @@ LandmarkMap FormatRegistry::read(const std::filesystem::path& path,
     }
     if (maps.empty()) refuse_folder(input.path);
     if (maps.front() != input.path) {
-      detail::log_remark(options.log, input.path.string(),
+      detail::log_remark(execution.log, input.path.string(),
                          "the map in " + maps.front().string() + " is read");
     }
     input.path = maps.front();
@@ -317,21 +321,19 @@ const MapFormat& FormatRegistry::format_to_write(const std::filesystem::path& pa
                 written_names_text());
   }
   const MapFormat* const format = format_of_ending(path);
-  if (format == nullptr || !format->is_written()) {
-    throw Error(ErrorKind::kMisuse, path.string(),
-                "the extension " + printable(path.extension().string()) + " names no map format",
-                endings_text());
-  }
+  refuse_if(format == nullptr || !format->is_written(), path.string(),
+            "the extension " + printable(path.extension().string()) + " names no map format",
+            endings_text());
   return *format;
 }
 
 void FormatRegistry::write(const LandmarkMap& map, const std::filesystem::path& path,
-                           const MapWriteOptions& options) const {
+                           const MapWriteOptions& options, const Execution& execution) const {
   const MapFormat& format = format_to_write(path, options);
   if (format.write) {
-    format.write(map, path, options);
+    format.write(map, path, options, execution);
   } else {
-    write_file(path, [&](const ByteSink& sink) { format.write_to(map, sink, options); });
+    write_file(path, [&](const ByteSink& sink) { format.write_to(map, sink, options, execution); });
   }
 }
 
@@ -343,8 +345,9 @@ const FormatRegistry& native_formats() {
        .recognises = &looks_like_native,
        .read = &detail::read_source<&read_native>,
        .write_to =
-           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
-             write_native(map, sink, options.native_version, options.progress);
+           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options,
+              const Execution& execution) {
+             write_native(map, sink, options.native_version, execution);
            }},
       {.name = "binary",
        .title = "Cairn binary",
@@ -352,10 +355,7 @@ const FormatRegistry& native_formats() {
        // Without the line end, which may be different in a damaged file.
        .recognises = detail::begins_with(kBinaryMagic.substr(0, 6)),
        .read = &detail::read_source<&read_binary>,
-       .write_to =
-           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
-             write_binary(map, sink, options.progress);
-           }},
+       .write_to = detail::written_by<&write_binary>},
       {.name = "ply",
        .title = "PLY",
        .endings = {".ply"},
@@ -363,8 +363,9 @@ const FormatRegistry& native_formats() {
        .recognises = detail::begins_with("ply\n", "ply\r"),
        .read = &detail::read_source<&read_ply>,
        .write_to =
-           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
-             log_point_losses(map, options, "PLY");
+           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options,
+              const Execution& execution) {
+             log_point_losses(map, "PLY", execution.log);
              write_ply(map, sink, options);
            }},
       {.name = "pcd",
@@ -374,21 +375,49 @@ const FormatRegistry& native_formats() {
        .recognises = detail::begins_with("# .PCD", "VERSION"),
        .read = &detail::read_source<&read_pcd>,
        .write_to =
-           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
-             log_point_losses(map, options, "PCD");
+           [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options,
+              const Execution& execution) {
+             log_point_losses(map, "PCD", execution.log);
              write_pcd(map, sink, options);
            }},
   });
   return formats;
 }
 
-LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options) {
-  return native_formats().read(path, options);
+LandmarkMap read_map(const std::filesystem::path& path, const Execution& execution) {
+  return native_formats().read(path, execution);
 }
 
 void write_map(const LandmarkMap& map, const std::filesystem::path& path,
-               const MapWriteOptions& options) {
-  native_formats().write(map, path, options);
+               const MapWriteOptions& options, const Execution& execution) {
+  native_formats().write(map, path, options, execution);
+}
+
+std::string uuid_of(std::string_view bytes) {
+  return uuid_of(detail::hash_of(bytes));
+}
+
+std::string content_uuid(const LandmarkMap& map) {
+  detail::Hasher hasher;
+  const auto hash = [&](const LandmarkMap& content) {
+    write_binary(content, [&](std::string_view bytes) { hasher.update(bytes); });
+  };
+  if (map.info().uuid) {
+    LandmarkMap copy = map;
+    MapTables tables = std::move(copy).tables();
+    tables.info.uuid.reset();
+    hash(LandmarkMap(std::move(tables)));
+  } else {
+    hash(map);
+  }
+  return uuid_of(hasher.digest());
+}
+
+LandmarkMap with_content_uuid(LandmarkMap map) {
+  std::string uuid = content_uuid(map);
+  MapTables tables = std::move(map).tables();
+  tables.info.uuid = std::move(uuid);
+  return LandmarkMap(std::move(tables));
 }
 
 }  // namespace cairn

@@ -5,25 +5,16 @@
 #include <functional>
 #include <optional>
 #include <span>
-#include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cairn/core/execution.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/core/log.hpp"
 #include "cairn/geometry/similarity3.hpp"
 #include "cairn/map/landmark_map.hpp"
 
 namespace cairn {
-
-/// Options of every map reader.
-struct MapReadOptions {
-  Progress progress = {};
-  std::stop_token stop = {};  ///< if requested, reading throws Error (cancelled)
-  LogSink log = {};           ///< receives remarks on omitted data
-};
 
 struct MapWriteOptions {
   std::string format = {};                 ///< name of a MapFormat; empty: by the path's ending
@@ -31,8 +22,6 @@ struct MapWriteOptions {
   bool ascii = false;                      ///< PLY and PCD: text instead of binary
   bool double_precision =
       false;  ///< PCD: positions as doubles, which PCL's point types cannot read
-  Progress progress = {};
-  LogSink log = {};  ///< receives remarks on data the format cannot hold
 };
 
 /// A file or folder to read a map from.
@@ -57,13 +46,14 @@ struct MapFormat {
   /// Whether a file or folder has this format. Uses the path, its neighbours and the first bytes; does not
   /// read from the source.
   std::function<bool(const MapInput& input)> recognises = {};
-  std::function<LandmarkMap(const MapInput& input, const MapReadOptions& options)> read = {};
+  std::function<LandmarkMap(const MapInput& input, const Execution& execution)> read = {};
   /// Writes a file as a stream of bytes. Empty, like `write`, if the format is read-only.
-  std::function<void(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options)>
+  std::function<void(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options,
+                     const Execution& execution)>
       write_to = {};
   /// Writes a folder, or several files, atomically.
   std::function<void(const LandmarkMap& map, const std::filesystem::path& path,
-                     const MapWriteOptions& options)>
+                     const MapWriteOptions& options, const Execution& execution)>
       write = {};
 
   bool is_written() const { return write_to != nullptr || write != nullptr; }
@@ -99,8 +89,8 @@ class FormatRegistry {
   /// Reads a map in any of the formats, recognised by content. A folder must contain exactly one
   /// map (maps_of_folder()). A path that does not exist may be "path#N": map N of a file with
   /// several maps.
-  /// @throws Error (input) naming the file, line or byte, field, value and constraint
-  LandmarkMap read(const std::filesystem::path& path, const MapReadOptions& options = {}) const;
+  /// @throws Error (input) naming the file, line or byte, field, value and constraint; (cancelled)
+  LandmarkMap read(const std::filesystem::path& path, const Execution& execution = {}) const;
 
   /// The format named in `options`, or else the format of the path's ending.
   /// @throws Error (misuse) if the format or ending is unknown, or the format is read-only
@@ -110,7 +100,7 @@ class FormatRegistry {
   /// Writes a map atomically.
   /// @throws Error (misuse) as format_to_write, (storage) if it cannot be written
   void write(const LandmarkMap& map, const std::filesystem::path& path,
-             const MapWriteOptions& options = {}) const;
+             const MapWriteOptions& options = {}, const Execution& execution = {}) const;
 
  private:
   const MapFormat* recognised(const MapInput& input) const;
@@ -128,12 +118,12 @@ const FormatRegistry& all_formats();
 
 /// Reads a map in one of the native_formats(), recognised by the first bytes.
 /// @throws Error (input) naming the file, line or byte, field, value and constraint
-LandmarkMap read_map(const std::filesystem::path& path, const MapReadOptions& options = {});
+LandmarkMap read_map(const std::filesystem::path& path, const Execution& execution = {});
 
 /// Writes a map in one of the native_formats(), atomically.
 /// @throws Error (misuse) for an unknown extension, (storage) if the file cannot be written
 void write_map(const LandmarkMap& map, const std::filesystem::path& path,
-               const MapWriteOptions& options = {});
+               const MapWriteOptions& options = {}, const Execution& execution = {});
 
 /// Describes content that no map format reads, for messages.
 struct ForeignContent {
@@ -150,7 +140,7 @@ std::optional<ForeignContent> foreign_content(const std::filesystem::path& path)
 
 /// Reads Cairn's text format, version 1, 2 or 3 (docs/formats.md).
 /// @throws Error (input) naming source, line, field, value and constraint
-LandmarkMap read_native(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_native(ByteSource& source, const Execution& execution = {});
 
 /// Describes the data of `map` that version 1 of the text format cannot hold; std::nullopt if none.
 std::optional<std::string> version_1_loss(const LandmarkMap& map);
@@ -159,7 +149,7 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map);
 /// @param version 1, 2 or 3; std::nullopt: the lowest that can hold the whole map
 /// @throws Error (misuse) if the requested version cannot hold the map
 void write_native(const LandmarkMap& map, const ByteSink& sink,
-                  std::optional<int> version = std::nullopt, const Progress& progress = {});
+                  std::optional<int> version = std::nullopt, const Execution& execution = {});
 
 /// First bytes of Cairn's binary format. No text begins with these bytes, and a transfer that
 /// converts line ends corrupts them.
@@ -169,15 +159,15 @@ inline constexpr std::string_view kBinaryMagic =
 
 /// Reads Cairn's binary format (docs/formats.md), in place if the source is in memory.
 /// @throws Error (input) naming source, byte, field, value and constraint
-LandmarkMap read_binary(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_binary(ByteSource& source, const Execution& execution = {});
 
 /// Writes Cairn's binary format.
 /// @throws Error (misuse) if a text of the map has 2^32 bytes or more
-void write_binary(const LandmarkMap& map, const ByteSink& sink, const Progress& progress = {});
+void write_binary(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
 /// Reads the vertices of a PLY 1.0 file as landmarks (docs/formats.md lists the properties).
 /// @throws Error (input) naming source, line or byte, value and constraint
-LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_ply(ByteSource& source, const Execution& execution = {});
 
 /// Writes the landmarks as PLY 1.0 vertices: position, covariance, colour, observation count, named
 /// columns. Writes Gaussian splats in the layout of their trainers.
@@ -185,7 +175,7 @@ void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptio
 
 /// Reads the points of a PCD 0.7 file as landmarks (docs/formats.md lists the fields).
 /// @throws Error (input) naming source, line or byte, value and constraint
-LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_pcd(ByteSource& source, const Execution& execution = {});
 
 /// Writes the landmarks as PCD 0.7 points: position, covariance, colour, observation count, named
 /// columns.

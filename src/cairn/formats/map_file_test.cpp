@@ -40,7 +40,7 @@ MapFormat dots() {
                                                : input.first_bytes.starts_with("DOTS");
               },
           .read =
-              [](const MapInput& input, const MapReadOptions&) {
+              [](const MapInput& input, const Execution&) {
                 if (input.source == nullptr) return map_at(-1);
                 EXPECT_EQ(read_all(*input.source).substr(0, 4), "DOTS");
                 return map_at(std::stod(input.part.value_or("0")));
@@ -81,13 +81,13 @@ TEST(FormatRegistry, PointCloudsSayWhatTheyCannotHold) {
   const LandmarkMap map(std::move(tables));
   for (const char* const name : {"ply", "pcd"}) {
     std::string remark;
-    MapWriteOptions options;
-    options.log = [&](const Remark& said) {
+    Execution execution;
+    execution.log = [&](const Remark& said) {
       EXPECT_EQ(said.kind, RemarkKind::kLoss);
       remark = said.text;
     };
     native_formats().find(name)->write_to(
-        map, [](std::string_view) {}, options);
+        map, [](std::string_view) {}, {}, execution);
     EXPECT_THAT(remark, HasSubstr("has no place for: descriptors"));
   }
 }
@@ -102,10 +102,8 @@ TEST(FormatRegistry, PointCloudsKeepTheUnitOfLength) {
     const LandmarkMap map(std::move(tables));
     for (const char* const name : {"map.ply", "map.pcd"}) {
       for (const bool ascii : {false, true}) {
-        MapWriteOptions options;
-        options.ascii = ascii;
-        options.log = [&](const Remark& said) { ADD_FAILURE() << said.text; };
-        native_formats().write(map, folder / name, options);
+        const LogSink log = [&](const Remark& said) { ADD_FAILURE() << said.text; };
+        native_formats().write(map, folder / name, {.ascii = ascii}, {.log = log});
         EXPECT_EQ(native_formats().read(folder / name).info().length_unit, unit) << name;
       }
     }
@@ -153,7 +151,7 @@ TEST(FormatRegistry, NamesThePointerOfGitInsteadOfItsDefects) {
   }
   // Also a file of a folder, which a reader finds damaged.
   MapFormat of_folders = dots();
-  of_folders.read = [](const MapInput& input, const MapReadOptions&) -> LandmarkMap {
+  of_folders.read = [](const MapInput& input, const Execution&) -> LandmarkMap {
     throw Error(ErrorKind::kInput, (input.path / "dots").string() + ": byte 0", "is damaged", "");
   };
   const FormatRegistry more = native_formats().extended_by({of_folders});

@@ -80,6 +80,6 @@ G2oGraph g2o_graph(const PoseGraph& graph);
 
 /// Reads the nodes and links of an RTAB-Map database; in the library cairn::foreign_formats.
 /// @throws Error (input) naming file, table, row, value and constraint
-PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const MapReadOptions& options = {});
+PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const Execution& execution = {});
 
 }  // namespace cairn

@@ -7,9 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <map>
-#include <span>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -341,10 +339,7 @@ Rows read_rows(ByteSource& source, const LogSink& log) {
     }
   }
   unknown.report(log, source.name(), result.rows.size() + unknown.count(), kUnknownPoses);
-  if (result.rows.empty()) {
-    throw Error(ErrorKind::kInput, source.name(), "no poses",
-                fmt::format("lines of {}", kTumRecord));
-  }
+  reject_if(result.rows.empty(), source.name(), "no poses", fmt::format("lines of {}", kTumRecord));
   return result;
 }
 
@@ -393,10 +388,8 @@ void convert_times(Rows& rows, const std::string& source, const LogSink& log) {
     }
   }
   largest /= unit;
-  if (largest >= kLeastNanoseconds) {
-    throw Error(ErrorKind::kInput, source, fmt::format("times up to {:.4g} s", largest),
-                "less than 1e17 s");
-  }
+  reject_if(largest >= kLeastNanoseconds, source, fmt::format("times up to {:.4g} s", largest),
+            "less than 1e17 s");
   if (largest > kMostSeconds && log) {
     log(
         fmt::format("{}: times up to {:.4g} are read as seconds; milliseconds or microseconds need "
@@ -475,15 +468,10 @@ Trajectory read_kitti(ByteSource& source, std::span<const double> times, const L
       poses.push_back({time_s, kitti_pose(record)});
     }
   }
-  if (!times.empty() && count < times.size()) {
-    throw Error(ErrorKind::kInput, source.name(),
-                fmt::format("{} poses and {} times", count, times.size()), "as many");
-  }
+  reject_if(!times.empty() && count < times.size(), source.name(),
+            fmt::format("{} poses and {} times", count, times.size()), "as many");
   unknown.report(log, source.name(), count, kUnknownPoses);
-  if (poses.empty()) {
-    throw Error(ErrorKind::kInput, source.name(), "no poses",
-                fmt::format("lines of {}", kKittiRecord));
-  }
+  reject_if(poses.empty(), source.name(), "no poses", fmt::format("lines of {}", kKittiRecord));
   return Trajectory(std::move(poses));
 }
 

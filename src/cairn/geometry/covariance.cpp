@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/geometry/covariance.hpp"
 
-#include <cmath>
-
 #include <Eigen/Eigenvalues>
 
 #include "cairn/core/number_text.hpp"

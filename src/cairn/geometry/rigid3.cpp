@@ -37,9 +37,7 @@ Rigid3 Rigid3::from_matrix(const Matrix4d& matrix, double tolerance) {
   }
   const double error =
       (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (error > tolerance) {
-    refuse("the 3x3 part is off a rotation by " + std::to_string(error));
-  }
+  if (error > tolerance) refuse("the 3x3 part is off a rotation by " + std::to_string(error));
   if (rotation.determinant() < 0.0) refuse("the 3x3 part is a reflection");
   const Eigen::Vector3d translation = matrix.topRightCorner<3, 1>();
   refuse_if(!are_coordinates(translation), "transform", "the translation is beyond the limit",

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/geometry/rigid3.hpp"
 
-#include <cmath>
 #include <numbers>
 
 #include <gtest/gtest.h>

@@ -30,6 +30,13 @@ struct MapFold {
   double turned_deg = 0.0;
 };
 
+/// Frames that view the same landmarks as others from similar viewpoints, but share few of them.
+struct SeparateFrames {
+  std::vector<FrameIndex> frames;  ///< ascending
+  double shared = 0.0;             ///< share observed by both among landmarks in view of both
+  double usual = 0.0;              ///< the lower share within the group or within the other frames
+};
+
 /// Pose differences of two maps' common images in the world (`apart` in its unit), in the order of
 /// CommonImages::same.
 struct PoseDifferences {
@@ -45,10 +52,20 @@ PoseDifferences pose_differences(const MapInWorld& first, const MapInWorld& seco
 /// A folded map confuses two similar places. Images in common with another map reveal a fold: some
 /// contradict the other map, with camera centres apart by more than ten times the median and
 /// rotations that differ by more than 10°; the rest agree. The fold comprises all frames connected
-/// more strongly to the contradictory images than to the agreeing ones (Covisibility::group_of()).
-/// Of the two maps, the one whose group has the smaller FrameGroup::shared is folded.
+/// more strongly, by common landmarks, to the contradictory images than to the agreeing ones. Of
+/// the two maps, the one whose group has the smaller share of landmarks in common with the rest is
+/// folded.
 /// @param maps aligned with each other
 std::vector<std::optional<MapFold>> find_folds(std::span<const MapInWorld> maps);
+
+/// Groups of at least three frames that, by their poses, view the same landmarks as other frames,
+/// but share less than a quarter of the share usual in the map: the model confuses two similar
+/// places (a fold), or a loop is not closed. Only for maps with image names and no timestamps,
+/// because a session that remaps a revisited place is no defect.
+std::vector<SeparateFrames> separate_frames(const LandmarkMap& map);
+
+/// Names of the first eight frames' images, for display: "a.jpg, b.jpg, ...".
+std::string image_list(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 /// "a is folded: 7 of its 26 images are elsewhere in b, 1.39 away and turned by 105 deg: c.jpg, ...".
 std::string fold_text(const MapFold& fold, const LandmarkMap& map, std::string_view name,

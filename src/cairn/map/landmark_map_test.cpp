@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/map/landmark_map.hpp"
 
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <functional>

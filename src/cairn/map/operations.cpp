@@ -6,7 +6,6 @@
 #include <bit>
 #include <limits>
 #include <numeric>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>
@@ -185,15 +184,6 @@ void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
   tables.landmarks = landmark_rows(tables.landmarks, landmarks);
 }
 
-LandmarkMap with_one_descriptor_each(const LandmarkMap& map) {
-  MapTables tables = copied_tables(map);
-  if (auto& descriptors = tables.landmarks.descriptors) {
-    descriptors->further_offsets.clear();
-    descriptors->further.clear();
-  }
-  return LandmarkMap(std::move(tables));
-}
-
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count) {
   std::vector<LandmarkIndex> result;
   for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
@@ -220,10 +210,8 @@ LandmarkMap with_landmarks(const LandmarkMap& map, std::span<const LandmarkIndex
 }
 
 LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end) {
-  if (!map.has_observations()) {
-    throw Error(ErrorKind::kMisuse, "frames", "the map does not know which frame observed what",
-                "a map with observations");
-  }
+  refuse_if(!map.has_observations(), "frames", "the map does not know which frame observed what",
+            "a map with observations");
   const auto inside = [&](std::uint32_t frame) {
     const FrameId id = map.frames().ids[frame];
     return begin <= id && id < end;
@@ -318,10 +306,7 @@ LandmarkMap with_georeference(const LandmarkMap& map,
 
 LandmarkMap in_enu_frame(const LandmarkMap& map) {
   const auto& georeference = map.info().georeference;
-  if (!georeference) {
-    throw Error(ErrorKind::kInput, "map", "has no georeference",
-                "a map whose place on the Earth is known");
-  }
+  reject_if(!georeference, "map", "has no georeference", "a map whose place on the Earth is known");
   const LandmarkMap moved = transformed(map, georeference->enu_from_map());
   // Set directly, to avoid the rounding of a pose times its inverse.
   return with_georeference(with_length_unit(moved, LengthUnit::kMetres),
@@ -464,6 +449,50 @@ void append_distinct(DescriptorColumn& column,
     }
   }
   append_descriptors(column, chosen);
+}
+
+std::unordered_map<CameraIndex, Rigid3> cameras_from_rigs(std::span<const Rig> rigs) {
+  std::unordered_map<CameraIndex, Rigid3> result;
+  for (const Rig& rig : rigs) {
+    for (const Rig::Mount& mount : rig.mounts) {
+      result.emplace(mount.camera, mount.camera_from_rig());
+    }
+  }
+  return result;
+}
+
+RigidFrames rigid_frames(std::span<const Rig> rigs, const FrameTable& frames) {
+  const std::size_t count = frames.ids.size();
+  RigidFrames result{std::vector<std::uint32_t>(count), std::vector<Rigid3>(count)};
+  std::iota(result.lead.begin(), result.lead.end(), 0U);
+  const auto from_rig = cameras_from_rigs(rigs);
+  std::unordered_map<InstantId, std::uint32_t> lead_of;
+  for (std::uint32_t i = 0; i < frames.instants.size(); ++i) {
+    const std::optional<InstantId> instant = frames.instants[i];
+    if (!instant) continue;
+    const std::uint32_t lead = lead_of.emplace(*instant, i).first->second;
+    if (lead == i) continue;
+    result.lead[i] = lead;
+    result.camera_from_lead[i] =
+        from_rig.at(*frames.cameras[i]) * from_rig.at(*frames.cameras[lead]).inverse();
+  }
+  return result;
+}
+
+void hold_rigs(MapTables& tables) {
+  FrameTable& frames = tables.frames;
+  const RigidFrames rigid = rigid_frames(tables.rigs, frames);
+  for (std::size_t i = 0; i < frames.ids.size(); ++i) {
+    if (rigid.leads(i)) continue;
+    const std::uint32_t lead = rigid.lead[i];
+    const auto& of_lead = frames.quaternions[lead];
+    const Rigid3 pose = Rigid3(Eigen::Quaterniond(of_lead[0], of_lead[1], of_lead[2], of_lead[3]),
+                               frames.translations[lead]) *
+                        rigid.camera_from_lead[i].inverse();
+    const Eigen::Quaterniond q = pose.quaternion();
+    frames.translations[i] = pose.translation();
+    frames.quaternions[i] = {q.w(), q.x(), q.y(), q.z()};
+  }
 }
 
 }  // namespace cairn

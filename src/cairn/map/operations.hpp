@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "cairn/geometry/similarity3.hpp"
@@ -42,9 +43,6 @@ std::vector<std::uint32_t> drop_far_landmarks(MapTables& tables);
 /// @param frames, landmarks old rows in their new order, each once
 void reorder(MapTables& tables, std::span<const std::uint32_t> frames,
              std::span<const std::uint32_t> landmarks);
-
-/// The map with only the representative descriptor of each landmark.
-LandmarkMap with_one_descriptor_each(const LandmarkMap& map);
 
 /// The map with only these landmarks, in the given order, with their observations and all frames.
 /// @throws Error (misuse) for an index out of range, (input) for a duplicate one
@@ -91,6 +89,25 @@ bool states_image_sizes(const MapInfo& info);
 /// Notes in the provenance that the file states no image sizes: the camera sizes derive from the
 /// observations.
 void note_unstated_image_sizes(MapInfo& info);
+
+// ---- rigs
+
+/// Rigidly coupled frames: captured by one rig at one instant.
+struct RigidFrames {
+  /// Per frame: the first frame of its rigid group; itself if alone.
+  std::vector<std::uint32_t> lead;
+  std::vector<Rigid3> camera_from_lead;  ///< per frame, from its rig's mounts
+
+  bool leads(std::size_t frame) const { return lead[frame] == frame; }
+};
+
+RigidFrames rigid_frames(std::span<const Rig> rigs, const FrameTable& frames);
+
+/// camera_from_rig of every camera in a rig.
+std::unordered_map<CameraIndex, Rigid3> cameras_from_rigs(std::span<const Rig> rigs);
+
+/// Recomputes each frame's pose from its lead's pose and its rig, e.g. after independent motion.
+void hold_rigs(MapTables& tables);
 
 // ---- descriptors
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <set>
 #include <string>
 #include <utility>
@@ -466,16 +465,6 @@ TEST(CutFrames, KeepsTheCovariancesOfTheirPoses) {
   const LandmarkMap part = cut_frames(map, last, FrameId{last.value + 1});
   ASSERT_EQ(part.frames().pose_covariances.size(), 1U);
   EXPECT_EQ(*part.frames().pose_covariances[0], *map.frames().pose_covariances[2]);
-}
-
-TEST(WithOneDescriptorEach, KeepsThoseThatRepresentTheLandmarks) {
-  MapTables expected = full_tables();
-  expected.info.uuid.reset();
-  expected.frames.pose_covariances = testing::several_map().frames().pose_covariances;
-  expected.frames.instants = testing::several_map().frames().instants;
-  expected.rigs = testing::several_tables().rigs;
-  EXPECT_THAT(with_one_descriptor_each(testing::several_map()),
-              EqualsMap(LandmarkMap(std::move(expected))));
 }
 
 using Bytes = std::vector<std::uint8_t>;

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/map/rigid_frames.hpp"
 
 #include <functional>
 #include <string>

@@ -11,7 +11,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/join_splats.hpp"
-#include "cairn/pose_graph/optimise_poses.hpp"
 
 namespace cairn {
 namespace {
@@ -79,10 +78,7 @@ PoseGraph pose_graph(std::span<const MergeInput> maps, const MergeResult& result
 MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options,
                        const Execution& execution) {
   options.validate();
-  if (maps.size() < 2) {
-    throw Error(ErrorKind::kMisuse, "maps", fmt::format("{} of them", maps.size()),
-                "at least two maps");
-  }
+  refuse_if(maps.size() < 2, "maps", fmt::format("{} of them", maps.size()), "at least two maps");
   for (const Link& link : options.stated) {
     if (std::max(link.target.value, link.source.value) < maps.size()) continue;
     throw Error(ErrorKind::kMisuse, "MergeOptions.stated",

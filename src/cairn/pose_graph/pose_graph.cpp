@@ -102,9 +102,7 @@ void PoseGraph::validate(std::string_view where) const {
         refuse(place, fmt::format("there is no node {}", end.value), "the id of a node");
       }
     }
-    if (link.target == link.source) {
-      refuse(place, "it links a node with itself", "two nodes");
-    }
+    if (link.target == link.source) refuse(place, "it links a node with itself", "two nodes");
     if (!link.connects())
       refuse(place, "it does not connect them", "a transform, stated or aligned");
     if (const auto transform = defect_of(*link.target_from_source); !transform.empty()) {

@@ -6,8 +6,6 @@
 #include <tuple>
 #include <utility>
 
-#include <fmt/format.h>
-
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/recording/detail/message_source.hpp"

@@ -6,7 +6,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
-#include "cairn/recording/sensor_topics.hpp"
+#include "cairn/recording/topics.hpp"
 
 #include "support/recordings.hpp"
 #include "support/refusal.hpp"

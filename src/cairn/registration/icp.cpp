@@ -13,7 +13,6 @@
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/limits.hpp"
 #include "cairn/geometry/similarity3.hpp"
-#include "cairn/registration/convergence/pcl_criteria.hpp"
 #include "cairn/registration/correspondence/confident_neighbor.hpp"
 #include "cairn/registration/detail/coarse_to_fine.hpp"
 #include "cairn/registration/detail/match_history.hpp"

@@ -336,9 +336,7 @@ void add_network(Report& report, std::span<const NetworkMap> maps,
   Table map_rows = maps_table(network);
   Table link_rows = links_table(network);
   std::optional<std::string> text;
-  if (stride > 1) {
-    text = fmt::format("Of {} landmarks, one in {} is shown.", landmarks, stride);
-  }
+  if (stride > 1) text = fmt::format("Of {} landmarks, one in {} is shown.", landmarks, stride);
   report.sections.push_back(
       {.id = "network", .title = "Maps and links", .text = text, .content = std::move(network)});
   if (!residuals.series.empty()) {

@@ -336,9 +336,7 @@ void check(const DistributionChart& chart, const std::string& where) {
 }
 
 void check(const LinesChart& chart, const std::string& where) {
-  for (const Line& line : chart.series) {
-    require_size(line.y.size(), line.x.size(), where, "Line.y");
-  }
+  for (const Line& line : chart.series) require_size(line.y.size(), line.x.size(), where, "Line.y");
 }
 
 void check(const ScatterChart& chart, const std::string& where) {

@@ -516,9 +516,7 @@ void build_warehouse(Site& site) {
       }
     }
   }
-  for (const Wall wall : {kEast, kWest}) {
-    site.decorate(room, wall, 1.5, 11.5, 1.3);
-  }
+  for (const Wall wall : {kEast, kWest}) site.decorate(room, wall, 1.5, 11.5, 1.3);
   const auto middle = site.floor(0.0, 3.6, 1.3, 1.3);
   site.plan.place(kPallet, middle, 0.0, 0.0, 20.0);
   for (const double x : {-4.0, 0.0, 4.0}) {

@@ -2,7 +2,6 @@
 #include "cairn/simulation/simulator.hpp"
 
 #include <algorithm>
-#include <numbers>
 #include <string>
 #include <utility>
 

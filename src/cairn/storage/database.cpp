@@ -2,7 +2,6 @@
 #include "cairn/storage/database.hpp"
 
 #include <array>
-#include <utility>
 
 #include <fmt/format.h>
 

@@ -2,7 +2,6 @@
 #include "cairn/vision/close_loops.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 #include <utility>
 
@@ -13,7 +12,6 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/corrected_trajectory.hpp"
-#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn {
 namespace {

@@ -4,13 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <csetjmp>
-#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <new>
-#include <string>
-#include <string_view>
 #include <type_traits>
 
 #include <fmt/format.h>
@@ -19,7 +16,6 @@
 #include <png.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/file.hpp"
 
 namespace cairn {
 namespace {

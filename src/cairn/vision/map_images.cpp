@@ -143,9 +143,8 @@ LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> im
   for (const FrameId id : tables.frames.ids) next_id = std::max(next_id, id.value + 1);
   const std::size_t first_frame = tables.frames.ids.size();
   for (const LocatedImage& image : images) {
-    if (!image.location.world_from_camera) {
-      throw Error(ErrorKind::kMisuse, printable(image.name), "is not located", "a located image");
-    }
+    refuse_if(!image.location.world_from_camera, printable(image.name), "is not located",
+              "a located image");
     if (!names.insert(image.name).second) {
       throw Error(ErrorKind::kMisuse, printable(image.name),
                   "is the name of an image of the map, or given twice",

@@ -8,11 +8,9 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/file.hpp"
 #include "cairn/vision/detail/recorded_images.hpp"
 #include "cairn/vision/detail/rectification.hpp"
 #include "cairn/vision/detail/sequence_layouts.hpp"
-#include "cairn/vision/image.hpp"
 
 namespace cairn {
 

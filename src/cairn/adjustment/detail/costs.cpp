@@ -17,10 +17,8 @@ using Rows67 = Eigen::Matrix<double, 6, 7, Eigen::RowMajor>;
 // W with Wᵀ·W = covariance⁻¹.
 Matrix6 whitening_of(const Matrix6d& covariance) {
   const Eigen::LLT<Matrix6> factor{Matrix6(covariance)};
-  if (factor.info() != Eigen::Success) {
-    throw Error(ErrorKind::kMisuse, "covariance of a pose", "is not positive definite",
-                "a positive definite matrix");
-  }
+  refuse_if(factor.info() != Eigen::Success, "covariance of a pose", "is not positive definite",
+            "a positive definite matrix");
   return factor.matrixL().solve(Matrix6::Identity().eval());
 }
 

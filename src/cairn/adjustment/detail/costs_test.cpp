@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/adjustment/detail/costs.hpp"
 
-#include <functional>
 #include <vector>
 
 #include <ceres/ceres.h>

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "cairn/adjustment/detail/measurements.hpp"
-#include "cairn/map/rigid_frames.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 

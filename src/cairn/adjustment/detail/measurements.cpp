@@ -3,14 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 #include <string_view>
 
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
-#include "cairn/map/rigid_frames.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -69,10 +68,8 @@ std::string measurement_defect(const LandmarkMap& map) {
 std::vector<std::vector<Measurement>> measurements_of(const LandmarkMap& map,
                                                       const MeasurementNoise& noise) {
   const std::string defect = measurement_defect(map);
-  if (!defect.empty()) {
-    throw Error(ErrorKind::kInput, "map", defect,
-                "a map with observations, and a camera for every frame that makes them");
-  }
+  reject_if(!defect.empty(), "map", defect,
+            "a map with observations, and a camera for every frame that makes them");
   const FrameTable& frames = map.frames();
   const ObservationTable& table = map.observations();
   std::vector<Rigid3> camera_from_world;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/central_part.hpp"

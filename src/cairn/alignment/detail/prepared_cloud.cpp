@@ -5,8 +5,6 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
-#include <span>
-#include <string_view>
 #include <unordered_set>
 #include <utility>
 

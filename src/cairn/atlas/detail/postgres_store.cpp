@@ -137,10 +137,8 @@ class PostgresStore final : public SqlStore {
 void create_postgres_store(const std::string& url, const AtlasStoreOptions& options) {
   postgres::Database database = connect(url, options);
   postgres::Transaction transaction(database);
-  if (has_atlas(database)) {
-    throw Error(ErrorKind::kMisuse, database.name(), "holds an atlas already",
-                "a database without one");
-  }
+  refuse_if(has_atlas(database), database.name(), "holds an atlas already",
+            "a database without one");
   database.execute(kTables);
   database.run("INSERT INTO atlas VALUES (?1)", kAtlasSchema);
   transaction.commit();

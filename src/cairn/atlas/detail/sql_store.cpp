@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstddef>
 #include <set>
-#include <utility>
 
 #include <fmt/format.h>
 

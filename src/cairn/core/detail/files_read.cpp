@@ -43,9 +43,7 @@ void note_file_read(const std::filesystem::path& path) {
 
 std::string hash_files(const std::vector<std::filesystem::path>& paths) {
   Hasher hasher;
-  for (const std::filesystem::path& path : paths) {
-    hasher.update(hash_file(path) + "\n");
-  }
+  for (const std::filesystem::path& path : paths) hasher.update(hash_file(path) + "\n");
   return "xxh3:" + to_string(hasher.digest());
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/core/detail/memory.hpp"
 
-#include <cstddef>
 #include <cstdint>
 
 #include <sys/mman.h>

@@ -5,7 +5,6 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/evaluation/pose_error.hpp"
-#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {

@@ -26,12 +26,18 @@ auto begins_with(Texts... texts) {
 
 /// MapFormat::read of a function that takes a source, or a path.
 template <auto kRead>
-LandmarkMap read_source(const MapInput& input, const MapReadOptions& options) {
-  return kRead(*input.source, options);
+LandmarkMap read_source(const MapInput& input, const Execution& execution) {
+  return kRead(*input.source, execution);
 }
 template <auto kRead>
-LandmarkMap read_path(const MapInput& input, const MapReadOptions& options) {
-  return kRead(input.path, options);
+LandmarkMap read_path(const MapInput& input, const Execution& execution) {
+  return kRead(input.path, execution);
 }
+
+/// MapFormat::write_to or write of a function without options.
+template <auto kWrite>
+inline constexpr auto written_by =
+    [](const LandmarkMap& map, const auto& place, const MapWriteOptions& /*options*/,
+       const Execution& execution) { kWrite(map, place, execution); };
 
 }  // namespace cairn::detail

@@ -8,7 +8,6 @@
 
 #include "cairn/core/log.hpp"
 #include "cairn/map/landmark_map.hpp"
-#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 

@@ -26,7 +26,7 @@ constexpr std::uint64_t kMostId = std::numeric_limits<std::uint64_t>::max();
 
 class AliceVisionReader {
  public:
-  AliceVisionReader(const std::string& name, const MapReadOptions& options) : out_(name, options) {}
+  AliceVisionReader(const std::string& name, const Execution& execution) : out_(name, execution) {}
 
   LandmarkMap read(const JsonValue& all) {
     if (all.has("version")) read_version(all.at("version"));
@@ -269,9 +269,9 @@ class AliceVisionReader {
 
 }  // namespace
 
-LandmarkMap read_alicevision(ByteSource& source, const MapReadOptions& options) {
+LandmarkMap read_alicevision(ByteSource& source, const Execution& execution) {
   const nlohmann::json json = read_json(source);
-  return AliceVisionReader(source.name(), options).read(JsonValue(json, source.name() + ": "));
+  return AliceVisionReader(source.name(), execution).read(JsonValue(json, source.name() + ": "));
 }
 
 bool is_alicevision(const MapInput& input) {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "cairn/core/number_text.hpp"
@@ -166,10 +165,9 @@ class AliceVisionWriter {
 
 }  // namespace
 
-void write_alicevision(const LandmarkMap& map, const ByteSink& sink,
-                       const MapWriteOptions& options) {
+void write_alicevision(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   const AliceVisionWriter writer(map);
-  writer.remark(options.log);
+  writer.remark(execution.log);
   writer.write(sink);
 }
 

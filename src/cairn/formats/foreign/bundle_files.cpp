@@ -105,7 +105,7 @@ class Words {
 // Collects the cameras and points of a file, whose images have no stated size.
 class BundleReader {
  public:
-  BundleReader(ByteSource& source, const MapReadOptions& options) : out_(source.name(), options) {}
+  BundleReader(ByteSource& source, const Execution& execution) : out_(source.name(), execution) {}
 
   const SfmBuilder& log() const { return out_; }
 
@@ -113,9 +113,7 @@ class BundleReader {
   void add_unregistered() { views_.emplace_back(); }
 
   void add_view(const TextRecords& in, View view) {
-    if (!view.frame.centre.allFinite()) {
-      in.refuse("pose", "the position is not finite", "numbers");
-    }
+    if (!view.frame.centre.allFinite()) in.refuse("pose", "the position is not finite", "numbers");
     view.frame.id = FrameId{views_.size()};
     SfmFrame frame = view.frame;
     frame.world_from_camera.normalize();
@@ -283,9 +281,7 @@ class BundleReader {
     for (Pixel& pixel : observations.pixels) {
       pixel = {pixel.u - kPixelCentre, pixel.v - kPixelCentre};
     }
-    for (KnownView& known : views_) {
-      known.view.k1 = 0.0 - std::exchange(known.view.measured_k, 0.0);
-    }
+    for (KnownView& known : views_) known.view.k1 = 0.0 - std::exchange(known.view.measured_k, 0.0);
     out_.remark(
         "measurements are from the corner of the images, as COLMAP writes them; the file states no "
         "image sizes: principal points and sizes are those that the points show");
@@ -327,11 +323,11 @@ void expect_end(TextRecords& in) {
 }
 
 LandmarkMap read_named_bundler(ByteSource& source, std::span<const std::string> names,
-                               const MapReadOptions& options) {
-  ReadingProgress progress(options, source.size().value_or(0));
+                               const Execution& execution) {
+  ReadingProgress progress(execution, source.size().value_or(0));
   TextRecords in(source, progress);
   Words words(in);
-  BundleReader out(source, options);
+  BundleReader out(source, execution);
   const std::uint64_t cameras = words.count("number of cameras");
   const std::uint64_t points = words.count("number of points");
   if (!names.empty() && names.size() != cameras) {
@@ -520,23 +516,23 @@ class BundlerWriter {
 
 }  // namespace
 
-LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options) {
-  return read_named_bundler(source, {}, options);
+LandmarkMap read_bundler(ByteSource& source, const Execution& execution) {
+  return read_named_bundler(source, {}, execution);
 }
 
-LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options) {
+LandmarkMap read_bundler_and_list(const MapInput& input, const Execution& execution) {
   std::vector<std::string> names;
   if (const auto list = image_list_of(input.path)) {
     FileReader file(*list);
     names = read_image_list(file);
   }
-  return read_named_bundler(*input.source, names, options);
+  return read_named_bundler(*input.source, names, execution);
 }
 
-LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
-  ReadingProgress progress(options, source.size().value_or(0));
+LandmarkMap read_nvm(ByteSource& source, const Execution& execution) {
+  ReadingProgress progress(execution, source.size().value_or(0));
   TextRecords in(source, progress);
-  BundleReader out(source, options);
+  BundleReader out(source, execution);
   if (!in.next_record() || !in.word("first word").starts_with("NVM_V3")) {
     in.refuse("first word", "is not NVM_V3", "NVM_V3");
   }
@@ -566,10 +562,10 @@ LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options) {
   return std::move(out).finish(true);
 }
 
-void write_bundler(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+void write_bundler(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   BundlerWriter writer(map, sink);
   writer.write();
-  writer.remark(options.log);
+  writer.remark(execution.log);
 }
 
 }  // namespace cairn::detail

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <cmath>
 #include <concepts>
 #include <string>
 #include <vector>
@@ -155,7 +154,7 @@ TEST_F(BundleFilesTest, SizesThatNoFileStatedAreMentionedAgainWhenTheyAreWritten
   const LandmarkMap map = read(Scene().bundler());
   const auto remarks_of = [&](const LandmarkMap& written, const char* name) {
     remarks_.clear();
-    all_formats().write(written, folder_ / name, {.log = remarks_.sink()});
+    all_formats().write(written, folder_ / name, {}, {.log = remarks_.sink()});
     return remarks_.texts;
   };
   const auto invented = Contains(HasSubstr("The sizes of images are invented"));

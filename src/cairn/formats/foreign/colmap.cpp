@@ -59,8 +59,8 @@ struct RigFrame {
 // Collects the records of a model.
 class ColmapReader {
  public:
-  ColmapReader(const ColmapSources& sources, const MapReadOptions& options)
-      : sources_(sources), out_(sources.points->name(), options, kPixelCentre) {
+  ColmapReader(const ColmapSources& sources, const Execution& execution)
+      : sources_(sources), out_(sources.points->name(), execution, kPixelCentre) {
     out_.tables().landmarks.columns.push_back({std::string(kErrorColumn), {}});
   }
 
@@ -513,14 +513,14 @@ class TextForm {
 };
 
 template <class Form, class Records>
-LandmarkMap read_form(const ColmapSources& sources, const MapReadOptions& options) {
+LandmarkMap read_form(const ColmapSources& sources, const Execution& execution) {
   std::uint64_t total = 0;
   for (const ByteSource* source :
        {sources.cameras, sources.images, sources.points, sources.rigs, sources.frames}) {
     if (source != nullptr) total += source->size().value_or(0);
   }
-  ReadingProgress progress(options, total);
-  ColmapReader builder(sources, options);
+  ReadingProgress progress(execution, total);
+  ColmapReader builder(sources, execution);
   const auto read = [&](ByteSource* source, void (*records)(Records&, ColmapReader&)) {
     if (source == nullptr) return;
     Records in(*source, progress);
@@ -561,16 +561,13 @@ std::optional<fs::path> model_folder(const MapInput& input, ColmapForm form) {
 
 }  // namespace
 
-LandmarkMap read_colmap(const ColmapSources& sources, ColmapForm form,
-                        const MapReadOptions& options) {
-  if (sources.points == nullptr) {
-    throw Error(ErrorKind::kMisuse, "sources.points", "is missing", "the points of the model");
-  }
-  return form == ColmapForm::kText ? read_form<TextForm, TextRecords>(sources, options)
-                                   : read_form<BinaryForm, BinaryRecords>(sources, options);
+LandmarkMap read_colmap(const ColmapSources& sources, ColmapForm form, const Execution& execution) {
+  refuse_if(sources.points == nullptr, "sources.points", "is missing", "the points of the model");
+  return form == ColmapForm::kText ? read_form<TextForm, TextRecords>(sources, execution)
+                                   : read_form<BinaryForm, BinaryRecords>(sources, execution);
 }
 
-LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOptions& options) {
+LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const Execution& execution) {
   std::vector<std::unique_ptr<FileReader>> files;
   const auto open = [&](std::string_view stem, bool is_required) -> ByteSource* {
     const fs::path path = folder / colmap_file_name(stem, form);
@@ -583,7 +580,7 @@ LandmarkMap read_colmap(const fs::path& folder, ColmapForm form, const MapReadOp
   sources.images = open("images", false);
   sources.rigs = open("rigs", false);
   sources.frames = open("frames", false);
-  return read_colmap(sources, form, options);
+  return read_colmap(sources, form, execution);
 }
 
 MapFormat colmap_format(ColmapForm form) {
@@ -595,12 +592,12 @@ MapFormat colmap_format(ColmapForm form) {
       .is_folder = true,
       .recognises = [form](const MapInput& input) { return model_folder(input, form).has_value(); },
       .read =
-          [form](const MapInput& input, const MapReadOptions& options) {
+          [form](const MapInput& input, const Execution& execution) {
             const fs::path folder = *model_folder(input, form);
-            return with_database_beside(read_colmap(folder, form, options), folder, options);
+            return with_database_beside(read_colmap(folder, form, execution), folder, execution);
           },
-      .write = [form](const LandmarkMap& map, const fs::path& path,
-                      const MapWriteOptions& options) { write_colmap(map, path, form, options); }};
+      .write = [form](const LandmarkMap& map, const fs::path& path, const MapWriteOptions&,
+                      const Execution& execution) { write_colmap(map, path, form, execution); }};
 }
 
 }  // namespace cairn::detail

@@ -90,9 +90,8 @@ Matrix matrix(const sqlite::Database& database, const sqlite::Statement& row, co
 
 class DescriptorReader {
  public:
-  DescriptorReader(const LandmarkMap& model, sqlite::Database& database,
-                   const MapReadOptions& options)
-      : model_(model), database_(database), options_(options) {
+  DescriptorReader(const LandmarkMap& model, sqlite::Database& database, const Execution& execution)
+      : model_(model), database_(database), execution_(execution) {
     list_wanted();
   }
 
@@ -211,10 +210,11 @@ class DescriptorReader {
   }
 
   void remark() const {
-    if (!options_.log) return;
+    if (!execution_.log) return;
     const auto say = [&](std::size_t count, std::string_view what,
                          RemarkKind kind = RemarkKind::kLoss) {
-      if (count > 0) options_.log({fmt::format("{}: {} {}", database_.name(), count, what), kind});
+      if (count > 0)
+        execution_.log({fmt::format("{}: {} {}", database_.name(), count, what), kind});
     };
     say(model_.frame_count() - std::min(found_, model_.frame_count()),
         "images of the model are not in the database: no descriptors", RemarkKind::kInformation);
@@ -240,7 +240,7 @@ class DescriptorReader {
 
   const LandmarkMap& model_;
   sqlite::Database& database_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   std::unordered_map<std::string, std::uint32_t> frame_of_;
   std::vector<std::vector<Wanted>> wanted_;  // of each frame
   std::vector<std::size_t> first_;    // rank of each landmark's first wanted one, and the end
@@ -265,7 +265,7 @@ bool is_colmap_database(const fs::path& path) {
   return is_database_with(path, {kTables[0], kTables[1], kTables[2]});
 }
 
-LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options) {
+LandmarkMap read_with_model(const MapInput& input, const Execution& execution) {
   const fs::path folder = input.path.parent_path();
   const std::string part = input.part.value_or("0");
   // Also as instant-ngp (colmap_*) and kapture (reconstruction) lay out their projects.
@@ -279,9 +279,9 @@ LandmarkMap read_with_model(const MapInput& input, const MapReadOptions& options
   }
   for (const fs::path& place : places) {
     if (const auto form = form_of(place)) {
-      log_remark(options.log, input.path.string(),
+      log_remark(execution.log, input.path.string(),
                  "read with the model in " + (place.empty() ? "." : place.string()));
-      return with_colmap_descriptors(read_colmap(place, *form, options), input.path, options);
+      return with_colmap_descriptors(read_colmap(place, *form, execution), input.path, execution);
     }
   }
   throw Error(ErrorKind::kInput, input.path.string(),
@@ -296,16 +296,14 @@ struct DatabaseContent {
 };
 
 DatabaseContent read_database(const LandmarkMap& model, const fs::path& path,
-                              const MapReadOptions& options) {
-  sqlite::Database database = open_foreign_database(path, options);
+                              const Execution& execution) {
+  sqlite::Database database = open_foreign_database(path, execution);
   for (const std::string_view table : kTables) {
-    if (!database.has_table(table)) {
-      throw Error(ErrorKind::kInput, path.string(), fmt::format("has no table {}", table),
-                  "a database of COLMAP");
-    }
+    reject_if(!database.has_table(table), path.string(), fmt::format("has no table {}", table),
+              "a database of COLMAP");
   }
-  return {DescriptorReader(model, database, options).read(),
-          read_colmap_priors(model, database, options)};
+  return {DescriptorReader(model, database, execution).read(),
+          read_colmap_priors(model, database, execution)};
 }
 
 // COLMAP's databases in a folder: database.db, or else all others by their tables.
@@ -335,8 +333,8 @@ LandmarkMap with_content(LandmarkMap model, DatabaseContent content) {
 }  // namespace
 
 LandmarkMap with_colmap_descriptors(LandmarkMap model, const fs::path& database,
-                                    const MapReadOptions& options) {
-  DatabaseContent content = read_database(model, database, options);
+                                    const Execution& execution) {
+  DatabaseContent content = read_database(model, database, execution);
   return with_content(std::move(model), std::move(content));
 }
 
@@ -366,7 +364,7 @@ std::vector<MapFormat> database_formats() {
 }
 
 LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
-                                 const MapReadOptions& options) {
+                                 const Execution& execution) {
   std::error_code ignored;
   fs::path place =
       fs::absolute(folder.empty() ? fs::path(".") : folder, ignored).lexically_normal();
@@ -375,7 +373,7 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
     const std::vector<fs::path> databases = databases_in(place);
     if (databases.empty()) continue;
     if (databases.size() > 1) {
-      log_remark(options.log, place.string(),
+      log_remark(execution.log, place.string(),
                  fmt::format("holds several databases of COLMAP, {} and {}; descriptors are left "
                              "out: keep one of them there, or call it database.db",
                              databases[0].filename().string(), databases[1].filename().string()),
@@ -383,13 +381,13 @@ LandmarkMap with_database_beside(LandmarkMap model, const fs::path& folder,
       return model;
     }
     try {
-      DatabaseContent content = read_database(model, databases.front(), options);
+      DatabaseContent content = read_database(model, databases.front(), execution);
       return with_content(std::move(model), std::move(content));
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
       // The user did not name this file, and the model is complete without it.
-      if (options.log) {
-        options.log(
+      if (execution.log) {
+        execution.log(
             {fmt::format("{}; what it holds is left out", error.what()), RemarkKind::kLoss});
       }
       return model;

@@ -62,7 +62,7 @@ std::optional<Eigen::Vector3d> common_direction(const std::vector<Eigen::Vector3
 }  // namespace
 
 ColmapPriors read_colmap_priors(const LandmarkMap& model, sqlite::Database& database,
-                                const MapReadOptions& options) {
+                                const Execution& execution) {
   ColmapPriors result;
   const auto& names = model.frames().image_names;
   if (!database.has_table(kPriors) || names.empty()) return result;
@@ -107,9 +107,9 @@ ColmapPriors read_colmap_priors(const LandmarkMap& model, sqlite::Database& data
     result.gnss.resize(model.frame_count());
     result.gnss.set(frame, fix);
   }
-  result.gravity = common_direction(down, database.name(), options.log);
+  result.gravity = common_direction(down, database.name(), execution.log);
   if (elsewhere > 0) {
-    log_remark(options.log, database.name(),
+    log_remark(execution.log, database.name(),
                fmt::format("{} positions of images are not in WGS84; left out", elsewhere),
                RemarkKind::kLoss);
   }

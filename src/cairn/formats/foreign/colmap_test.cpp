@@ -125,9 +125,8 @@ TEST_F(ColmapTest, BothFormsComeBackAsTheyWere) {
     SCOPED_TRACE(form);
     std::vector<std::string> remarks;
     const fs::path path = folder_ / form;
-    all_formats().write(map, path, {.format = form, .log = [&](std::string_view text) {
-                                      remarks.emplace_back(text);
-                                    }});
+    all_formats().write(map, path, {.format = form},
+                        {.log = [&](std::string_view text) { remarks.emplace_back(text); }});
     const LandmarkMap back = all_formats().read(path);
     ASSERT_EQ(back.frame_count(), map.frame_count());
     ASSERT_EQ(back.landmark_count(), map.landmark_count());

@@ -21,7 +21,7 @@
 #include "cairn/formats/detail/foreign/written_frames.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/geometry/rigid3.hpp"
-#include "cairn/map/rigid_frames.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -185,11 +185,11 @@ struct ColmapRigs {
 class ColmapWriter {
  public:
   ColmapWriter(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
-               const MapWriteOptions& options)
+               const Execution& execution)
       : map_(map),
         folder_(folder),
         form_(form),
-        options_(options),
+        execution_(execution),
         image_names_(image_names(map)),
         ids_(map, kMostSmall, kNoPoint >> 1, 1),
         observations_(map),
@@ -202,15 +202,16 @@ class ColmapWriter {
   }
 
   void remark() const {
-    if (!options_.log) return;
+    if (!execution_.log) return;
     static constexpr std::array<std::string_view, 1> kColumns = {kErrorColumn};
-    log_losses(options_.log, map_, {.rigs = true, .columns = kColumns}, "COLMAP", folder_.string());
+    log_losses(execution_.log, map_, {.rigs = true, .columns = kColumns}, "COLMAP",
+               folder_.string());
     if (!map_.rigs().empty()) {
-      options_.log(fmt::format(
+      execution_.log(fmt::format(
           "{}: has rigs, which COLMAP reads from 3.12 on; before, it reads the images' poses only",
           folder_.string()));
     }
-    ids_.log_replaced(options_.log, map_, "COLMAP", folder_.string());
+    ids_.log_replaced(execution_.log, map_, "COLMAP", folder_.string());
   }
 
   void write_cameras(const ByteSink& sink) const {
@@ -388,15 +389,15 @@ class ColmapWriter {
 
   void report(std::uint32_t row) const {
     constexpr std::uint32_t kRows = 65536;
-    if (options_.progress && row % kRows == 0) {
-      options_.progress(static_cast<double>(row) / static_cast<double>(map_.landmark_count()));
+    if (execution_.progress && row % kRows == 0) {
+      execution_.progress(static_cast<double>(row) / static_cast<double>(map_.landmark_count()));
     }
   }
 
   const LandmarkMap& map_;
   const fs::path& folder_;
   ColmapForm form_;
-  const MapWriteOptions& options_;
+  const Execution& execution_;
   std::vector<std::string> image_names_;
   WrittenIds ids_;
   FrameObservations observations_;
@@ -407,8 +408,8 @@ class ColmapWriter {
 }  // namespace
 
 void write_colmap(const LandmarkMap& map, const fs::path& folder, ColmapForm form,
-                  const MapWriteOptions& options) {
-  const ColmapWriter writer(map, folder, form, options);
+                  const Execution& execution) {
+  const ColmapWriter writer(map, folder, form, execution);
   writer.remark();  // before writing, because the caller may refuse the loss
   OutputFolder output(folder);
   const auto write = [&](std::string_view stem,

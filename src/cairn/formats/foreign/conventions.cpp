@@ -2,7 +2,6 @@
 #include "cairn/formats/foreign/conventions.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const MapReadOptions&) {
+PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const Execution&) {
   throw Error(ErrorKind::kInput, path.string(),
               "is an SQLite database, and this Cairn was built without SQLite",
               "a build with CAIRN_WITH_SQLITE=ON");
@@ -24,7 +24,7 @@ std::vector<MapFormat> database_formats() {
                [](const MapInput& input) {
                  return input.first_bytes.starts_with(std::string_view("SQLite format 3\0", 16));
                },
-           .read = [](const MapInput& input, const MapReadOptions&) -> LandmarkMap {
+           .read = [](const MapInput& input, const Execution&) -> LandmarkMap {
              throw Error(ErrorKind::kInput, input.path.string(),
                          "is an SQLite database, and this Cairn was built without SQLite",
                          "a build with CAIRN_WITH_SQLITE=ON");
@@ -32,7 +32,7 @@ std::vector<MapFormat> database_formats() {
 }
 
 LandmarkMap with_database_beside(LandmarkMap model, const std::filesystem::path&,
-                                 const MapReadOptions&) {
+                                 const Execution&) {
   return model;
 }
 

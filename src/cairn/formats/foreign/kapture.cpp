@@ -72,8 +72,8 @@ struct Features {
 
 class KaptureReader {
  public:
-  KaptureReader(const KaptureFiles& files, const MapReadOptions& options)
-      : files_(files), progress_(options, 0), out_(files.name, options, kPixelCentre) {}
+  KaptureReader(const KaptureFiles& files, const Execution& execution)
+      : files_(files), progress_(execution, 0), out_(files.name, execution, kPixelCentre) {}
 
   LandmarkMap read() && {
     read_sensors();
@@ -150,15 +150,11 @@ class KaptureReader {
         in.refuse("sensor_device_id", "occurs twice", "distinct ids");
       }
     });
-    if (!is_there) {
-      throw Error(ErrorKind::kInput, files_.name + "/" + kSensors, "is not there",
-                  "the list of sensors of a kapture folder");
-    }
+    reject_if(!is_there, files_.name + "/" + kSensors, "is not there",
+              "the list of sensors of a kapture folder");
     version_ = version_of(*files_.open(kSensors));
-    if (!version_.empty() && version_ != "1.0" && version_ != "1.1") {
-      throw Error(ErrorKind::kInput, files_.name + "/" + kSensors,
-                  "kapture format " + printable(version_), "1.0 or 1.1");
-    }
+    reject_if(!version_.empty() && version_ != "1.0" && version_ != "1.1",
+              files_.name + "/" + kSensors, "kapture format " + printable(version_), "1.0 or 1.1");
   }
 
   static std::string version_of(ByteSource& sensors) {
@@ -497,11 +493,9 @@ class KaptureReader {
     Features result{read_all(*source), type.numbers * size_of(type.type)};
     read_bytes_ += result.bytes.size();
     progress_.advance(result.bytes.size(), source->name());
-    if (result.bytes.size() % result.row_size != 0) {
-      throw Error(ErrorKind::kInput, source->name(),
-                  fmt::format("{} bytes are no whole number of features", result.bytes.size()),
-                  fmt::format("{} bytes for each", result.row_size));
-    }
+    reject_if(result.bytes.size() % result.row_size != 0, source->name(),
+              fmt::format("{} bytes are no whole number of features", result.bytes.size()),
+              fmt::format("{} bytes for each", result.row_size));
     return result;
   }
 
@@ -513,10 +507,8 @@ class KaptureReader {
                             folder, seen.size()));
       return;
     }
-    if (keypoints->numbers < 2) {
-      throw Error(ErrorKind::kInput, files_.name + "/" + folder + "/keypoints.txt",
-                  "keypoints of one number", "x, y and what else there is");
-    }
+    reject_if(keypoints->numbers < 2, files_.name + "/" + folder + "/keypoints.txt",
+              "keypoints of one number", "x, y and what else there is");
     const auto described = descriptor_type(type);
     if (described) {
       const bool is_binary = is_binary_descriptor(*described);
@@ -691,11 +683,11 @@ std::optional<fs::path> kapture_folder(const MapInput& input) {
 
 }  // namespace
 
-LandmarkMap read_kapture(const KaptureFiles& files, const MapReadOptions& options) {
-  return KaptureReader(files, options).read();
+LandmarkMap read_kapture(const KaptureFiles& files, const Execution& execution) {
+  return KaptureReader(files, execution).read();
 }
 
-LandmarkMap read_kapture(const fs::path& folder, const MapReadOptions& options) {
+LandmarkMap read_kapture(const fs::path& folder, const Execution& execution) {
   const KaptureFiles files{folder.string(),
                            [&](const std::string& path) -> std::unique_ptr<ByteSource> {
                              if (!is_file(folder / path)) return nullptr;
@@ -711,15 +703,15 @@ LandmarkMap read_kapture(const fs::path& folder, const MapReadOptions& options) 
                              std::sort(names.begin(), names.end());
                              return names;
                            }};
-  return read_kapture(files, options);
+  return read_kapture(files, execution);
 }
 
 bool is_kapture(const MapInput& input) {
   return kapture_folder(input).has_value();
 }
 
-LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options) {
-  return read_kapture(*kapture_folder(input), options);
+LandmarkMap read_kapture_folder(const MapInput& input, const Execution& execution) {
+  return read_kapture(*kapture_folder(input), execution);
 }
 
 }  // namespace cairn::detail

@@ -223,8 +223,8 @@ class Recording {
   std::uint16_t scenes_;
 };
 
-void remark_losses(const LandmarkMap& map, const MapWriteOptions& options) {
-  if (!options.log) return;
+void remark_losses(const LandmarkMap& map, const Execution& execution) {
+  if (!execution.log) return;
   const LandmarkTable& landmarks = map.landmarks();
   const bool all_colored = std::all_of(landmarks.colors.begin(), landmarks.colors.end(),
                                        [](const auto& color) { return color.has_value(); });
@@ -248,20 +248,20 @@ void remark_losses(const LandmarkMap& map, const MapWriteOptions& options) {
     if (timeless > 0) lost.push_back(fmt::format("poses of {} frames without a time", timeless));
   }
   if (lost.empty()) return;
-  options.log({fmt::format("MCAP has no place for: {}; left out", fmt::join(lost, ", ")),
-               RemarkKind::kLoss});
+  execution.log({fmt::format("MCAP has no place for: {}; left out", fmt::join(lost, ", ")),
+                 RemarkKind::kLoss});
 }
 
 }  // namespace
 
-void write_mcap(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+void write_mcap(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   // Before writing, because the caller may refuse the loss.
-  remark_losses(map, options);
+  remark_losses(map, execution);
   const std::vector<TimedFrame> frames = timed_frames(map);
   const std::uint64_t start = frames.empty() ? 0 : frames.front().time_ns;
   Recording recording(sink);
   recording.add_map(map, frames, "", kWorld, start);
-  if (options.progress) options.progress(0.5);
+  if (execution.progress) execution.progress(0.5);
   if (!frames.empty()) {
     Recording::Metadata metadata;
     if (!has_times(map)) metadata = {{"times", "made up, 0.1 s apart: the map states none"}};
@@ -272,7 +272,7 @@ void write_mcap(const LandmarkMap& map, const ByteSink& sink, const MapWriteOpti
     }
   }
   recording.finish();
-  if (options.progress) options.progress(1.0);
+  if (execution.progress) execution.progress(1.0);
 }
 
 void write_mcap(std::span<const McapMap> maps, std::span<const McapLink> links,

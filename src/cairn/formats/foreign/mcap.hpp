@@ -6,7 +6,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "cairn/core/file.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -20,7 +19,7 @@ namespace cairn {
 /// keyframe. Without times, keyframe i is at 0.1 i seconds.
 /// @throws Error (input) naming a keyframe whose time MCAP cannot represent, (misuse) for a named column
 ///        with the name of another field
-void write_mcap(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options = {});
+void write_mcap(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
 /// One of several maps to write in one world frame.
 struct McapMap {

@@ -29,8 +29,8 @@ constexpr std::string_view kPointsName = "sparse_pc.ply";
 
 class NerfstudioReader {
  public:
-  NerfstudioReader(const std::string& name, const MapReadOptions& options)
-      : options_(options), out_(name, options) {}
+  NerfstudioReader(const std::string& name, const Execution& execution)
+      : execution_(execution), out_(name, execution) {}
 
   LandmarkMap read(const JsonValue& all, const fs::path& folder) {
     const JsonValue frames = all.at("frames").array();
@@ -165,10 +165,10 @@ class NerfstudioReader {
       return;
     }
     FileReader file(path);
-    out_.tables().landmarks = read_ply(file, options_).landmarks();
+    out_.tables().landmarks = read_ply(file, execution_).landmarks();
   }
 
-  const MapReadOptions& options_;
+  const Execution& execution_;
   SfmBuilder out_;
 };
 
@@ -213,14 +213,13 @@ std::optional<nlohmann::ordered_json> nerfstudio_camera(const Camera& camera) {
 }  // namespace
 
 LandmarkMap read_nerfstudio(ByteSource& source, const fs::path& folder,
-                            const MapReadOptions& options) {
+                            const Execution& execution) {
   const nlohmann::json json = read_json(source);
-  return NerfstudioReader(source.name(), options)
+  return NerfstudioReader(source.name(), execution)
       .read(JsonValue(json, source.name() + ": "), folder);
 }
 
-void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
-                      const MapWriteOptions& options) {
+void write_nerfstudio(const LandmarkMap& map, const fs::path& path, const Execution& execution) {
   require_cameras(map, "a frame of nerfstudio");
   const bool is_one_camera = map.cameras().size() == 1;
   nlohmann::ordered_json all = nlohmann::ordered_json::object();
@@ -251,16 +250,14 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path,
   }
   // Before writing, because the caller may refuse the loss.
   const std::vector<std::string_view> columns = column_names(map.landmarks().columns);
-  log_losses(options.log, map, {.observations = false, .covariances = true, .columns = columns},
+  log_losses(execution.log, map, {.observations = false, .covariances = true, .columns = columns},
              "nerfstudio", path.string());
   const fs::path points = path.parent_path() / kPointsName;
   std::error_code ignored;
   const bool has_points = map.landmark_count() > 0;
-  if (has_points && fs::exists(points, ignored)) {
-    throw Error(ErrorKind::kMisuse, points.string(),
-                "is there already, and is to hold the landmarks of " + path.string(),
-                "a folder without it");
-  }
+  refuse_if(has_points && fs::exists(points, ignored), points.string(),
+            "is there already, and is to hold the landmarks of " + path.string(),
+            "a folder without it");
   if (has_points) all["ply_file_path"] = kPointsName;
   try {
     // Both are written before either gets its name, so that only a process killed between the two leaves a file that
@@ -280,8 +277,8 @@ bool is_nerfstudio(const MapInput& input) {
          (input.path.filename() == "transforms.json" && begins_json(input, '{', {""}));
 }
 
-LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options) {
-  return read_nerfstudio(*input.source, input.path.parent_path(), options);
+LandmarkMap read_nerfstudio_file(const MapInput& input, const Execution& execution) {
+  return read_nerfstudio(*input.source, input.path.parent_path(), execution);
 }
 
 }  // namespace cairn::detail

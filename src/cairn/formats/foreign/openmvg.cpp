@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <Eigen/Geometry>
-#include <fmt/format.h>
 
 #include "cairn/formats/detail/bytes/json_document.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
@@ -21,7 +20,7 @@ constexpr std::uint64_t kMostOpenMvg = std::numeric_limits<std::uint32_t>::max()
 
 class OpenMvgReader {
  public:
-  OpenMvgReader(const std::string& name, const MapReadOptions& options) : out_(name, options) {}
+  OpenMvgReader(const std::string& name, const Execution& execution) : out_(name, execution) {}
 
   LandmarkMap read(const JsonValue& all) {
     all.at("intrinsics").each([&](const JsonValue& entry) { read_camera(entry); });
@@ -180,9 +179,9 @@ class OpenMvgReader {
 
 }  // namespace
 
-LandmarkMap read_openmvg(ByteSource& source, const MapReadOptions& options) {
+LandmarkMap read_openmvg(ByteSource& source, const Execution& execution) {
   const nlohmann::json json = read_json(source);
-  return OpenMvgReader(source.name(), options).read(JsonValue(json, source.name() + ": "));
+  return OpenMvgReader(source.name(), execution).read(JsonValue(json, source.name() + ": "));
 }
 
 bool is_openmvg(const MapInput& input) {

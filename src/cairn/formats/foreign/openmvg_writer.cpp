@@ -156,9 +156,9 @@ class OpenMvgWriter {
 
 }  // namespace
 
-void write_openmvg(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
+void write_openmvg(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   OpenMvgWriter writer(map);
-  writer.remark(options.log);  // before writing, because the caller may refuse the loss
+  writer.remark(execution.log);  // before writing, because the caller may refuse the loss
   writer.write(sink);
 }
 

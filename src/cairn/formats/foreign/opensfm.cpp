@@ -3,8 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <memory>
-#include <numeric>
 #include <set>
 #include <tuple>
 #include <unordered_map>
@@ -116,8 +114,8 @@ std::optional<Camera> opensfm_lens(const JsonValue& camera, const ImageFrame& im
 
 class OpenSfmReader {
  public:
-  OpenSfmReader(const OpenSfmSources& sources, const MapReadOptions& options)
-      : sources_(sources), options_(options), out_(sources.reconstruction->name(), options) {}
+  OpenSfmReader(const OpenSfmSources& sources, const Execution& execution)
+      : sources_(sources), execution_(execution), out_(sources.reconstruction->name(), execution) {}
 
   const SfmBuilder& log() const { return out_; }
 
@@ -334,7 +332,7 @@ class OpenSfmReader {
       out_.remark("there is no tracks.csv beside it: observations are unknown");
       return;
     }
-    ReadingProgress progress(options_, sources_.tracks->size().value_or(0));
+    ReadingProgress progress(execution_, sources_.tracks->size().value_or(0));
     TextRecords in(*sources_.tracks, progress, Separator::kTab);
     while (in.next_line()) {
       const std::string image(in.word("image"));
@@ -389,7 +387,7 @@ class OpenSfmReader {
       out_.tables().info.control_points.push_back(std::move(point));
     });
     if (unplaced > 0) {
-      log_remark(options_.log, name,
+      log_remark(execution_.log, name,
                  fmt::format("{} control points without a position are left out", unplaced),
                  RemarkKind::kLoss);
     }
@@ -397,11 +395,11 @@ class OpenSfmReader {
 
   void read_control_list() {
     if (sources_.control_list == nullptr) return;
-    ReadingProgress progress(options_, 0);
+    ReadingProgress progress(execution_, 0);
     TextRecords in(*sources_.control_list, progress);
     if (!in.next_record()) return;
     if (const std::string_view system = in.rest(); system != "WGS84") {
-      log_remark(options_.log, sources_.control_list->name(),
+      log_remark(execution_.log, sources_.control_list->name(),
                  fmt::format("control points in {} are left out; those in WGS84 are read",
                              printable(system)),
                  RemarkKind::kLoss);
@@ -436,7 +434,7 @@ class OpenSfmReader {
   }
 
   const OpenSfmSources& sources_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   SfmBuilder out_;
   // The control points of gcp_list.txt by longitude, latitude and altitude.
   std::map<std::tuple<double, double, std::optional<double>>, std::size_t> listed_;
@@ -519,8 +517,8 @@ std::optional<nlohmann::json> opensfm_camera(const Camera& camera) {
 
 class OpenSfmWriter {
  public:
-  OpenSfmWriter(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options)
-      : map_(map), path_(path), options_(options) {
+  OpenSfmWriter(const LandmarkMap& map, const fs::path& path, const Execution& execution)
+      : map_(map), path_(path), execution_(execution) {
     require_cameras(map, "a shot of OpenSfM");
     names_ = image_names(map);
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
@@ -625,9 +623,9 @@ class OpenSfmWriter {
   }
 
   void remark() const {
-    if (!options_.log) return;
+    if (!execution_.log) return;
     if (map_.info().georeference && !is_georeferenced()) {
-      options_.log(fmt::format(
+      execution_.log(fmt::format(
           "{}: the world of OpenSfM is the east-north-up frame of reference_lla, and this map lies "
           "otherwise; cairn convert --enu moves it there",
           path_.string()));
@@ -637,7 +635,7 @@ class OpenSfmWriter {
                             .georeference = is_georeferenced(),
                             .gnss = is_georeferenced(),
                             .control_points = true};
-    log_losses(options_.log, map_, holdings, "OpenSfM", path_.string());
+    log_losses(execution_.log, map_, holdings, "OpenSfM", path_.string());
   }
 
  private:
@@ -698,29 +696,25 @@ class OpenSfmWriter {
 
   const LandmarkMap& map_;
   const fs::path& path_;
-  const MapWriteOptions& options_;
+  const Execution& execution_;
   std::vector<std::string> names_;
   mutable std::string text_;
 };
 
 }  // namespace
 
-void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteOptions& options) {
-  const OpenSfmWriter writer(map, path, options);
+void write_opensfm(const LandmarkMap& map, const fs::path& path, const Execution& execution) {
+  const OpenSfmWriter writer(map, path, execution);
   const fs::path tracks = path.parent_path() / "tracks.csv";
   const bool has_tracks = map.has_observations();
   std::error_code ignored;
-  if (fs::exists(tracks, ignored)) {
-    throw Error(ErrorKind::kMisuse, tracks.string(),
-                "is there already, and belongs to " + path.string() + " by its name",
-                "a folder without it");
-  }
+  refuse_if(fs::exists(tracks, ignored), tracks.string(),
+            "is there already, and belongs to " + path.string() + " by its name",
+            "a folder without it");
   const fs::path control_points = path.parent_path() / "ground_control_points.json";
   const bool has_control_points = !map.info().control_points.empty();
-  if (has_control_points && fs::exists(control_points, ignored)) {
-    throw Error(ErrorKind::kMisuse, control_points.string(),
-                "is there already, and would be overwritten", "a folder without it");
-  }
+  refuse_if(has_control_points && fs::exists(control_points, ignored), control_points.string(),
+            "is there already, and would be overwritten", "a folder without it");
   writer.remark();  // before writing, because the caller may refuse the loss
   // All are written before the first gets its name, and the reconstruction gets its own last. Only a process killed in
   // between leaves a file that the next run refuses, and none a reconstruction without its tracks.
@@ -748,21 +742,18 @@ void write_opensfm(const LandmarkMap& map, const fs::path& path, const MapWriteO
 }
 
 LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part,
-                         const MapReadOptions& options) {
-  if (sources.reconstruction == nullptr) {
-    throw Error(ErrorKind::kMisuse, "sources.reconstruction", "is missing", "the reconstruction");
-  }
+                         const Execution& execution) {
+  refuse_if(sources.reconstruction == nullptr, "sources.reconstruction", "is missing",
+            "the reconstruction");
   const nlohmann::json json = read_json(*sources.reconstruction);
   const JsonValue all(json, sources.reconstruction->name() + ": ");
   all.array();
   if (json.empty()) all.refuse("holds no reconstruction", "an array of at least one");
   const auto index = parse_unsigned(part.value_or("0"));
-  if (!index || *index >= json.size()) {
-    throw Error(ErrorKind::kInput, sources.reconstruction->name(),
-                "has no reconstruction " + printable(part.value_or("0")),
-                fmt::format("#0 to #{}", json.size() - 1));
-  }
-  OpenSfmReader reader(sources, options);
+  reject_if(!index || *index >= json.size(), sources.reconstruction->name(),
+            "has no reconstruction " + printable(part.value_or("0")),
+            fmt::format("#0 to #{}", json.size() - 1));
+  OpenSfmReader reader(sources, execution);
   if (!part && json.size() > 1) {
     reader.log().remark(
         fmt::format("holds {} reconstructions, of which the first is read; #1 names the "
@@ -777,7 +768,7 @@ bool is_opensfm(const MapInput& input) {
          (input.path.filename() == "reconstruction.json" && begins_json(input, '[', {""}));
 }
 
-LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options) {
+LandmarkMap read_opensfm_files(const MapInput& input, const Execution& execution) {
   OpenSfmSources sources;
   sources.reconstruction = input.source;
   const auto beside = [&](const char* name, std::optional<FileReader>& file) {
@@ -794,7 +785,7 @@ LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& opti
   sources.control_list = beside("gcp_list.txt", control_list);
   sources.reference = beside("reference_lla.json", reference);
   sources.overrides = beside("exif_overrides.json", overrides);
-  return read_opensfm(sources, input.part, options);
+  return read_opensfm(sources, input.part, execution);
 }
 
 }  // namespace cairn::detail

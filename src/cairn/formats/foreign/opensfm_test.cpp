@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -182,7 +180,7 @@ TEST_F(OpenSfmTest, TheGeoreferenceIsWrittenOfAMapInItsFrame) {
     remarks_.clear();
     const std::filesystem::path out = folder_ / name / "reconstruction.json";
     std::filesystem::create_directories(out.parent_path());
-    all_formats().write(given, out, {.log = remarks_.sink()});
+    all_formats().write(given, out, {}, {.log = remarks_.sink()});
     return all_formats().read(out);
   };
   const LandmarkMap back = written(map, "same");
@@ -230,7 +228,7 @@ TEST_F(OpenSfmTest, ControlPointsTravelWithTheMap) {
   const std::filesystem::path out = folder_ / "out/reconstruction.json";
   std::filesystem::create_directories(out.parent_path());
   remarks_.clear();
-  all_formats().write(map, out, {.log = remarks_.sink()});
+  all_formats().write(map, out, {}, {.log = remarks_.sink()});
   EXPECT_THAT(remarks_.losses, ElementsAre());
   EXPECT_EQ(all_formats().read(out).info().control_points, map.info().control_points);
 

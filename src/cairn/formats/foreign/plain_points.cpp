@@ -2,10 +2,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <map>
-#include <optional>
 #include <string>
 #include <utility>
 
@@ -33,7 +31,8 @@ constexpr std::string_view kFurtherOffsets = "further_descriptor_offsets";
 // Builds a map from points.
 class Points {
  public:
-  Points(const std::string& name, const MapReadOptions& options) : name_(name), options_(options) {}
+  Points(const std::string& name, const Execution& execution)
+      : name_(name), execution_(execution) {}
 
   void add(const Eigen::Vector3d& position) {
     if (!are_coordinates(position)) {
@@ -46,7 +45,7 @@ class Points {
   LandmarkMap finish() && {
     if (left_out_ > 0) {
       const std::size_t count = left_out_ + tables_.landmarks.ids.size();
-      log_remark(options_.log, name_, far_landmarks_text(left_out_, count), RemarkKind::kLoss);
+      log_remark(execution_.log, name_, far_landmarks_text(left_out_, count), RemarkKind::kLoss);
     }
     tables_.info.length_unit = LengthUnit::kFree;
     return LandmarkMap(std::move(tables_), [&](MapColumn, std::size_t) { return name_; });
@@ -54,7 +53,7 @@ class Points {
 
  private:
   std::string name_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   MapTables tables_;
   std::size_t left_out_ = 0;
 };
@@ -80,11 +79,11 @@ constexpr Holdings kPositionsOnly{.timestamps = true,
 
 class NpzReader {
  public:
-  NpzReader(std::string_view archive, const std::string& name, const MapReadOptions& options)
+  NpzReader(std::string_view archive, const std::string& name, const Execution& execution)
       : members_(read_zip(archive, name)),
         archive_bytes_(archive.size()),
         name_(name),
-        options_(options) {}
+        execution_(execution) {}
 
   LandmarkMap read() {
     for (const auto& [member, bytes] : members_) {
@@ -105,9 +104,7 @@ class NpzReader {
       rows.push_back(i);
       tables_.landmarks.positions.push_back(x);
     }
-    if (rows.size() < count) {
-      lost(far_landmarks_text(count - rows.size(), count));
-    }
+    if (rows.size() < count) lost(far_landmarks_text(count - rows.size(), count));
     LandmarkTable& landmarks = tables_.landmarks;
     std::vector<std::string> left_out;
     std::string kind = "unknown";
@@ -157,7 +154,7 @@ class NpzReader {
 
  private:
   void lost(const std::string& text) const {
-    log_remark(options_.log, name_, text, RemarkKind::kLoss);
+    log_remark(execution_.log, name_, text, RemarkKind::kLoss);
   }
 
   const NpyArray& find_positions() const {
@@ -208,11 +205,9 @@ class NpzReader {
 
   void take_descriptors(const NpyArray& array, const std::vector<std::uint64_t>& rows) {
     const std::uint64_t each = array.shape()[1];
-    if (array.item_size() != 1 || each == 0 || each > kMostDescriptorBytes) {
-      throw Error(ErrorKind::kInput, array.where(),
-                  fmt::format("{} numbers of {} bytes a point", each, array.item_size()),
-                  fmt::format("1 to {} bytes (uint8) a point", kMostDescriptorBytes));
-    }
+    reject_if(array.item_size() != 1 || each == 0 || each > kMostDescriptorBytes, array.where(),
+              fmt::format("{} numbers of {} bytes a point", each, array.item_size()),
+              fmt::format("1 to {} bytes (uint8) a point", kMostDescriptorBytes));
     DescriptorColumn column{{}, static_cast<std::size_t>(each), {}, {}};
     for (const std::uint64_t i : rows) {
       const std::string_view bytes = array.data().substr(i * each, each);
@@ -269,7 +264,7 @@ class NpzReader {
   std::map<std::string, std::string> members_;
   std::uint64_t archive_bytes_;
   std::string name_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   std::map<std::string, NpyArray> arrays_;
   MapTables tables_;
 };
@@ -294,8 +289,8 @@ bool is_archive_of_arrays(const MapInput& input) {
   return bytes.substr(kName, byte(26) + 256U * byte(27)).ends_with(".npy");
 }
 
-LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
-  ReadingProgress progress(options, source.size().value_or(0));
+LandmarkMap read_npy_points(ByteSource& source, const Execution& execution) {
+  ReadingProgress progress(execution, source.size().value_or(0));
   BinaryRecords in(source, progress);
   for (const char c : kNpyMagic) {
     if (in.u8("magic") != static_cast<std::uint8_t>(c))
@@ -323,7 +318,7 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
   if (parsed.shape.size() != 2 || parsed.shape[1] != 3) {
     in.refuse("shape", fmt::format("({})", fmt::join(parsed.shape, ", ")), "(N, 3)");
   }
-  Points points(source.name(), options);
+  Points points(source.name(), execution);
   for (std::uint64_t i = 0; i < parsed.shape[0]; ++i) {
     Eigen::Vector3d position;
     for (int axis = 0; axis < 3; ++axis) {
@@ -335,15 +330,14 @@ LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options) {
   return std::move(points).finish();
 }
 
-LandmarkMap read_npz_points(ByteSource& source, const MapReadOptions& options) {
+LandmarkMap read_npz_points(ByteSource& source, const Execution& execution) {
   std::string archive = read_all(source);
-  NpzReader reader(archive, source.name(), options);
+  NpzReader reader(archive, source.name(), execution);
   archive = {};  // it is unpacked
   return reader.read();
 }
 
-void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options) {
+void write_xyz_points(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   std::string text;
   for (const Eigen::Vector3d& x : map.landmarks().positions) {
     for (int i = 0; i < 3; ++i) {
@@ -356,11 +350,10 @@ void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
     text.clear();
   }
   sink(text);
-  log_losses(options.log, map, kPositionsOnly, "XYZ");
+  log_losses(execution.log, map, kPositionsOnly, "XYZ");
 }
 
-void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options) {
+void write_csv_points(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   const PointRows rows(map, PointFormat::kPly, ScalarType::kFloat64);
   std::string header;
   for (const PointField& field : rows.fields()) {
@@ -377,17 +370,15 @@ void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
   holdings.colors = true;
   holdings.covariances = true;
   holdings.columns = columns;
-  log_losses(options.log, map, holdings, "CSV");
+  log_losses(execution.log, map, holdings, "CSV");
 }
 
-void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options) {
+void write_npy_points(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   sink(npy_bytes("<f8", {map.landmark_count(), 3}, position_bytes(map)));
-  log_losses(options.log, map, kPositionsOnly, ".npy");
+  log_losses(execution.log, map, kPositionsOnly, ".npy");
 }
 
-void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options) {
+void write_npz_points(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
   const LandmarkTable& landmarks = map.landmarks();
   const std::uint64_t count = map.landmark_count();
   ZipWriter zip(sink);
@@ -455,7 +446,7 @@ void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
   holdings.descriptors = "*";
   holdings.further_descriptors = true;
   holdings.columns = columns;
-  log_losses(options.log, map, holdings, ".npz");
+  log_losses(execution.log, map, holdings, ".npz");
 }
 
 }  // namespace cairn::detail

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <map>
 #include <numbers>
@@ -65,11 +64,11 @@ std::optional<ImageSize> image_size(const fs::path& path) {
 
 class RealityCaptureReader {
  public:
-  RealityCaptureReader(ByteSource& source, fs::path folder, const MapReadOptions& options)
-      : progress_(options, source.size().value_or(0)),
+  RealityCaptureReader(ByteSource& source, fs::path folder, const Execution& execution)
+      : progress_(execution, source.size().value_or(0)),
         in_(source, progress_, Separator::kComma),
         folder_(std::move(folder)),
-        out_(source.name(), options, kPixelCentre) {}
+        out_(source.name(), execution, kPixelCentre) {}
 
   LandmarkMap read() && {
     read_header();
@@ -156,12 +155,12 @@ class RealityCaptureReader {
 }  // namespace
 
 LandmarkMap read_realitycapture(ByteSource& source, const fs::path& folder,
-                                const MapReadOptions& options) {
-  return RealityCaptureReader(source, folder, options).read();
+                                const Execution& execution) {
+  return RealityCaptureReader(source, folder, execution).read();
 }
 
-LandmarkMap read_realitycapture_file(const MapInput& input, const MapReadOptions& options) {
-  return read_realitycapture(*input.source, input.path.parent_path(), options);
+LandmarkMap read_realitycapture_file(const MapInput& input, const Execution& execution) {
+  return read_realitycapture(*input.source, input.path.parent_path(), execution);
 }
 
 }  // namespace cairn::detail

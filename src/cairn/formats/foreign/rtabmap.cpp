@@ -7,14 +7,12 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <utility>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "cairn/core/detail/disjoint_sets.hpp"
-#include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/formats/detail/foreign/database_file.hpp"
@@ -180,11 +178,11 @@ std::string descriptor_kind(sqlite::Database& database) {
 
 class MapReader {
  public:
-  MapReader(sqlite::Database& database, const MapReadOptions& options)
+  MapReader(sqlite::Database& database, const Execution& execution)
       : database_(database),
         file_bytes_(FileReader(database.name()).size().value_or(0)),
-        graph_(database, options),
-        out_(database.name(), options) {}
+        graph_(database, execution),
+        out_(database.name(), execution) {}
 
   LandmarkMap read() {
     read_calibrations();
@@ -540,9 +538,9 @@ class MapReader {
 
 }  // namespace
 
-LandmarkMap read_rtabmap(const fs::path& path, const MapReadOptions& options) {
-  sqlite::Database database = open_foreign_database(path, options);
-  return MapReader(database, options).read();
+LandmarkMap read_rtabmap(const fs::path& path, const Execution& execution) {
+  sqlite::Database database = open_foreign_database(path, execution);
+  return MapReader(database, execution).read();
 }
 
 }  // namespace cairn::detail

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -108,8 +109,8 @@ std::optional<Rigid3> pose_of_floats(std::span<const std::byte> bytes) {
   return Rigid3(Eigen::Quaterniond(rotation).normalized(), translation);
 }
 
-RtabmapGraph::RtabmapGraph(sqlite::Database& database, const MapReadOptions& options)
-    : database_(database), options_(options) {
+RtabmapGraph::RtabmapGraph(sqlite::Database& database, const Execution& execution)
+    : database_(database), execution_(execution) {
   read_nodes();
   read_links();
 }
@@ -125,7 +126,8 @@ std::optional<std::uint32_t> RtabmapGraph::find(std::int64_t id) const {
 
 void RtabmapGraph::lost(std::size_t count, std::string_view text) const {
   if (count == 0) return;
-  log_remark(options_.log, database_.name(), fmt::format("{} {}", count, text), RemarkKind::kLoss);
+  log_remark(execution_.log, database_.name(), fmt::format("{} {}", count, text),
+             RemarkKind::kLoss);
 }
 
 void RtabmapGraph::read_nodes() {
@@ -187,9 +189,7 @@ void RtabmapGraph::read_links() {
     link.to = *to;
     // Both directions of a link are stored.
     if (!seen.emplace(std::min(*from, *to), std::max(*from, *to)).second) continue;
-    if (const auto bytes = rows.optional_blob(3)) {
-      link.from_from_to = pose_of_floats(*bytes);
-    }
+    if (const auto bytes = rows.optional_blob(3)) link.from_from_to = pose_of_floats(*bytes);
     if (const auto bytes = rows.optional_blob(4)) link.covariance = covariance_of(*bytes);
     links.push_back(link);
   }
@@ -200,9 +200,9 @@ void RtabmapGraph::read_links() {
 
 namespace cairn {
 
-PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const MapReadOptions& options) {
-  sqlite::Database database = detail::open_foreign_database(path, options);
-  const detail::RtabmapGraph graph(database, options);
+PoseGraph read_rtabmap_graph(const std::filesystem::path& path, const Execution& execution) {
+  sqlite::Database database = detail::open_foreign_database(path, execution);
+  const detail::RtabmapGraph graph(database, execution);
   PoseGraph result;
   for (const detail::RtabmapNode& node : graph.nodes) {
     result.nodes.push_back({NodeId{node.id}, node.label, fmt::format("map {}", node.session),

@@ -199,11 +199,11 @@ bool is_stella(const MapInput& input) {
   return std::find(kKeys.begin(), kKeys.end(), key) != kKeys.end();
 }
 
-LandmarkMap read_stella(ByteSource& source, const MapReadOptions& options) {
-  ReadingProgress progress(options, source.size().value_or(0));
+LandmarkMap read_stella(ByteSource& source, const Execution& execution) {
+  ReadingProgress progress(execution, source.size().value_or(0));
   BinaryRecords records(source, progress);
   MsgpackReader in(records);
-  StellaBuilder out(source.name(), options);
+  StellaBuilder out(source.name(), execution);
   bool has_landmarks = false;
   for_each_key(in, "map", [&](const std::string& key) {
     if (key == "cameras") {

@@ -35,8 +35,8 @@ static_assert(sizeof(StoredKeypoint) == 28);
 
 class StellaDatabaseReader {
  public:
-  StellaDatabaseReader(sqlite::Database& database, const MapReadOptions& options)
-      : database_(database), out_(database.name(), options) {}
+  StellaDatabaseReader(sqlite::Database& database, const Execution& execution)
+      : database_(database), out_(database.name(), execution) {}
 
   LandmarkMap read() {
     read_cameras();
@@ -189,9 +189,9 @@ class StellaDatabaseReader {
 
 }  // namespace
 
-LandmarkMap read_stella_database(const std::filesystem::path& path, const MapReadOptions& options) {
-  sqlite::Database database = open_foreign_database(path, options);
-  return StellaDatabaseReader(database, options).read();
+LandmarkMap read_stella_database(const std::filesystem::path& path, const Execution& execution) {
+  sqlite::Database database = open_foreign_database(path, execution);
+  return StellaDatabaseReader(database, execution).read();
 }
 
 }  // namespace cairn::detail

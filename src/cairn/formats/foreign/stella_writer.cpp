@@ -36,10 +36,10 @@ std::string stella_camera_name(const Camera& camera) {
 
 class StellaWriter {
  public:
-  StellaWriter(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options)
+  StellaWriter(const LandmarkMap& map, const ByteSink& sink, const Execution& execution)
       : map_(map),
         sink_(sink),
-        options_(options),
+        execution_(execution),
         frame_ids_(fitting_ids(map.frames().ids, kMostStellaId - 1, 0)),
         landmark_ids_(fitting_ids(map.landmarks().ids, (kMostStellaId >> 1) - 1, 0)),
         observations_(map) {
@@ -292,12 +292,12 @@ class StellaWriter {
   }
 
   void remark() const {
-    if (!options_.log) return;
+    if (!execution_.log) return;
     const auto say = [&](const std::string& text, RemarkKind kind = RemarkKind::kLoss) {
-      options_.log({"stella_vslam: " + text, kind});
+      execution_.log({"stella_vslam: " + text, kind});
     };
     static constexpr std::array<std::string_view, 2> kColumns = {"visible", "found"};
-    log_losses(options_.log, map_,
+    log_losses(execution_.log, map_,
                {.image_names = false,
                 .timestamps = true,
                 .octaves = true,
@@ -327,7 +327,7 @@ class StellaWriter {
 
   const LandmarkMap& map_;
   const ByteSink& sink_;
-  const MapWriteOptions& options_;
+  const Execution& execution_;
   std::string bytes_;
   std::vector<std::uint64_t> frame_ids_;
   std::vector<std::uint64_t> landmark_ids_;
@@ -341,8 +341,8 @@ class StellaWriter {
 
 }  // namespace
 
-void write_stella(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
-  StellaWriter(map, sink, options).write();
+void write_stella(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
+  StellaWriter(map, sink, execution).write();
 }
 
 }  // namespace cairn::detail

@@ -218,9 +218,7 @@ class Survey {
       return OtherContent{"poses, each line a matrix of 12 or 16 numbers", kPosesElsewhere};
     }
     if (is_quaternions_) return OtherContent{"quaternions", "points"};
-    if (is_stacked_ && rows_ % 4 == 0) {
-      return OtherContent{"a transform of 4x4 numbers", "points"};
-    }
+    if (is_stacked_ && rows_ % 4 == 0) return OtherContent{"a transform of 4x4 numbers", "points"};
     return std::nullopt;
   }
 
@@ -340,8 +338,8 @@ struct Layout {
 // Finds out what the columns of a text are, from its header or from all of its rows.
 class LayoutFinder {
  public:
-  LayoutFinder(ByteSource& source, const MapReadOptions& options)
-      : name_(source.name()), options_(options), lines_(source) {}
+  LayoutFinder(ByteSource& source, const Execution& execution)
+      : name_(source.name()), execution_(execution), lines_(source) {}
 
   Layout find() {
     const bool is_survey_needed = read_head();
@@ -407,10 +405,8 @@ class LayoutFinder {
   }
 
   void take(Names names) {
-    if (names_a_rotation(names)) {
-      throw Error(ErrorKind::kInput, name_, "holds poses: some of its columns are a quaternion",
-                  kPosesElsewhere);
-    }
+    reject_if(names_a_rotation(names), name_, "holds poses: some of its columns are a quaternion",
+              kPosesElsewhere);
     const auto axes = *position_columns(names);
     for (std::size_t i = 0; i < 3; ++i) names[axes[i]] = std::string(1, "xyz"[i]);
     // Tables of pandas begin with a column of row numbers without a name.
@@ -442,8 +438,8 @@ class LayoutFinder {
   bool has_typed_columns() const { return channels() || id(); }
 
   void survey_rows() {
-    MapReadOptions stop_only;
-    stop_only.stop = options_.stop;
+    Execution stop_only;
+    stop_only.stop = execution_.stop;
     ReadingProgress progress(stop_only, 0);
     const bool is_named = !layout_.names.empty();
     do {
@@ -466,10 +462,9 @@ class LayoutFinder {
     if (word - cells_.begin() == 9 && survey_.rows() == 0) {
       double square = 0.0;
       for (std::size_t i = 1; i < 5; ++i) square += std::pow(*parse_number(cells_[i]), 2.0);
-      if (std::abs(square - 1.0) < 1e-2) {
-        throw Error(ErrorKind::kInput, name_, "holds COLMAP's images.txt under another name",
-                    "the name images.txt, beside cameras.txt and points3D.txt");
-      }
+      reject_if(std::abs(square - 1.0) < 1e-2, name_,
+                "holds COLMAP's images.txt under another name",
+                "the name images.txt, beside cameras.txt and points3D.txt");
     }
     throw Error(
         ErrorKind::kInput,
@@ -503,7 +498,7 @@ class LayoutFinder {
     }
     Names taken = layout_.names;
     std::erase(taken, std::string());
-    log_remark(options_.log, name_,
+    log_remark(execution_.log, name_,
                fmt::format("the columns have no names; taken as {}", fmt::join(taken, " ")));
   }
 
@@ -531,7 +526,7 @@ class LayoutFinder {
   static constexpr std::size_t kMostComments = 16;
 
   std::string name_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   LineReader lines_;
   Cells cells_;  // of the last row
   std::vector<std::string> comments_;
@@ -543,16 +538,16 @@ class LayoutFinder {
 
 class TableReader {
  public:
-  TableReader(ByteSource& source, Layout layout, const MapReadOptions& options)
+  TableReader(ByteSource& source, Layout layout, const Execution& execution)
       : source_(source),
         layout_(std::move(layout)),
-        options_(options),
-        lines_(source, options.log) {}
+        execution_(execution),
+        lines_(source, execution.log) {}
 
   LandmarkMap read() {
     Cells cells;
     std::optional<PointTable> table;
-    ReadingProgress progress(options_, source_.size().value_or(0));
+    ReadingProgress progress(execution_, source_.size().value_or(0));
     std::uint64_t reported = 0;
     std::string row;
     while (const auto next = lines_.next()) {
@@ -621,18 +616,18 @@ class TableReader {
     }
     const auto lost = [&](std::string_view what, const auto& which) {
       if (which.empty()) return;
-      log_remark(options_.log, source_.name(),
+      log_remark(execution_.log, source_.name(),
                  fmt::format("columns {} are left out: {}", what, fmt::join(which, ", ")),
                  RemarkKind::kLoss);
     };
     lost("that hold no numbers", of_text);
     lost("without a name", without_name);
-    return {PointFormat::kPly, source_.name(), source_.name(), std::move(fields), options_};
+    return {PointFormat::kPly, source_.name(), source_.name(), std::move(fields), execution_};
   }
 
   ByteSource& source_;
   Layout layout_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   LineReader lines_;
   std::vector<std::size_t> kept_;
 };
@@ -676,7 +671,7 @@ bool is_points_text(const MapInput& input) {
   return false;
 }
 
-LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options) {
+LandmarkMap read_plain_points(ByteSource& source, const Execution& execution) {
   // A pipe cannot be read a second time.
   std::string bytes;
   std::optional<MemoryReader> memory;
@@ -685,9 +680,9 @@ LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options)
     memory.emplace(bytes, source.name());
   }
   ByteSource& again = memory ? static_cast<ByteSource&>(*memory) : source;
-  Layout layout = LayoutFinder(again, options).find();
+  Layout layout = LayoutFinder(again, execution).find();
   again.rewind();
-  return TableReader(again, std::move(layout), options).read();
+  return TableReader(again, std::move(layout), execution).read();
 }
 
 }  // namespace cairn::detail

@@ -36,8 +36,8 @@ Number load(const char* bytes) {
 
 class BinaryReader {
  public:
-  BinaryReader(std::string_view bytes, const std::string& source, const MapReadOptions& options)
-      : bytes_(bytes), source_(source), options_(options) {}
+  BinaryReader(std::string_view bytes, const std::string& source, const Execution& execution)
+      : bytes_(bytes), source_(source), execution_(execution) {}
 
   LandmarkMap read() {
     read_header();
@@ -182,10 +182,10 @@ class BinaryReader {
   }
 
   void report(double share) const {
-    if (options_.stop.stop_requested()) {
+    if (execution_.stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, source_, "reading was cancelled", "");
     }
-    if (options_.progress) options_.progress(share);
+    if (execution_.progress) execution_.progress(share);
   }
 
   void read_table() {
@@ -336,9 +336,7 @@ class BinaryReader {
   bool is_unknown(MapColumn column, std::size_t row, const double* numbers) const {
     const bool unknown = std::isnan(numbers[0]);
     for (std::size_t i = 0; i < kNumbers; ++i) {
-      if (unknown || std::isnan(numbers[i])) {
-        expect_unknown(column, kNumbers * row + i, numbers[i]);
-      }
+      if (unknown || std::isnan(numbers[i])) expect_unknown(column, kNumbers * row + i, numbers[i]);
     }
     return unknown;
   }
@@ -515,7 +513,7 @@ class BinaryReader {
 
   std::string_view bytes_;
   const std::string& source_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   std::uint64_t frames_ = 0;
   std::uint64_t landmarks_ = 0;
   std::uint64_t observations_ = 0;
@@ -528,11 +526,11 @@ class BinaryReader {
 
 namespace cairn {
 
-LandmarkMap read_binary(ByteSource& source, const MapReadOptions& options) {
+LandmarkMap read_binary(ByteSource& source, const Execution& execution) {
   if (const auto bytes = source.in_memory()) {
-    return detail::BinaryReader(*bytes, source.name(), options).read();
+    return detail::BinaryReader(*bytes, source.name(), execution).read();
   }
-  return detail::BinaryReader(read_all(source), source.name(), options).read();
+  return detail::BinaryReader(read_all(source), source.name(), execution).read();
 }
 
 }  // namespace cairn

@@ -197,39 +197,38 @@ TEST(WriteBinary, HasOneFormForUnknown) {
 TEST(WriteBinary, ReportsItsProgressAndCanBeStopped) {
   const LandmarkMap map = synthetic_map({.seed = 1, .landmarks = 20000});
   double last = 0.0;
-  write_binary(
-      map, [](std::string_view) {},
-      [&](double share) {
-        EXPECT_GE(share, last);
-        EXPECT_LE(share, 1.0);
-        last = share;
-      });
+  write_binary(map, [](std::string_view) {}, {.progress = [&](double share) {
+                 EXPECT_GE(share, last);
+                 EXPECT_LE(share, 1.0);
+                 last = share;
+               }});
   EXPECT_EQ(last, 1.0);
-  EXPECT_THROW(write_binary(
-                   map, [](std::string_view) {},
-                   [](double) { throw Error(ErrorKind::kCancelled, "", "stop", ""); }),
-               Error);
+  EXPECT_THROW(
+      write_binary(
+          map, [](std::string_view) {},
+          {.progress = [](double) { throw Error(ErrorKind::kCancelled, "", "stop", ""); }}),
+      Error);
 }
 
 TEST(ReadBinary, ReportsItsProgressAndCanBeStopped) {
   const std::string bytes = binary(synthetic_map({.seed = 1, .landmarks = 20000}));
   MemoryReader source(bytes, "desk.cairn");
   std::stop_source stop;
-  MapReadOptions options;
-  options.stop = stop.get_token();
+  Execution execution;
+  execution.stop = stop.get_token();
   double last = 0.0;
   int calls = 0;
-  options.progress = [&](double share) {
+  execution.progress = [&](double share) {
     EXPECT_GE(share, last);
     EXPECT_LE(share, 1.0);
     last = share;
     ++calls;
   };
-  read_binary(source, options);
+  read_binary(source, execution);
   EXPECT_GT(calls, 3);
   stop.request_stop();
   try {
-    read_binary(source, options);
+    read_binary(source, execution);
     FAIL() << "not stopped";
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kCancelled);

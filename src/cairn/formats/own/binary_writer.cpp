@@ -241,8 +241,8 @@ class BinaryWriter {
 
 namespace cairn {
 
-void write_binary(const LandmarkMap& map, const ByteSink& sink, const Progress& progress) {
-  detail::BinaryWriter(map, sink, progress).write();
+void write_binary(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
+  detail::BinaryWriter(map, sink, execution.progress).write();
 }
 
 }  // namespace cairn

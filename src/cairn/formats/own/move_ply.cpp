@@ -65,8 +65,8 @@ class PlyMover {
 
   void read_header() {
     MemoryReader source(text_, name_);
-    const MapReadOptions options;
-    detail::HeadedSource headed(source, options);
+    const Execution execution;
+    detail::HeadedSource headed(source, execution);
     header_ = detail::read_ply_header(headed);
     is_big_endian_ = header_.encoding == detail::PlyEncoding::kBigEndian;
     place_ = headed.offset();

@@ -65,12 +65,12 @@ Eigen::Vector3d vector3(NumberedFields& fields, const std::array<const char*, 3>
 
 class NativeReader {
  public:
-  NativeReader(ByteSource& source, const MapReadOptions& options)
-      : source_(source), options_(options) {}
+  NativeReader(ByteSource& source, const Execution& execution)
+      : source_(source), execution_(execution) {}
 
   LandmarkMap read() {
     if (source_.size()) reserve(detail::estimate_records(source_));
-    LineReader lines(source_, options_.log);
+    LineReader lines(source_, execution_.log);
     tables_.observations.offsets.push_back(0);
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     std::uint64_t next_report = 0;
@@ -79,20 +79,17 @@ class NativeReader {
       read_line(*line, lines);
       if (lines.bytes_read() >= next_report) {
         next_report = lines.bytes_read() + kReportEvery;
-        if (options_.stop.stop_requested()) {
+        if (execution_.stop.stop_requested()) {
           throw Error(ErrorKind::kCancelled, source_.name(), "reading was cancelled", "");
         }
-        if (options_.progress && source_.size()) {
+        if (execution_.progress && source_.size()) {
           // A file may grow while it is read.
-          options_.progress(std::min(
+          execution_.progress(std::min(
               1.0, static_cast<double>(lines.bytes_read()) / static_cast<double>(*source_.size())));
         }
       }
     }
-    if (version_ == 0) {
-      throw Error(ErrorKind::kInput, source_.name(), "the file is empty",
-                  "FRAME and LANDMARK records");
-    }
+    reject_if(version_ == 0, source_.name(), "the file is empty", "FRAME and LANDMARK records");
     return finish();
   }
 
@@ -376,9 +373,7 @@ class NativeReader {
 
   static std::string name(NumberedFields& fields, const char* field) {
     const std::string_view text = fields.word(field);
-    if (!is_visible(text)) {
-      fields.refuse(printable(text) + " is not a name", "visible ASCII");
-    }
+    if (!is_visible(text)) fields.refuse(printable(text) + " is not a name", "visible ASCII");
     return std::string(text);
   }
 
@@ -417,9 +412,7 @@ class NativeReader {
     refuse_second(frames.pose_covariances.known()[row] != 0, fields);
     Matrix6d covariance = Matrix6d::Zero();
     for (int i = 0; i < 6; ++i) {
-      for (int k = i; k < 6; ++k) {
-        covariance(i, k) = covariance(k, i) = fields.number("covariance");
-      }
+      for (int k = i; k < 6; ++k) covariance(i, k) = covariance(k, i) = fields.number("covariance");
     }
     frames.pose_covariances.set(row, covariance);
     note_line(MapColumn::kPoseCovariances, row);
@@ -633,7 +626,7 @@ class NativeReader {
     const std::size_t count = landmarks.ids.size();
     far_landmarks_ = drop_far_landmarks(tables_);
     if (!far_landmarks_.empty()) {
-      detail::log_remark(options_.log, source_.name(),
+      detail::log_remark(execution_.log, source_.name(),
                          detail::far_landmarks_text(far_landmarks_.size(), count),
                          RemarkKind::kLoss);
     }
@@ -672,7 +665,7 @@ class NativeReader {
   }
 
   ByteSource& source_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   MapTables tables_;
   int version_ = 0;  // 0: no record seen yet
   std::uint64_t line_ = 0;
@@ -691,8 +684,8 @@ class NativeReader {
 
 }  // namespace
 
-LandmarkMap read_native(ByteSource& source, const MapReadOptions& options) {
-  return NativeReader(source, options).read();
+LandmarkMap read_native(ByteSource& source, const Execution& execution) {
+  return NativeReader(source, execution).read();
 }
 
 }  // namespace cairn

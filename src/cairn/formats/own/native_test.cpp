@@ -53,9 +53,9 @@ using testing::TemporaryFolder;
 
 constexpr double kTextNan = std::numeric_limits<double>::quiet_NaN();
 
-LandmarkMap read_text(std::string_view text, const MapReadOptions& options = {}) {
+LandmarkMap read_text(std::string_view text, const Execution& execution = {}) {
   MemoryReader source(text, "desk.map");
-  return read_native(source, options);
+  return read_native(source, execution);
 }
 
 LandmarkMap read_file(const std::filesystem::path& path) {
@@ -237,9 +237,9 @@ TEST(ReadNative, UndoesEscapes) {
 
 TEST(ReadNative, ReadsAPipe) {
   testing::Pipe pipe(kPlain, 7);
-  MapReadOptions options;
-  options.progress = [](double) { ADD_FAILURE() << "a share of what?"; };
-  EXPECT_THAT(read_native(pipe, options), EqualsMap(plain_map()));
+  Execution execution;
+  execution.progress = [](double) { ADD_FAILURE() << "a share of what?"; };
+  EXPECT_THAT(read_native(pipe, execution), EqualsMap(plain_map()));
 }
 
 TEST(ReadNative, ReadsAFile) {
@@ -450,11 +450,11 @@ TEST(ReadNative, RefusesFilesWithoutRecords) {
 
 TEST(ReadNative, SaysThatTheLastLineDoesNotEnd) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const std::string text = std::string(kFrame) + "FRAME 8 0 0 0 1 0 0 0";
   const auto frames = [&](const std::string& bytes) {
     MemoryReader source(bytes, "desk.map");
-    return read_native(source, options).frame_count();
+    return read_native(source, execution).frame_count();
   };
   EXPECT_EQ(frames(text + "\n"), 2U);
   EXPECT_EQ(frames(text + "\n  "), 2U);
@@ -468,12 +468,12 @@ TEST(ReadNative, SaysThatTheLastLineDoesNotEnd) {
 
 TEST(ReadNative, LeavesOutLandmarksThatAreTooFarAway) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const std::string text =
       "CAIRN 2\n" + std::string(kFrame) +
       "LANDMARK 3 0 0 5e11 - 1 7 1 2\nCOLOR 3 1 2 3\nLANDMARK 4 0 0 1 - 1 7 3 4\nCOLOR 4 5 6 7\n";
   MemoryReader source(text, "desk.map");
-  const LandmarkMap map = read_native(source, options);
+  const LandmarkMap map = read_native(source, execution);
   EXPECT_THAT(map.landmarks().ids, ::testing::ElementsAre(LandmarkId{4}));
   EXPECT_THAT(map.landmarks().colors, ::testing::ElementsAre(Color{5, 6, 7}));
   EXPECT_EQ(map.observed_pixels(LandmarkIndex{0})[0].u, 3.0);
@@ -1184,9 +1184,9 @@ TEST(ReadNative, IsReadBackBitForBitOverManyBlocks) {
 
 TEST(ReadNative, ReportsProgressThatNeverGoesBack) {
   std::vector<double> shares;
-  MapReadOptions options;
-  options.progress = [&](double share) { shares.push_back(share); };
-  read_text(long_text(13), options);
+  Execution execution;
+  execution.progress = [&](double share) { shares.push_back(share); };
+  read_text(long_text(13), execution);
   EXPECT_THAT(shares, SizeIs(Ge(3U)));
   EXPECT_THAT(shares, Each(AllOf(Ge(0.0), Le(1.0))));
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
@@ -1196,8 +1196,8 @@ TEST(ReadNative, ReportsProgressThatNeverGoesBack) {
 TEST(WriteNative, ReportsProgressThatNeverGoesBack) {
   const LandmarkMap map = read_text(long_text(20));
   std::vector<double> shares;
-  write_native(
-      map, [](std::string_view) {}, 1, [&](double share) { shares.push_back(share); });
+  write_native(map, [](std::string_view) {}, 1,
+               {.progress = [&](double share) { shares.push_back(share); }});
   EXPECT_THAT(shares, SizeIs(Ge(2U)));
   EXPECT_THAT(shares, Each(AllOf(Ge(0.0), Le(1.0))));
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
@@ -1205,18 +1205,18 @@ TEST(WriteNative, ReportsProgressThatNeverGoesBack) {
 
 TEST(ReadNative, StopsWhenAskedTo) {
   std::stop_source stop;
-  MapReadOptions options;
-  options.stop = stop.get_token();
+  Execution execution;
+  execution.stop = stop.get_token();
   std::size_t reports = 0;
-  options.progress = [&](double) {
+  execution.progress = [&](double) {
     if (++reports == 2) stop.request_stop();
   };
   const std::string text = long_text(13);
-  EXPECT_EQ(text_refusal([&] { read_text(text, options); }, ErrorKind::kCancelled),
+  EXPECT_EQ(text_refusal([&] { read_text(text, execution); }, ErrorKind::kCancelled),
             "desk.map: reading was cancelled");
   EXPECT_EQ(reports, 2U);
   // Asked for before it began, even of a small file.
-  EXPECT_EQ(text_refusal([&] { read_text(kPlain, options); }, ErrorKind::kCancelled),
+  EXPECT_EQ(text_refusal([&] { read_text(kPlain, execution); }, ErrorKind::kCancelled),
             "desk.map: reading was cancelled");
 }
 

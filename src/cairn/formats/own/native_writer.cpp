@@ -59,9 +59,7 @@ class NativeWriter {
   void write_head(int version) {
     line("CAIRN", version);
     const MapInfo& info = map_.info();
-    if (info.length_unit == LengthUnit::kFree) {
-      line("META", "length_unit", "free");
-    }
+    if (info.length_unit == LengthUnit::kFree) line("META", "length_unit", "free");
     const auto text = [&](std::string_view key, const std::string& value) {
       line("META", key, detail::escaped(value));
     };
@@ -96,9 +94,7 @@ class NativeWriter {
     if (const auto& descriptors = map_.landmarks().descriptors) {
       line("DESCRIPTORS", descriptors->kind, descriptors->bytes_each);
     }
-    for (const NamedColumn& column : map_.landmarks().columns) {
-      line("COLUMN", column.name);
-    }
+    for (const NamedColumn& column : map_.landmarks().columns) line("COLUMN", column.name);
   }
 
   void geodetic(const GeodeticPosition& position) {
@@ -188,9 +184,7 @@ class NativeWriter {
       }
     }
     for (const NamedColumn& column : landmarks.columns) {
-      if (!std::isnan(column.values[i])) {
-        line("VALUE", id, column.name, column.values[i]);
-      }
+      if (!std::isnan(column.values[i])) line("VALUE", id, column.name, column.values[i]);
     }
     write_detail(i);
     write_measured(i);
@@ -277,7 +271,7 @@ std::optional<std::string> version_1_loss(const LandmarkMap& map) {
 }
 
 void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<int> version,
-                  const Progress& progress) {
+                  const Execution& execution) {
   const auto loss = version_1_loss(map);
   const auto& descriptors = map.landmarks().descriptors;
   const bool has_further = descriptors && descriptors->has_further();
@@ -294,7 +288,7 @@ void write_native(const LandmarkMap& map, const ByteSink& sink, std::optional<in
                                                         : "the rigs"),
                 fmt::format("version {}", least));
   }
-  NativeWriter(map, sink).write(chosen, progress);
+  NativeWriter(map, sink).write(chosen, execution.progress);
 }
 
 }  // namespace cairn

@@ -414,14 +414,14 @@ void skip_page_filling(HeadedSource& source) {
 
 }  // namespace
 
-LandmarkMap read_pcd(ByteSource& source, const MapReadOptions& options) {
-  HeadedSource headed(source, options);
-  PcdHeaderReader header(headed, options.log);
+LandmarkMap read_pcd(ByteSource& source, const Execution& execution) {
+  HeadedSource headed(source, execution);
+  PcdHeaderReader header(headed, execution.log);
   header.read();
   PointTable table(detail::PointFormat::kPcd, source.name(), header.fields_place(), header.fields(),
-                   options);
+                   execution);
   if (header.encoding() == PcdEncoding::kAscii) {
-    detail::TextRows rows(headed, options.log);
+    detail::TextRows rows(headed, execution.log);
     detail::read_text_points(rows, headed, header.points(), kPcdPoints, table);
     rows.expect_end();
   } else {

@@ -34,9 +34,9 @@ MapTables rich_pcd_tables() {
   return testing::rich_tables(LandmarkId{18446744073709551615U});
 }
 
-LandmarkMap read_pcd_text(std::string_view bytes, const MapReadOptions& options = {}) {
+LandmarkMap read_pcd_text(std::string_view bytes, const Execution& execution = {}) {
   MemoryReader source(bytes, "test.pcd");
-  return read_pcd(source, options);
+  return read_pcd(source, execution);
 }
 
 std::string pcd_text(const LandmarkMap& map, bool ascii) {
@@ -200,7 +200,7 @@ TEST(Pcd, ReadsPackedColoursOfEitherType) {
 
 TEST(Pcd, PassesOverPaddingAndFieldsOfManyValues) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const auto head = [](const std::string& data) {
     return header("_ x y z _ descriptor n", "1 4 4 4 1 4 2", "U F F F U F U", "3 1 1 1 4 2 1", "2",
                   data);
@@ -216,7 +216,7 @@ TEST(Pcd, PassesOverPaddingAndFieldsOfManyValues) {
   const std::string ascii =
       head("ascii") + "0 0 0 1 2 3 0 0 0 0 0.5 0.25 0\n0 0 0 11 12 13 0 0 0 0 0.5 0.25 10\n";
   for (const std::string& file : {binary, ascii}) {
-    const LandmarkMap map = read_pcd_text(file, options);
+    const LandmarkMap map = read_pcd_text(file, execution);
     ASSERT_EQ(map.landmark_count(), 2U);
     EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(11, 12, 13));
     ASSERT_EQ(map.landmarks().columns.size(), 1U);
@@ -228,28 +228,28 @@ TEST(Pcd, PassesOverPaddingAndFieldsOfManyValues) {
 
 TEST(Pcd, LeavesOutPointsWithoutAFinitePosition) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const LandmarkMap map =
       read_pcd_text(header("x y z id", "4 4 4 8", "F F F U", "1 1 1 1", "3", "ascii") +
                         "nan nan nan 5\n1 2 3 18446744073709551615\n1 inf 3 5\n",
-                    options);
+                    execution);
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{18446744073709551615U}));
   EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("test.pcd: 2 of 3 landmarks left out")));
 }
 
 TEST(Pcd, TakesOlderHeadersAndTellsOfAViewpoint) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const LandmarkMap old = read_pcd_text(
       "# .PCD v.5 - Point Cloud Data file format\r\nVERSION .5\r\nCOLUMNS x y z\r\nSIZE 4 4 4\r\n"
       "TYPE F F F\r\nWIDTH 2\r\nHEIGHT 1\r\nDATA ascii\r\n1 2 3\r\n4 5 6\r\n",
-      options);
+      execution);
   EXPECT_EQ(old.landmark_count(), 2U);
   EXPECT_TRUE(remarks.texts.empty());
   const LandmarkMap moved = read_pcd_text(
       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n# a remark\nWIDTH 1\n"
       "HEIGHT 1\nVIEWPOINT 1 2 3 1 0 0 0\nPOINTS 1\nDATA ascii\n1 2 3\n",
-      options);
+      execution);
   EXPECT_EQ(moved.landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
   EXPECT_THAT(remarks.texts, ElementsAre(HasSubstr("test.pcd:9: the VIEWPOINT is not applied")));
   EXPECT_EQ(read_pcd_text(
@@ -312,12 +312,12 @@ TEST(Pcd, BinaryDataMayBeFilledUpWithAPageOfZeros) {
 
 TEST(Pcd, SaysThatLineEndsFollowTheData) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   for (const std::string& file :
        {xyz_header("12", "binary_compressed") + compressed_block(compressed_points(), 144),
         xyz_header("12", "binary") + std::string(144, '\0')}) {
     remarks.clear();
-    EXPECT_EQ(read_pcd_text(file + "\r\n", options).landmark_count(), 12U);
+    EXPECT_EQ(read_pcd_text(file + "\r\n", execution).landmark_count(), 12U);
     EXPECT_THAT(remarks.losses,
                 ElementsAre(HasSubstr("test.pcd: byte " + std::to_string(file.size()) +
                                       ": 2 bytes after the data")));
@@ -328,19 +328,20 @@ TEST(Pcd, SaysThatLineEndsFollowTheData) {
 
 TEST(Pcd, SaysThatTheLastLineDoesNotEnd) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
-  EXPECT_EQ(read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n4 5 6", options).landmark_count(), 2U);
+  const Execution execution{.log = remarks.sink()};
+  EXPECT_EQ(read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n4 5 6", execution).landmark_count(),
+            2U);
   EXPECT_THAT(remarks.losses, ElementsAre(HasSubstr("test.pcd:13: the last line does not end")));
   EXPECT_EQ(remarks.texts, remarks.losses);
 }
 
 TEST(Pcd, TakesThePointsOfAHeaderWithoutAnArea) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const std::string head =
       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 0\nHEIGHT 0\nPOINTS 2\nDATA "
       "binary\n";
-  EXPECT_EQ(read_pcd_text(head + std::string(24, '\0'), options).landmark_count(), 2U);
+  EXPECT_EQ(read_pcd_text(head + std::string(24, '\0'), execution).landmark_count(), 2U);
   EXPECT_THAT(remarks.texts,
               ElementsAre(HasSubstr("test.pcd:7: WIDTH times HEIGHT is 0; POINTS, 2")));
   EXPECT_THAT(pcd_refusal(head + std::string(12, '\0')), HasSubstr("ends after 1 of 2 points"));
@@ -350,9 +351,9 @@ TEST(Pcd, TakesThePointsOfAHeaderWithoutAnArea) {
 
 TEST(Pcd, LeavesOutPointsThatAreTooFarAway) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const LandmarkMap map =
-      read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n-1.687745e+09 -213.4 -1.5e-11\n", options);
+      read_pcd_text(xyz_header("2", "ascii") + "1 2 3\n-1.687745e+09 -213.4 -1.5e-11\n", execution);
   EXPECT_EQ(map.landmark_count(), 1U);
   EXPECT_THAT(remarks.losses, ElementsAre(HasSubstr("1 of 2 landmarks left out")));
 }
@@ -580,11 +581,11 @@ TEST(Pcd, APipeIsReadLikeAFile) {
 TEST(Pcd, StopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
-  MapReadOptions options;
-  options.stop = stop.get_token();
+  Execution execution;
+  execution.stop = stop.get_token();
   for (const std::string& bytes : samples()) {
     try {
-      read_pcd_text(bytes, options);
+      read_pcd_text(bytes, execution);
       FAIL();
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::kCancelled);

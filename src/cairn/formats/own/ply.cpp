@@ -23,22 +23,22 @@ std::string plural_of(const PlyElement& element) {
 
 }  // namespace
 
-LandmarkMap read_ply(ByteSource& source, const MapReadOptions& options) {
-  detail::HeadedSource headed(source, options);
+LandmarkMap read_ply(ByteSource& source, const Execution& execution) {
+  detail::HeadedSource headed(source, execution);
   const detail::PlyHeader header = detail::read_ply_header(headed);
   const PlyElement* const vertex = header.vertex();
   constexpr std::string_view kVertices = "vertices";
   detail::PointTable table(detail::PointFormat::kPly, source.name(), vertex->place,
-                           vertex->properties, options);
+                           vertex->properties, execution);
   for (const PlyElement& element : header.elements) {
-    if (&element != vertex && options.log) {
-      options.log({fmt::format("{}: {} {} left out: only vertices are landmarks", source.name(),
-                               element.count, plural_of(element)),
-                   RemarkKind::kLoss});
+    if (&element != vertex && execution.log) {
+      execution.log({fmt::format("{}: {} {} left out: only vertices are landmarks", source.name(),
+                                 element.count, plural_of(element)),
+                     RemarkKind::kLoss});
     }
   }
   if (header.encoding == detail::PlyEncoding::kAscii) {
-    detail::TextRows rows(headed, options.log);
+    detail::TextRows rows(headed, execution.log);
     for (const PlyElement& element : header.elements) {
       if (&element == vertex) {
         detail::read_text_points(rows, headed, element.count, kVertices, table);

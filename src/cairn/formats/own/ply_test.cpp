@@ -35,9 +35,9 @@ MapTables rich_ply_tables() {
   return testing::rich_tables(LandmarkId{4294967295U});
 }
 
-LandmarkMap read_ply_text(std::string_view bytes, const MapReadOptions& options = {}) {
+LandmarkMap read_ply_text(std::string_view bytes, const Execution& execution = {}) {
   MemoryReader source(bytes, "test.ply");
-  return read_ply(source, options);
+  return read_ply(source, execution);
 }
 
 std::string ply_text(const LandmarkMap& map, bool ascii) {
@@ -211,8 +211,8 @@ std::string file_with_lists(const std::string& encoding) {
 TEST(Ply, PassesOverListsAndOtherElements) {
   for (const char* const encoding : {"ascii", "binary_little_endian", "binary_big_endian"}) {
     testing::Remarks remarks;
-    const MapReadOptions options{.log = remarks.sink()};
-    const LandmarkMap map = read_ply_text(file_with_lists(encoding), options);
+    const Execution execution{.log = remarks.sink()};
+    const LandmarkMap map = read_ply_text(file_with_lists(encoding), execution);
     ASSERT_EQ(map.landmark_count(), 2U) << encoding;
     EXPECT_EQ(map.landmarks().positions[0], Eigen::Vector3d(1, 2, 3));
     EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
@@ -248,14 +248,14 @@ std::string ascii_file(std::size_t vertices, std::string_view properties, std::s
 
 TEST(Ply, LeavesOutPointsWithoutAFinitePosition) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const LandmarkMap map = read_ply_text(
       ascii_file(4,
                  "property uint id\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
                  "property float q\n",
                  "nan nan nan 5 1 1 1 0.5\n1 2 3 5 2 2 2 1.5\n1 inf 3 6 3 3 3 2.5\n"
                  "4 5 6 7 4 4 4 3.5\n"),
-      options);
+      execution);
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{5}, LandmarkId{7}));
   EXPECT_EQ(map.landmarks().positions[1], Eigen::Vector3d(4, 5, 6));
   EXPECT_EQ(map.landmarks().colors[0], (Color{2, 2, 2}));
@@ -265,9 +265,9 @@ TEST(Ply, LeavesOutPointsWithoutAFinitePosition) {
 
 TEST(Ply, TakesInfiniteValuesAsUnknown) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const LandmarkMap map = read_ply_text(
-      ascii_file(3, "property float q\n", "0 0 0 inf\n0 0 1 2.5\n0 0 2 -inf\n"), options);
+      ascii_file(3, "property float q\n", "0 0 0 inf\n0 0 1 2.5\n0 0 2 -inf\n"), execution);
   ASSERT_EQ(map.landmark_count(), 3U);
   EXPECT_TRUE(std::isnan(map.column("q")->values[0]));
   EXPECT_EQ(map.column("q")->values[1], 2.5);
@@ -461,10 +461,10 @@ TEST(Ply, RefusesEveryTruncation) {
 
 TEST(Ply, SaysThatTheLastLineDoesNotEnd) {
   testing::Remarks remarks;
-  const MapReadOptions options{.log = remarks.sink()};
+  const Execution execution{.log = remarks.sink()};
   const std::string text =
       "ply\r\nformat ascii 1.0\r\nelement vertex 1\r\n" + std::string(kXyz) + "end_header\r\n1 2 3";
-  EXPECT_EQ(read_ply_text(text, options).landmark_count(), 1U);
+  EXPECT_EQ(read_ply_text(text, execution).landmark_count(), 1U);
   EXPECT_THAT(remarks.losses, ElementsAre(HasSubstr("test.ply:8: the last line does not end")));
   EXPECT_EQ(remarks.texts, remarks.losses);
 }
@@ -566,20 +566,20 @@ TEST(Ply, BlocksMayEndAnywhere) {
 TEST(Ply, ReportsProgressAndStops) {
   const std::string bytes = ply_text(large_map(400000), false);
   std::vector<double> shares;
-  MapReadOptions options;
-  options.progress = [&](double share) { shares.push_back(share); };
-  read_ply_text(bytes, options);
+  Execution execution;
+  execution.progress = [&](double share) { shares.push_back(share); };
+  read_ply_text(bytes, execution);
   ASSERT_GE(shares.size(), 3U);
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
   EXPECT_EQ(shares.back(), 1.0);
 
   std::stop_source stop;
-  options.stop = stop.get_token();
-  options.progress = [&](double share) {
+  execution.stop = stop.get_token();
+  execution.progress = [&](double share) {
     if (share > 0.2) stop.request_stop();
   };
   try {
-    read_ply_text(bytes, options);
+    read_ply_text(bytes, execution);
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::kCancelled);

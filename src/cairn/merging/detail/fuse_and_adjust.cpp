@@ -6,9 +6,6 @@
 #include <optional>
 #include <utility>
 
-#include <fmt/format.h>
-
-#include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/map/operations.hpp"

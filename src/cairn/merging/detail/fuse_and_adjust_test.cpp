@@ -2,9 +2,7 @@
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
-#include <string>
 #include <utility>
 #include <vector>
 

@@ -6,10 +6,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
-#include <optional>
 #include <set>
-#include <span>
-#include <string>
 #include <utility>
 
 #include <Eigen/LU>
@@ -159,11 +156,9 @@ Fusion::Fusion(std::span<const PlacedMap> maps, const FusionOptions& options,
     }
   }
   constexpr std::size_t kMost = std::numeric_limits<std::uint32_t>::max();
-  if (landmarks > kMost || frames > kMost) {
-    throw Error(ErrorKind::kInput, "maps",
-                fmt::format("{} landmarks, {} frames", landmarks, frames),
-                fmt::format("at most {} of each", kMost));
-  }
+  reject_if(landmarks > kMost || frames > kMost, "maps",
+            fmt::format("{} landmarks, {} frames", landmarks, frames),
+            fmt::format("at most {} of each", kMost));
   if (has_colors_) tables_.landmarks.colors.reserve(landmarks);
 }
 
@@ -191,9 +186,7 @@ FusionResult Fusion::run() {
   tell_images_apart();
   set_info();
   tables_.landmarks.ids.resize(last_member_.size());
-  for (std::size_t i = 0; i < last_member_.size(); ++i) {
-    tables_.landmarks.ids[i] = LandmarkId{i};
-  }
+  for (std::size_t i = 0; i < last_member_.size(); ++i) tables_.landmarks.ids[i] = LandmarkId{i};
   result_.map = LandmarkMap(std::move(tables_));
   return std::move(result_);
 }

@@ -6,7 +6,6 @@
 #include <map>
 #include <mutex>
 #include <set>
-#include <utility>
 
 #include <fmt/format.h>
 
@@ -137,9 +136,7 @@ std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options,
     }
     std::vector<std::vector<RecognitionCandidate>> found(count);
     execution.executor.for_blocks(count, 8, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        found[i] = index.find(i, candidates);
-      }
+      for (std::size_t i = begin; i < end; ++i) found[i] = index.find(i, candidates);
     });
     for (std::size_t map = 0; map < count; ++map) {
       for (const RecognitionCandidate& one : found[map]) add(map, one.map);

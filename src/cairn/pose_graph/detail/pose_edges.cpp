@@ -8,7 +8,6 @@
 #include <queue>
 #include <string>
 #include <tuple>
-#include <utility>
 
 #include <Eigen/Cholesky>
 #include <fmt/format.h>

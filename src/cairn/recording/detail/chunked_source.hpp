@@ -9,8 +9,6 @@
 #include <memory>
 #include <mutex>
 #include <string>
-#include <string_view>
-#include <type_traits>
 #include <utility>
 #include <vector>
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
-#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -177,9 +176,7 @@ struct BatchTree::Nodes {
     for (std::size_t i = 0; i < items.size(); ++i) {
       points.push_back(all[items[i].index]);
       index.push_back(items[i].index);
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        tree.points[axis][i] = items[i].position[axis];
-      }
+      for (std::size_t axis = 0; axis < 3; ++axis) tree.points[axis][i] = items[i].position[axis];
     }
 
     tree.levels.push_back(boxes_of(leaves, [&](std::size_t axis, std::size_t leaf, auto grow) {

@@ -240,9 +240,7 @@ std::vector<SupportSurface> add_rack(SceneBuilder& builder, const Rigid3& pose, 
   const Skin beam = Skin::all(
       builder.paint(width, 0.1, kFar, {0.85F, 0.4F, 0.1F}, &Painter::metal, next(random)));
   for (const double x : {-0.5 * width, 0.5 * width - 0.08}) {
-    for (const double y : {0.0, depth - 0.08}) {
-      builder.box({x, y, 0}, {0.08, 0.08, height}, post);
-    }
+    for (const double y : {0.0, depth - 0.08}) builder.box({x, y, 0}, {0.08, 0.08, height}, post);
     for (double z = 0.3; z + 0.4 < height; z += 0.6) {  // bracing
       builder.box({x + 0.02, 0.08, z}, {0.03, depth - 0.16, 0.04}, post);
     }

@@ -180,9 +180,7 @@ class PostgresCursor : public storage::detail::Cursor {
       ++row_;
     } else {
       std::vector<const char*> parameters;
-      for (const auto& value : parameters_) {
-        parameters.push_back(value ? value->c_str() : nullptr);
-      }
+      for (const auto& value : parameters_) parameters.push_back(value ? value->c_str() : nullptr);
       rows_ = connection_.run([&](pqxx::transaction_base& transaction) {
         return transaction.exec_params(sql_, pqxx::prepare::make_dynamic_params(parameters));
       });

@@ -160,11 +160,9 @@ void SqliteConnection::fail(int code, std::string_view doing) const {
       throw Error(ErrorKind::kStorage, name, why, "");
     }
     case SQLITE_NOMEM:
-      if (is_room_for_longest_value(handle_)) {
-        throw Error(ErrorKind::kInput, name,
-                    "damaged, or memory was short for a moment: SQLite is out of memory",
-                    "a sound SQLite database");
-      }
+      reject_if(is_room_for_longest_value(handle_), name,
+                "damaged, or memory was short for a moment: SQLite is out of memory",
+                "a sound SQLite database");
       throw Error(ErrorKind::kStorage, name, "out of memory", "");
     case SQLITE_MISUSE:
     case SQLITE_RANGE:

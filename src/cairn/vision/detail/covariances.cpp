@@ -7,6 +7,7 @@
 #include <Eigen/LU>
 #include <fmt/format.h>
 
+#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/decompositions.hpp"
 

@@ -2,7 +2,6 @@
 #include "cairn/vision/detail/described_landmarks.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
@@ -55,9 +54,7 @@ void DescribedLandmarks::add_frames(const LandmarkMap& map) {
     }
     frames_of_.begins.push_back(frames_of_.values.size());
   }
-  for (const std::size_t count : counts) {
-    seen_in_.begins.push_back(seen_in_.begins.back() + count);
-  }
+  for (const std::size_t count : counts) seen_in_.begins.push_back(seen_in_.begins.back() + count);
   seen_in_.values.resize(frames_of_.values.size());
   std::vector<std::size_t> next(seen_in_.begins.begin(), seen_in_.begins.end() - 1);
   for (std::uint32_t i = 0; i < size(); ++i) {

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/vision/detail/features.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include <Eigen/Geometry>
-#include <fmt/format.h>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
 
 namespace cairn::detail {
@@ -220,11 +217,9 @@ FeatureExtractor::FeatureExtractor(const Camera& camera, const FeatureOptions& o
   if (const std::string defect = camera_defect(camera); !defect.empty()) {
     throw Error(ErrorKind::kMisuse, "camera", defect, "a camera without defect");
   }
-  if (CameraProjection(camera).focal_lengths() == 0) {
-    throw Error(ErrorKind::kMisuse, "camera",
-                "is a panorama (" + camera.model + "), which no undistorted image can hold",
-                "a perspective or fisheye camera");
-  }
+  refuse_if(CameraProjection(camera).focal_lengths() == 0, "camera",
+            "is a panorama (" + camera.model + "), which no undistorted image can hold",
+            "a perspective or fisheye camera");
   size_ = {static_cast<int>(camera.width), static_cast<int>(camera.height)};
   pinhole_ = Pinhole{intrinsics(camera)};
   for (int level = 0; level < options_.levels; ++level) {

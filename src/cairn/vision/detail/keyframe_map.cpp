@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 
 #include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/noise_estimation.hpp"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <stop_token>
-
 #include "cairn/core/execution.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/vision/sequence.hpp"

@@ -93,9 +93,7 @@ std::vector<LandmarkMatch> match_near(const LandmarkGraph& graph, const Features
     });
     if (best > max_distance) continue;
     // The same corner on the next octave does not count as the second best.
-    if (second != kNone && second_octave == best_octave && best > max_ratio * second) {
-      continue;
-    }
+    if (second != kNone && second_octave == best_octave && best > max_ratio * second) continue;
     matches.push_back({best_keypoint, landmarks[i], best});
   }
   return one_per_keypoint(matches, features.size());

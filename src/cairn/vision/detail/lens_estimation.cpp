@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/vision/detail/sensor_model.hpp"
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // In the place of recorded_images.cpp where the libraries that it needs are left out.
 #include "cairn/core/error.hpp"
-#include "cairn/core/file.hpp"
 #include "cairn/vision/detail/recorded_images.hpp"
 
 namespace cairn::detail {

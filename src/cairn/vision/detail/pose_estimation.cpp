@@ -3,13 +3,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include <Eigen/Geometry>
 
+#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
-#include "cairn/vision/detail/sensor_model.hpp"
 
 namespace cairn::detail {
 namespace {

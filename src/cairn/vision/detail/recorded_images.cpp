@@ -14,9 +14,8 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/recording/messages.hpp"
-#include "cairn/recording/pose_topics.hpp"
 #include "cairn/recording/recording.hpp"
-#include "cairn/recording/sensor_topics.hpp"
+#include "cairn/recording/topics.hpp"
 #include "cairn/vision/detail/depth_registration.hpp"
 
 namespace cairn::detail {

@@ -7,7 +7,6 @@
 
 #include <Eigen/Core>
 
-#include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/geometry/rigid3.hpp"
 #include "cairn/vision/detail/features.hpp"
 

@@ -6,7 +6,6 @@
 #include <map>
 #include <span>
 #include <sstream>
-#include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>

@@ -2,12 +2,10 @@
 #include "cairn/vision/detail/tracker.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "cairn/core/error.hpp"
 #include "cairn/vision/detail/bundle_adjustment.hpp"
 #include "cairn/vision/detail/covariances.hpp"
-#include "cairn/vision/map_sequence.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -75,9 +73,7 @@ FrameReport Tracker::track(double timestamp_s, Features features, std::string im
     return report;
   }
 
-  if (options_.readout_s > 0.0 && velocity_) {
-    map_.extractor().correct(frame.features, *velocity_);
-  }
+  if (options_.readout_s > 0.0 && velocity_) map_.extractor().correct(frame.features, *velocity_);
   std::optional<PoseEstimate> located;
   double radius = 4.0;
   if (!lost_ || bridges(frame)) {

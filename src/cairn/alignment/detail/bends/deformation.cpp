@@ -95,9 +95,7 @@ bool Deformation::folds(const Eigen::Vector3d& x) const {
 Similarity3 Deformation::near(const Eigen::Vector3d& x) const {
   const Eigen::Vector3d there = (*this)(x);
   const Eigen::Matrix3d linear = derivative(x);
-  if (!(linear.determinant() > 0.0)) {
-    return Rigid3(Eigen::Quaterniond::Identity(), there - x);
-  }
+  if (!(linear.determinant() > 0.0)) return Rigid3(Eigen::Quaterniond::Identity(), there - x);
   const SingularValues3 svd = singular_values(linear);
   const Eigen::Matrix3d turn = svd.u * svd.v.transpose();
   const double scale = std::cbrt(svd.values.prod());

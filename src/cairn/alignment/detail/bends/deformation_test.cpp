@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/detail/bends/deformation.hpp"
 
-#include <limits>
 #include <vector>
 
 #include <gtest/gtest.h>

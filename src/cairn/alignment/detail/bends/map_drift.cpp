@@ -33,6 +33,12 @@ Matrix6d recolouring(const Matrix6d& from, const Matrix6d& to) {
 
 }  // namespace
 
+Vector7d length_units(double length) {
+  Vector7d unit = Vector7d::Constant(1.0 / length);
+  unit.head<3>().setOnes();
+  return unit;
+}
+
 MapDrift::MapDrift(const LandmarkMap& map, std::span<const LandmarkIndex> landmarks) {
   const OptionalColumn<Matrix6d>& stated = map.frames().pose_covariances;
   if (!map.has_observations() || stated.empty() || landmarks.empty()) return;
@@ -97,9 +103,7 @@ Matrix7d MapDrift::covariance(std::span<const Term> terms, const Similarity3& fr
   for (const Matrix7d& part : information) all += part;
   if (!(all(0, 0) > 0.0)) return Matrix7d::Zero();
   const double length = std::sqrt(all.diagonal().segment<3>(3).sum() / (2.0 * all(0, 0)));
-  // Rotations and scale as lengths, which are comparable to translations.
-  Vector7d unit = Vector7d::Constant(1.0 / std::max(length, 1e-12));
-  unit.head<3>().setOnes();
+  const Vector7d unit = length_units(std::max(length, 1e-12));
   const Matrix7d scaled = unit.asDiagonal() * all * unit.asDiagonal();
   Eigen::MatrixXd used = scaled.topLeftCorner(freedoms, freedoms);
   used.diagonal().array() += kDamping * used.trace();

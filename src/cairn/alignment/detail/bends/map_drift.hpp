@@ -12,6 +12,11 @@
 
 namespace cairn::detail {
 
+/// Factors of the rows and columns of a pose's information, (δt, δφ, δ log s), that make rotations and scale lengths,
+/// comparable to translations.
+/// @param length root mean square distance of the landmarks from the pivot
+Vector7d length_units(double length);
+
 /// Uncertainty of how a map bends, by the covariances of its keyframes' poses.
 ///
 /// A map stores each keyframe's covariance, not how two of them correlate. The model is a random walk: of two keyframes,

@@ -2,7 +2,6 @@
 #include "cairn/alignment/detail/bends/map_parts.hpp"
 
 #include <algorithm>
-#include <cstdint>
 #include <limits>
 #include <numeric>
 #include <utility>

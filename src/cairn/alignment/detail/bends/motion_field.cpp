@@ -7,7 +7,7 @@
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/pose_between.hpp"
-#include "cairn/map/rigid_frames.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/registration/estimation/point_to_point.hpp"
 
 namespace cairn {

@@ -57,9 +57,7 @@ LookComparison::LookComparison(const LandmarkCloud& source, const LandmarkCloud&
   if (2 * both.source.size() < source_size || 2 * known < target_size || both.partners == 0) return;
   both.order.resize(known);
   std::iota(both.order.begin(), both.order.end(), 0U);
-  for (std::size_t i = known; i > 1; --i) {
-    std::swap(both.order[i - 1], both.order[random.index(i)]);
-  }
+  for (std::size_t i = known; i > 1; --i) std::swap(both.order[i - 1], both.order[random.index(i)]);
   both.place.resize(known);
   for (std::uint32_t i = 0; i < known; ++i) both.place[both.order[i]] = i;
   for (std::size_t i = 0; i < both.source.size(); ++i) {

@@ -2,7 +2,6 @@
 #include "cairn/alignment/detail/evidence/seen_views.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace cairn::detail {

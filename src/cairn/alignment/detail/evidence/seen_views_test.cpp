@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/detail/evidence/seen_views.hpp"
 
-#include <cmath>
 #include <numeric>
 #include <utility>
 #include <vector>

@@ -1,22 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/alignment/detail/refinement/refine.hpp"
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <iterator>
-#include <memory>
 #include <span>
 #include <tuple>
 #include <utility>
-#include <vector>
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
 #include "cairn/alignment/detail/bends/map_drift.hpp"
-#include "cairn/alignment/detail/refinement/known_matches.hpp"
 #include "cairn/alignment/detail/refinement/robust_alignment.hpp"
 #include "cairn/alignment/detail/refinement/widen.hpp"
-#include "cairn/alignment/prepared_map.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
@@ -300,10 +297,8 @@ PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
   }
   const double spare = 3.0 * static_cast<double>(known_.pairs.size()) - freedoms - kFewer;
   if (spare <= 0.0) return {};
-  // Rotations and scale as lengths, which are comparable to translations.
   const double length = std::sqrt(information(6, 6) / information(0, 0));
-  Vector7d unit = Vector7d::Constant(1.0 / length);
-  unit.head<3>().setOnes();
+  const Vector7d unit = length_units(length);
   const Matrix7d scaled = unit.asDiagonal() * information * unit.asDiagonal();
   const Eigen::MatrixXd used = scaled.topLeftCorner(freedoms, freedoms);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(used);

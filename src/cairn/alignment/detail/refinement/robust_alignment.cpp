@@ -14,8 +14,6 @@
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
-#include "cairn/geometry/similarity3.hpp"
-#include "cairn/registration/stages.hpp"
 
 namespace cairn::detail {
 namespace {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/alignment/detail/refinement/robust_alignment.hpp"
 
-#include <cmath>
 #include <memory>
 #include <stop_token>
 #include <vector>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/formats/detail/bytes/foxglove_messages.hpp"
 
+#include <array>
+
 #include "cairn/formats/detail/bytes/protobuf.hpp"
 
 namespace cairn::detail {

@@ -86,9 +86,8 @@ std::uint16_t McapWriter::add_schema(std::string_view name, std::string_view enc
 
 std::uint16_t McapWriter::add_channel(std::uint16_t schema, std::string_view topic,
                                       std::string_view message_encoding, const Metadata& metadata) {
-  if (channel_count_ == std::numeric_limits<std::uint16_t>::max()) {
-    throw Error(ErrorKind::kInput, "MCAP", "more than 65535 topics", "fewer maps in one file");
-  }
+  reject_if(channel_count_ == std::numeric_limits<std::uint16_t>::max(), "MCAP",
+            "more than 65535 topics", "fewer maps in one file");
   std::string words;
   for (const auto& [key, value] : metadata) {
     append_text(words, key);

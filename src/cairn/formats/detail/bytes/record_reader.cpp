@@ -23,11 +23,11 @@ constexpr std::size_t kBlock = std::size_t{1} << 20;
 
 void ReadingProgress::advance(std::uint64_t bytes, const std::string& source) {
   read_ += bytes;
-  if (options_.stop.stop_requested()) {
+  if (execution_.stop.stop_requested()) {
     throw Error(ErrorKind::kCancelled, source, "reading was cancelled", "");
   }
-  if (options_.progress && total_ > 0) {
-    options_.progress(std::min(1.0, static_cast<double>(read_) / static_cast<double>(total_)));
+  if (execution_.progress && total_ > 0) {
+    execution_.progress(std::min(1.0, static_cast<double>(read_) / static_cast<double>(total_)));
   }
 }
 

@@ -17,17 +17,17 @@ namespace cairn::detail {
 /// Progress over several files that are read one after another.
 class ReadingProgress {
  public:
-  ReadingProgress(const MapReadOptions& options, std::uint64_t total_bytes)
-      : options_(options), total_(total_bytes) {}
+  ReadingProgress(const Execution& execution, std::uint64_t total_bytes)
+      : execution_(execution), total_(total_bytes) {}
 
   /// @param bytes read since the last call
   /// @throws Error (cancelled) naming the source, if the caller requested a stop
   void advance(std::uint64_t bytes, const std::string& source);
 
-  const LogSink& log() const { return options_.log; }
+  const LogSink& log() const { return execution_.log; }
 
  private:
-  const MapReadOptions& options_;
+  const Execution& execution_;
   std::uint64_t total_;
   std::uint64_t read_ = 0;
 };

@@ -9,7 +9,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <type_traits>
 
 // The types of numbers in files, by which PLY, PCD, NumPy and kapture store them.
 namespace cairn::detail {

@@ -17,6 +17,6 @@ struct ColmapPriors {
 
 /// Images are matched by name. Logs positions that are not in WGS84 as a loss.
 ColmapPriors read_colmap_priors(const LandmarkMap& model, sqlite::Database& database,
-                                const MapReadOptions& options);
+                                const Execution& execution);
 
 }  // namespace cairn::detail

@@ -47,11 +47,11 @@ void require_closed(const fs::path& path) {
   refuse_if(first_byte(rollback).value_or('\0') != '\0', rollback);
 }
 
-sqlite::Database open_immutable(const fs::path& path, const MapReadOptions& options) {
+sqlite::Database open_immutable(const fs::path& path, const Execution& execution) {
   return sqlite::Database(path, {.access = sqlite::Access::kRead,
                                  .immutable = true,
                                  .untrusted = true,
-                                 .stop = options.stop});
+                                 .stop = execution.stop});
 }
 
 }  // namespace
@@ -75,9 +75,9 @@ bool is_database_with(const fs::path& path, std::initializer_list<std::string_vi
   }
 }
 
-sqlite::Database open_foreign_database(const fs::path& path, const MapReadOptions& options) {
+sqlite::Database open_foreign_database(const fs::path& path, const Execution& execution) {
   require_closed(path);
-  sqlite::Database database = open_immutable(path, options);
+  sqlite::Database database = open_immutable(path, execution);
   // SQLite opens the file itself, but does not know what the program is going to write.
   const FileReader refuses_an_output(path);
   return database;

@@ -22,7 +22,7 @@ bool is_database_with(const std::filesystem::path& path,
 /// Opens another system's database for reading, without writing anything beside it.
 /// @throws Error (input) naming the file, also if changes are in its write-ahead log or a hot journal
 sqlite::Database open_foreign_database(const std::filesystem::path& path,
-                                       const MapReadOptions& options);
+                                       const Execution& execution);
 
 /// The name of a column, or "NULL" if the table lacks it, as databases of other versions may.
 std::string column_or_null(sqlite::Database& database, const char* table, const char* column);

@@ -31,24 +31,24 @@ struct ColmapSources {
 /// sorted by id.
 /// @throws Error (input) naming source, line or byte, field, value and constraint
 LandmarkMap read_colmap(const ColmapSources& sources, ColmapForm form,
-                        const MapReadOptions& options = {});
+                        const Execution& execution = {});
 
 /// Reads the model in a folder.
 LandmarkMap read_colmap(const std::filesystem::path& folder, ColmapForm form,
-                        const MapReadOptions& options = {});
+                        const Execution& execution = {});
 
 /// Writes a COLMAP model, with rigs and frames if the map has rigs: versions before 3.12 do not read these two.
 /// @param folder must be new or empty
 /// @throws Error (input) if a frame has no camera, or a name that the form cannot represent, (storage)
 void write_colmap(const LandmarkMap& map, const std::filesystem::path& folder, ColmapForm form,
-                  const MapWriteOptions& options = {});
+                  const Execution& execution = {});
 
 /// A COLMAP model with SIFT descriptors from COLMAP's database: for each landmark, the medoid of its first
 /// eight observations' descriptors. Images are matched by name.
 /// @param model from read_colmap, whose observations state their keypoint index
 /// @throws Error (input) naming the database, if it is not one of COLMAP's
 LandmarkMap with_colmap_descriptors(LandmarkMap model, const std::filesystem::path& database,
-                                    const MapReadOptions& options = {});
+                                    const Execution& execution = {});
 
 /// The files of an OpenSfM data set.
 struct OpenSfmSources {
@@ -65,14 +65,14 @@ struct OpenSfmSources {
 /// @param part index of the reconstruction, from 0; std::nullopt: the first
 /// @throws Error (input) naming source, line or place, value and constraint
 LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std::string>& part = {},
-                         const MapReadOptions& options = {});
+                         const Execution& execution = {});
 
 /// Writes a reconstruction and, if the map has any, its observations and control points in the same folder, as
 /// tracks.csv and ground_control_points.json.
 /// @throws Error (input) naming a frame without a camera, duplicate image names, or a camera model that
 ///        OpenSfM lacks, (storage) if tracks.csv exists, or ground_control_points.json that would be written
 void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
-                   const MapWriteOptions& options = {});
+                   const Execution& execution = {});
 
 /// Both coordinates of the centre of the top-left pixel in OpenMVG's spherical images, whose coordinates are proportional
 /// to the angles; those of its other images are 0.
@@ -81,42 +81,41 @@ inline constexpr double kOpenMvgPanorama = 0.5;
 /// Reads sfm_data.json of OpenMVG (docs/formats.md): views with a pose become frames, the structure
 /// landmarks of free scale.
 /// @throws Error (input) naming source, place, value and constraint
-LandmarkMap read_openmvg(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_openmvg(ByteSource& source, const Execution& execution = {});
 
 /// Writes sfm_data.json, version 0.3.
 /// @throws Error (input) naming a frame without a camera, or a camera model that OpenMVG lacks
-void write_openmvg(const LandmarkMap& map, const ByteSink& sink,
-                   const MapWriteOptions& options = {});
+void write_openmvg(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
 /// Reads an .sfm file of AliceVision in JSON (docs/formats.md): views with a pose become frames, the
 /// structure landmarks of free scale.
 /// @throws Error (input) naming source, place, value and constraint
-LandmarkMap read_alicevision(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_alicevision(ByteSource& source, const Execution& execution = {});
 
 /// Writes an .sfm file of AliceVision in JSON, version 1.2.6.
 /// @throws Error (input) naming a frame without a camera, or a camera model that AliceVision lacks
 void write_alicevision(const LandmarkMap& map, const ByteSink& sink,
-                       const MapWriteOptions& options = {});
+                       const Execution& execution = {});
 
 /// Reads transforms.json of nerfstudio or instant-ngp (docs/formats.md): frames and cameras, numbered from
 /// 0. The points of "ply_file_path" become landmarks.
 /// @param folder to which the file's paths are relative
 /// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_nerfstudio(ByteSource& source, const std::filesystem::path& folder,
-                            const MapReadOptions& options = {});
+                            const Execution& execution = {});
 
 /// Writes transforms.json, and the landmarks as sparse_pc.ply in the same folder.
 /// @throws Error (input) naming a frame without a camera, or a camera model that nerfstudio lacks,
 ///        (storage) if sparse_pc.ply exists
 void write_nerfstudio(const LandmarkMap& map, const std::filesystem::path& path,
-                      const MapWriteOptions& options = {});
+                      const Execution& execution = {});
 
 /// Reads a CSV file of camera registrations of RealityCapture (docs/formats.md): frames, numbered from 0, and the cameras of
 /// those whose images are there.
 /// @param folder to which names of images are relative
 /// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_realitycapture(ByteSource& source, const std::filesystem::path& folder,
-                                const MapReadOptions& options = {});
+                                const Execution& execution = {});
 
 /// The files of a kapture folder, by their paths below it, e.g. "sensors/sensors.txt".
 struct KaptureFiles {
@@ -130,71 +129,69 @@ struct KaptureFiles {
 /// Reads a kapture folder of version 1.0 or 1.1 (docs/formats.md): images with a pose become frames, 3D points
 /// landmarks of free scale.
 /// @throws Error (input) naming file, line, field, what was found and what was expected
-LandmarkMap read_kapture(const KaptureFiles& files, const MapReadOptions& options = {});
-LandmarkMap read_kapture(const std::filesystem::path& folder, const MapReadOptions& options = {});
+LandmarkMap read_kapture(const KaptureFiles& files, const Execution& execution = {});
+LandmarkMap read_kapture(const std::filesystem::path& folder, const Execution& execution = {});
 
 /// Reads a Bundler file, version 0.3: cameras become frames, numbered from 0. Images have no names; the format "bundler"
 /// takes them from a list.txt.
 /// @throws Error (input) naming source, line, field, value and constraint
-LandmarkMap read_bundler(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_bundler(ByteSource& source, const Execution& execution = {});
 
 /// Reads the first model of an NVM file of VisualSFM, version 3.
 /// @throws Error (input) as read_bundler
-LandmarkMap read_nvm(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_nvm(ByteSource& source, const Execution& execution = {});
 
 /// Writes a Bundler file, version 0.3. Undistorts observations of cameras that are not RADIAL.
 /// @throws Error (input) naming a frame without a camera
-void write_bundler(const LandmarkMap& map, const ByteSink& sink,
-                   const MapWriteOptions& options = {});
+void write_bundler(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
 /// Reads a map of stella_vslam or OpenVSLAM in MessagePack (docs/formats.md): keyframes become frames,
 /// sorted by id like the landmarks. Undistorted keypoints are distorted to pixels of the image.
 /// @throws Error (input) naming source, byte, field, value and constraint
-LandmarkMap read_stella(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_stella(ByteSource& source, const Execution& execution = {});
 
 /// Writes a map of stella_vslam in MessagePack, with only the keypoints of landmarks.
 /// @throws Error (input) if a frame has no camera, or one whose model stella_vslam lacks
-void write_stella(const LandmarkMap& map, const ByteSink& sink,
-                  const MapWriteOptions& options = {});
+void write_stella(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
 /// Reads an SQLite map of stella_vslam, with the same content as its MessagePack (stella.hpp).
 /// @throws Error (input) naming file, table, row, value and constraint
 LandmarkMap read_stella_database(const std::filesystem::path& path,
-                                 const MapReadOptions& options = {});
+                                 const Execution& execution = {});
 
 /// Reads a database of RTAB-Map (docs/formats.md): nodes become frames, in metres. RTAB-Map has no
 /// landmarks; features of one visual word in linked nodes become a landmark if their geometry agrees.
 /// @throws Error (input) naming file, table, row, value and constraint
-LandmarkMap read_rtabmap(const std::filesystem::path& path, const MapReadOptions& options = {});
+LandmarkMap read_rtabmap(const std::filesystem::path& path, const Execution& execution = {});
 
 /// Reads text points, one per line, with numbers separated by blanks, commas or semicolons. A first line or a comment with
 /// names identifies the columns, which are read like PLY's properties (docs/formats.md). Without names, three columns are x,
 /// y and z, and of more columns the first three are if the numbers or the file's name say so. Reads a pipe into memory.
 /// @throws Error (input) naming source, line, field, value and constraint, or what the text holds instead of points
-LandmarkMap read_plain_points(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_plain_points(ByteSource& source, const Execution& execution = {});
 
 /// Reads a NumPy array, version 1 to 3 of the .npy format: N x 3 float32 or float64, row-major.
 /// @throws Error (input) naming source, byte, value and constraint
-LandmarkMap read_npy_points(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_npy_points(ByteSource& source, const Execution& execution = {});
 
 /// Reads an archive of arrays from numpy.savez or savez_compressed: positions, and arrays with one entry
 /// per point.
 /// @throws Error (input) naming source, array, value and constraint
-LandmarkMap read_npz_points(ByteSource& source, const MapReadOptions& options = {});
+LandmarkMap read_npz_points(ByteSource& source, const Execution& execution = {});
 
 /// Writes positions only, one point per line.
 void write_xyz_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options = {});
+                      const Execution& execution = {});
 /// Writes a line of names, then a line per landmark, comma-separated, with the same fields as PLY.
 /// @throws Error (misuse) for a named column whose name has another meaning
 void write_csv_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options = {});
+                      const Execution& execution = {});
 /// Writes positions as N x 3 float64.
 void write_npy_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options = {});
+                      const Execution& execution = {});
 /// Writes positions, ids, covariances, colours, descriptors, named columns and observation counts.
 void write_npz_points(const LandmarkMap& map, const ByteSink& sink,
-                      const MapWriteOptions& options = {});
+                      const Execution& execution = {});
 
 /// Whether a file or folder has the format, as MapFormat::recognises.
 bool is_alicevision(const MapInput& input);
@@ -209,11 +206,11 @@ bool is_points_text(const MapInput& input);
 bool is_archive_of_arrays(const MapInput& input);
 
 /// Reads a file with those beside it that belong to it.
-LandmarkMap read_bundler_and_list(const MapInput& input, const MapReadOptions& options);
-LandmarkMap read_kapture_folder(const MapInput& input, const MapReadOptions& options);
-LandmarkMap read_nerfstudio_file(const MapInput& input, const MapReadOptions& options);
-LandmarkMap read_realitycapture_file(const MapInput& input, const MapReadOptions& options);
-LandmarkMap read_opensfm_files(const MapInput& input, const MapReadOptions& options);
+LandmarkMap read_bundler_and_list(const MapInput& input, const Execution& execution);
+LandmarkMap read_kapture_folder(const MapInput& input, const Execution& execution);
+LandmarkMap read_nerfstudio_file(const MapInput& input, const Execution& execution);
+LandmarkMap read_realitycapture_file(const MapInput& input, const Execution& execution);
+LandmarkMap read_opensfm_files(const MapInput& input, const Execution& execution);
 
 /// The row of one form of COLMAP's models.
 MapFormat colmap_format(ColmapForm form);
@@ -223,6 +220,6 @@ std::vector<MapFormat> database_formats();
 /// Adds descriptors to a COLMAP model from the database.db, or the only database of COLMAP, in its folder or in one of
 /// the two parent folders. Returns the model unchanged if there is none.
 LandmarkMap with_database_beside(LandmarkMap model, const std::filesystem::path& folder,
-                                 const MapReadOptions& options);
+                                 const Execution& execution);
 
 }  // namespace cairn::detail

@@ -2,9 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
-#include <limits>
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -49,7 +46,7 @@ struct RtabmapLink {
 /// Nodes with a pose and the links between them.
 class RtabmapGraph {
  public:
-  RtabmapGraph(sqlite::Database& database, const MapReadOptions& options);
+  RtabmapGraph(sqlite::Database& database, const Execution& execution);
 
   std::vector<RtabmapNode> nodes;  ///< by id, ascending
   std::vector<RtabmapLink> links;
@@ -64,7 +61,7 @@ class RtabmapGraph {
   void lost(std::size_t count, std::string_view text) const;
 
   sqlite::Database& database_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
 };
 
 /// A rigid motion from RTAB-Map's 12 float32 (3×4, row-major); std::nullopt if they are all zero, which means

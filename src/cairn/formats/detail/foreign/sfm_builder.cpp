@@ -13,8 +13,6 @@
 #include "cairn/core/error.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/memory_budget.hpp"
-#include "cairn/map/operations.hpp"
-#include "cairn/map/rigid_frames.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -76,11 +74,11 @@ SfmFrame frame_from_inverse(FrameId id, const Eigen::Quaterniond& camera_from_wo
 }
 
 void SfmBuilder::remark(std::string_view text) const {
-  log_remark(options_.log, name_, text);
+  log_remark(execution_.log, name_, text);
 }
 
 void SfmBuilder::lost(std::string_view text) const {
-  log_remark(options_.log, name_, text, RemarkKind::kLoss);
+  log_remark(execution_.log, name_, text, RemarkKind::kLoss);
 }
 
 void SfmBuilder::lost(std::size_t count, std::string_view text) const {
@@ -294,7 +292,7 @@ LandmarkMap SfmBuilder::finish(const SfmEnd& end) && {
   const std::size_t left_out = group_observations(end.observations_by_frame);
   if (!end.lost_observations.empty()) lost(left_out, end.lost_observations);
   tables_.info.length_unit = end.length_unit;
-  return imported_map(std::move(tables_), name_, options_.log, end.place);
+  return imported_map(std::move(tables_), name_, execution_.log, end.place);
 }
 
 void require_descriptor_budget(std::uint64_t descriptor_bytes, std::uint64_t file_bytes,

@@ -61,8 +61,8 @@ class SfmBuilder {
  public:
   /// @param name of the file or folder, for messages
   /// @param first_pixel both coordinates of the centre of the top-left pixel in the system's files; 0 in Cairn
-  SfmBuilder(std::string name, const MapReadOptions& options, double first_pixel = 0.0)
-      : name_(std::move(name)), options_(options), first_pixel_(first_pixel) {}
+  SfmBuilder(std::string name, const Execution& execution, double first_pixel = 0.0)
+      : name_(std::move(name)), execution_(execution), first_pixel_(first_pixel) {}
 
   const std::string& name() const { return name_; }
   /// For what has no function here.
@@ -125,7 +125,7 @@ class SfmBuilder {
   void choose_descriptors(const std::vector<std::size_t>& entries);
 
   std::string name_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   double first_pixel_;
   MapTables tables_;
   std::unordered_map<std::string, std::optional<CameraIndex>> cameras_;

@@ -13,8 +13,8 @@
 
 namespace cairn::detail {
 
-StellaBuilder::StellaBuilder(const std::string& name, const MapReadOptions& options)
-    : out_(name, options) {
+StellaBuilder::StellaBuilder(const std::string& name, const Execution& execution)
+    : out_(name, execution) {
   out_.set_descriptors("ORB", kOrbBytes, DescriptorNorm::kHamming);
 }
 

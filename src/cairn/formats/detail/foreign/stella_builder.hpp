@@ -47,7 +47,7 @@ inline constexpr double kStellaPanorama = 0.5;
 /// Builds a map from parts in any order.
 class StellaBuilder {
  public:
-  StellaBuilder(const std::string& name, const MapReadOptions& options);
+  StellaBuilder(const std::string& name, const Execution& execution);
 
   void add_camera(const std::string& name, const StellaCamera& camera);
   /// @param landmarks landmark id of each keypoint, negative for none; may be empty

@@ -18,8 +18,8 @@ constexpr std::size_t kHeaderBlock = std::size_t{1} << 20;
 
 }  // namespace
 
-HeadedSource::HeadedSource(ByteSource& source, const MapReadOptions& options)
-    : source_(source), options_(options), buffer_(block_size_for(source)) {}
+HeadedSource::HeadedSource(ByteSource& source, const Execution& execution)
+    : source_(source), execution_(execution), buffer_(block_size_for(source)) {}
 
 std::string_view HeadedSource::header_line(std::string_view expected) {
   // Only lines that fit into one block, which bounds the memory.
@@ -93,7 +93,7 @@ void HeadedSource::expect_end() {
   if (rest.empty()) return;
   if (rest.size() <= kMostFilling && rest.find_first_not_of(kFilling) == std::string_view::npos) {
     log_remark(
-        options_.log, fmt::format("{}: byte {}", name(), offset_),
+        execution_.log, fmt::format("{}: byte {}", name(), offset_),
         fmt::format("{} bytes after the data that the header announces; left out", rest.size()),
         RemarkKind::kLoss);
     return;
@@ -125,11 +125,12 @@ std::size_t HeadedSource::read_more(char* buffer, std::size_t capacity) {
   if (received_ >= next_report_) {
     constexpr std::uint64_t kReportEvery = std::uint64_t{1} << 22;
     next_report_ = received_ + kReportEvery;
-    if (options_.stop.stop_requested()) {
+    if (execution_.stop.stop_requested()) {
       throw Error(ErrorKind::kCancelled, name(), "reading was cancelled", "");
     }
-    if (const auto size = source_.size(); options_.progress && size && *size > 0) {
-      options_.progress(std::min(1.0, static_cast<double>(received_) / static_cast<double>(*size)));
+    if (const auto size = source_.size(); execution_.progress && size && *size > 0) {
+      execution_.progress(
+          std::min(1.0, static_cast<double>(received_) / static_cast<double>(*size)));
     }
   }
   const std::size_t count = source_.read(buffer, capacity);

@@ -16,7 +16,7 @@ namespace cairn::detail {
 /// A source with a text header followed by a body. Handles progress and cancellation.
 class HeadedSource final : public ByteSource {
  public:
-  HeadedSource(ByteSource& source, const MapReadOptions& options);
+  HeadedSource(ByteSource& source, const Execution& execution);
 
   /// The next line of the header, without line end and surrounding blanks. Valid until the next call.
   /// @throws Error (input) at the end of the source, or if the line is too long
@@ -47,7 +47,7 @@ class HeadedSource final : public ByteSource {
   std::size_t read_more(char* buffer, std::size_t capacity);
 
   ByteSource& source_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   std::vector<char> buffer_;
   std::size_t begin_ = 0;
   std::size_t end_ = 0;

@@ -67,7 +67,7 @@ class PointTable {
   /// Assigns each field its role.
   /// @param where text for the message if x, y or z is missing
   PointTable(PointFormat format, std::string source, std::string_view where,
-             std::vector<PointField> fields, const MapReadOptions& options);
+             std::vector<PointField> fields, const Execution& execution);
 
   const std::vector<PointField>& fields() const { return fields_; }
   std::size_t size() const { return positions_.size(); }
@@ -109,7 +109,7 @@ class PointTable {
   void lost(const std::string& text) const;
 
   std::string source_;
-  const MapReadOptions& options_;
+  const Execution& execution_;
   std::vector<PointField> fields_;
   std::vector<Slot> slots_;  // one per field
   std::vector<Eigen::Vector3d> positions_;

@@ -21,9 +21,9 @@ namespace {
 using cairn::testing::refusal;
 using ::testing::HasSubstr;
 
-PointTable table_of(std::vector<PointField> fields, const MapReadOptions& options = {},
+PointTable table_of(std::vector<PointField> fields, const Execution& execution = {},
                     PointFormat format = PointFormat::kPly) {
-  return {format, "points", "no header has", std::move(fields), options};
+  return {format, "points", "no header has", std::move(fields), execution};
 }
 
 PointField field(const char* name, ScalarType type = ScalarType::kFloat64) {
@@ -45,8 +45,8 @@ const std::vector<PointField> kPoint = {field("x"), field("y", ScalarType::kFloa
 
 TEST(PointTable, ReadsTextAndBinaryOfEitherOrderAlike) {
   for (const int way : {0, 1, 2, 3}) {
-    const MapReadOptions options;
-    PointTable table = table_of(kPoint, options);
+    const Execution execution;
+    PointTable table = table_of(kPoint, execution);
     if (way == 0) {
       table.append_text("1.5 -2 3", 1);
       table.append_text("4 5 -6.25", 2);
@@ -84,8 +84,8 @@ TEST(PointTable, TakesTheFieldsThatItKnowsAndKeepsOthersByName) {
     fields.push_back(field(name, ScalarType::kUint8));
   }
   fields.push_back(field("id", ScalarType::kUint32));
-  const MapReadOptions options;
-  PointTable table = table_of(fields, options);
+  const Execution execution;
+  PointTable table = table_of(fields, execution);
   table.append_text("1 2 3  4 0.5 0.25 5 0.125 6  0.75  10 20 30  77", 1);
   const LandmarkMap map = std::move(table).finish(LengthUnit::kMetres);
   const LandmarkTable& landmarks = map.landmarks();
@@ -100,9 +100,9 @@ TEST(PointTable, TakesTheFieldsThatItKnowsAndKeepsOthersByName) {
 
 TEST(PointTable, LeavesOutPointsWithoutAPositionAndSaysSo) {
   std::string remarks;
-  MapReadOptions options;
-  options.log = [&](std::string_view text) { remarks += text; };
-  PointTable table = table_of(kPoint, options);
+  Execution execution;
+  execution.log = [&](std::string_view text) { remarks += text; };
+  PointTable table = table_of(kPoint, execution);
   table.append_text("1 2 3", 1);
   table.append_text("nan 2 3", 2);
   table.append_text("4 5 6", 3);
@@ -113,16 +113,16 @@ TEST(PointTable, LeavesOutPointsWithoutAPositionAndSaysSo) {
 }
 
 TEST(PointTable, NamesLineFieldAndValueOfWhatItRefuses) {
-  const MapReadOptions options;
-  PointTable table = table_of(kPoint, options);
+  const Execution execution;
+  PointTable table = table_of(kPoint, execution);
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { table.append_text("1 two 3", 12); }),
               AllOf(HasSubstr("points:12"), HasSubstr("(y)"), HasSubstr("two")));
-  PointTable other = table_of(kPoint, options);
+  PointTable other = table_of(kPoint, execution);
   EXPECT_THAT(refusal(ErrorKind::kInput, [&] { other.append_text("1 2", 7); }),
               HasSubstr("points:7"));
   EXPECT_THAT(refusal(ErrorKind::kInput,
                       [&] {
-                        table_of({field("x"), field("y")}, options);
+                        table_of({field("x"), field("y")}, execution);
                       }),
               HasSubstr("z"));
 }
@@ -139,8 +139,8 @@ TEST(PointRows, ComeBackThroughATable) {
   for (const bool ascii : {true, false}) {
     std::string body;
     rows.write("", ascii, [&](std::string_view bytes) { body += bytes; });
-    const MapReadOptions options;
-    PointTable table = table_of(rows.fields(), options);
+    const Execution execution;
+    PointTable table = table_of(rows.fields(), execution);
     if (ascii) {
       const auto end = body.find('\n');
       table.append_text(std::string_view(body).substr(0, end), 1);

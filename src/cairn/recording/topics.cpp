@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/recording/sensor_topics.hpp"
+#include "cairn/recording/topics.hpp"
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <string_view>
 #include <utility>
@@ -50,7 +51,7 @@ bool is_depth_image(const std::string& encoding, const std::string& topic) {
 }
 
 template <class Parse>
-auto parse_first(const Recording& recording, const RecordedMessage& message, const Parse& parse) {
+auto parse_message(const Recording& recording, const RecordedMessage& message, const Parse& parse) {
   const RecordedTopic& topic = recording.topics()[message.topic];
   const std::string bytes = recording.read(message);
   return parse(MessageBytes{bytes, topic.encoding, recording.name() + ": " + topic.name});
@@ -62,7 +63,7 @@ std::vector<std::pair<std::string, CameraInfo>> camera_infos(
   for (const auto& [index, message] : first) {
     const RecordedTopic& topic = recording.topics()[index];
     if (topic.type != kInfoType || !is_readable(topic)) continue;
-    infos.emplace_back(topic.name, parse_first(recording, message, parse_camera_info));
+    infos.emplace_back(topic.name, parse_message(recording, message, parse_camera_info));
   }
   return infos;
 }
@@ -120,6 +121,19 @@ std::optional<Rigid3> transform_between(const std::map<std::string, FrameTransfo
   return std::nullopt;
 }
 
+constexpr std::array<std::string_view, 3> kPoseTypes = {
+    "nav_msgs/Odometry", "geometry_msgs/PoseStamped", "geometry_msgs/PoseWithCovarianceStamped"};
+
+bool has_poses(const RecordedTopic& topic) {
+  return is_readable(topic) && std::ranges::find(kPoseTypes, topic.type) != kPoseTypes.end();
+}
+
+FrameTransform pose_of(const Recording& recording, const RecordedMessage& message) {
+  return parse_message(recording, message, [&](const MessageBytes& bytes) {
+    return parse_pose(bytes, recording.topics()[message.topic].type);
+  });
+}
+
 }  // namespace
 
 bool is_rectified_topic(const std::string& name) {
@@ -144,7 +158,7 @@ std::vector<ImageTopic> image_topics(const Recording& recording) {
     if (raw != topic.name && is_recorded_raw(raw)) continue;
     ImageTopic& image = found.emplace_back();
     image.topic = index;
-    parse_first(recording, message, [&](const MessageBytes& bytes) {
+    parse_message(recording, message, [&](const MessageBytes& bytes) {
       const ImageMessage parsed = parse_image(bytes, topic.type);
       image.is_depth = is_depth_image(parsed.encoding, topic.name);
       image.frame = parsed.header.frame;
@@ -193,11 +207,67 @@ std::optional<Rigid3> static_transform(const Recording& recording, const std::st
   for (const RecordedMessage& message : recording.messages()) {
     const RecordedTopic& topic = recording.topics()[message.topic];
     if (topic.type != kTransformType || !topic.name.ends_with("tf_static")) continue;
-    for (const FrameTransform& step : parse_first(recording, message, parse_transforms)) {
+    for (const FrameTransform& step : parse_message(recording, message, parse_transforms)) {
       parents.insert_or_assign(step.child, step);
     }
   }
   return transform_between(parents, target, source);
+}
+
+std::vector<PoseTopic> pose_topics(const Recording& recording) {
+  std::vector<PoseTopic> found;
+  std::vector<bool> is_known(recording.topics().size());
+  for (const RecordedMessage& message : recording.messages()) {
+    const RecordedTopic& topic = recording.topics()[message.topic];
+    if (is_known[message.topic] || !has_poses(topic)) continue;
+    is_known[message.topic] = true;
+    found.push_back({topic.name, ""});
+    try {
+      found.back().body = pose_of(recording, message).child;
+    } catch (const Error&) {  // who uses the topic is told
+    }
+  }
+  std::ranges::sort(found, {}, &PoseTopic::name);
+  return found;
+}
+
+Trajectory camera_poses(const Recording& recording, const std::string& given,
+                        const std::string& camera_frame) {
+  const std::string name = given.substr(0, given.find(','));
+  std::string body = name.size() < given.size() ? given.substr(name.size() + 1) : "";
+  const std::string place = recording.name() + ": " + name;
+  std::vector<FrameTransform> poses;
+  for (const RecordedMessage& message : recording.messages()) {
+    const RecordedTopic& topic = recording.topics()[message.topic];
+    if (topic.name == name && has_poses(topic)) poses.push_back(pose_of(recording, message));
+  }
+  if (poses.empty()) {
+    std::string names;
+    for (const PoseTopic& topic : pose_topics(recording)) {
+      names += (names.empty() ? "" : ", ") + topic.name;
+    }
+    throw Error(ErrorKind::kInput, recording.name(), "has no poses " + printable(name),
+                "one of the topics: " + (names.empty() ? "none" : names));
+  }
+  if (body.empty()) body = poses.front().child;
+  reject_if(body.empty(), place, "does not say whose poses these are",
+            fmt::format("topic:{},FRAME with the frame of the body that carries the camera", name));
+  const auto body_from_camera = static_transform(recording, body, camera_frame);
+  reject_if(!body_from_camera, place,
+            fmt::format("tf_static does not say where the camera {} is on the body {}",
+                        printable(camera_frame), printable(body)),
+            "transforms that connect them, or the frame of the camera itself");
+  std::ranges::stable_sort(poses, {}, &FrameTransform::stamp_s);
+  std::vector<TimedPose> timed;
+  for (const FrameTransform& pose : poses) {
+    reject_if(pose.parent != poses.front().parent || pose.child != poses.front().child, place,
+              fmt::format("poses in {} and in {}", printable(poses.front().parent),
+                          printable(pose.parent)),
+              "poses of one body in one frame");
+    if (!timed.empty() && timed.back().timestamp_s == pose.stamp_s) continue;
+    timed.push_back({pose.stamp_s, pose.parent_from_child * *body_from_camera});
+  }
+  return Trajectory(std::move(timed));
 }
 
 }  // namespace cairn

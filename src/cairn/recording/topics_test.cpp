@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/recording/pose_topics.hpp"
+#include "cairn/recording/topics.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

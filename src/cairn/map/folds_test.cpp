@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "cairn/map/covisibility.hpp"
+#include "cairn/map/folds.hpp"
 
-#include <cmath>
-#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,11 +9,15 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/random.hpp"
+#include "cairn/map/detail/covisibility.hpp"
 #include "cairn/map/synthetic.hpp"
 
 namespace cairn {
 namespace {
 
+using detail::ConnectedFrames;
+using detail::Covisibility;
+using detail::CovisibleFrames;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -67,11 +69,11 @@ TEST(Covisibility, GivesEachFrameToThoseToWhichItIsConnectedMoreStrongly) {
   const LandmarkMap map =
       map_of(7, {{50, {0, 1}}, {40, {1, 2}}, {8, {2, 3}}, {30, {3, 4}}, {60, {4, 5}}, {5, {6}}});
   const Covisibility covisibility(map);
-  const FrameGroup group = covisibility.group_of(frames({4}), frames({0}));
+  const ConnectedFrames group = covisibility.group_of(frames({4}), frames({0}));
   EXPECT_EQ(group.frames, frames({3, 4, 5}));
   EXPECT_DOUBLE_EQ(group.shared, 8.0 / 98.0);
   EXPECT_EQ(covisibility.group_of(frames({0}), frames({4})).frames, frames({0, 1, 2}));
-  const FrameGroup alone = covisibility.group_of(frames({6}), frames({0}));
+  const ConnectedFrames alone = covisibility.group_of(frames({6}), frames({0}));
   EXPECT_EQ(alone.frames, frames({6}));
   EXPECT_EQ(alone.shared, 0.0);
 }
