@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-/// Headers for reading maps, aligning them and comparing the pose with the ground truth: the CMake
-/// target cairn::cairn. docs/which_call.md lists all other headers.
+/// Includes the headers for reading maps, aligning them and comparing the pose with the ground truth.
+/// Link the CMake target cairn::cairn. docs/which_call.md lists all other headers.
 
 #include "cairn/alignment/align.hpp"
 #include "cairn/alignment/alignment.hpp"

@@ -30,8 +30,8 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
-/// Refuses an invalid argument or option. Callers build the texts even for a valid value:
-/// unsuitable for inner loops.
+/// Refuses an invalid argument or option. Not for inner loops: the caller builds the texts even if
+/// the value is valid.
 /// @throws Error (misuse) if `wrong`
 inline void refuse_if(bool wrong, std::string_view where, std::string_view what,
                       std::string_view expected) {

@@ -71,9 +71,9 @@ inline Eigen::Matrix<double, 3, 7> point_by_pose(const Eigen::Vector3d& arm) {
   return derivative;
 }
 
-/// Transforms a pose covariance, (δt, δφ) or (δt, δφ, δ log s), to another reference point fixed to
-/// the source, such as a landmark or the origin of another pose in the same target: δt becomes the
-/// displacement of this point.
+/// Moves the reference point of a pose covariance, (δt, δφ) or (δt, δφ, δ log s), from the source's
+/// origin to another point fixed to the source, e.g. a landmark. δt is then the displacement of
+/// this point.
 /// @param arm vector from the source origin to the point, in the target frame: s·R·x for x in the
 ///        source
 template <class Matrix>

@@ -17,9 +17,9 @@ inline constexpr std::uint32_t kWidestFrameImage = 320;  ///< pixels
 
 /// Images for frames of a map, from the RGB-D sequence that the map was built from. The image of a
 /// frame is the colour image nearest in time, if it is within half the median interval between
-/// colour images. The frames are spread evenly over those that have an image. If the frame has a
-/// camera, the image is resampled to fill the map's frustum without lens distortion; pixels outside
-/// the camera's view are grey.
+/// colour images. If more frames have an image than are returned, they are chosen evenly. If a frame
+/// has a camera, its image is resampled to fill the frustum that the page draws, without lens
+/// distortion; pixels outside the camera's view are grey.
 /// @param sequence folder of the sequence
 /// @return images in the order of the frames
 /// @throws Error (input) naming the folder if no colour image is close in time to a frame, and as

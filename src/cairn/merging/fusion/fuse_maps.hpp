@@ -23,7 +23,7 @@ struct PlacedMap {
   /// frame.
   Matrix7d covariance = Matrix7d::Zero();
   /// The same relative to the largest map. Landmarks are compared by this covariance, so that the
-  /// world frame does not matter. std::nullopt: `covariance`.
+  /// world frame does not matter. If std::nullopt, `covariance` is used.
   std::optional<Matrix7d> relative_covariance = {};
 
   /// Whether the map's frame is the world: its pose is exactly the identity. The values of such a
