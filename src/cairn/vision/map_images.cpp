@@ -10,6 +10,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/described_image.hpp"
 
