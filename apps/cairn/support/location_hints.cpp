@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "cairn/core/error.hpp"
 #include "cairn/core/text.hpp"
 
 #include "support/documents.hpp"
