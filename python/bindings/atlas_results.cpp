@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cairn/atlas/store/open_store.hpp"
 #include "cairn/atlas/store/store.hpp"
 
 #include "bindings/properties.hpp"
