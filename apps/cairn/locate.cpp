@@ -138,7 +138,7 @@ class Locators {
            std::span<const Camera> others, const LocateOptions& options)
       : is_given_(given.has_value()),
         cameras_(others.begin(), others.end()),
-        first_{ImageLocator(map, given.value_or(unknown_camera(kAnySide, kAnySide, 1.0)), options),
+        first_{ImageLocator(map, given.value_or(unknown_camera(kAnySide, kAnySide)), options),
                FocalLength::kKnown,
                {}} {}
 
@@ -152,14 +152,17 @@ class Locators {
   /// @param bytes the image's file
   const OfCamera& of(const GrayImage& image, std::string_view bytes) {
     if (is_given_) return first_;
-    constexpr double kUsual = 1.2;  // focal length of photographs, in larger sides
-    const std::optional<double> stated = exif_focal_length(bytes, image.width, image.height);
-    const double focal_length = stated.value_or(kUsual * std::max(image.width, image.height));
+    const Camera* const known = only_of(image.width, image.height);
+    const std::optional<double> stated =
+        known != nullptr ? std::nullopt : exif_focal_length(bytes, image.width, image.height);
     const std::lock_guard lock(mutex_);
-    const auto [place, is_new] = locators_.try_emplace({image.width, image.height, focal_length});
+    const auto [place, is_new] = locators_.try_emplace({image.width, image.height, stated});
     if (is_new) {
-      place->second = made(image.width, image.height, focal_length);
-      if (place->second->lens == FocalLength::kUnknown) place->second->stated = stated;
+      const Camera camera =
+          known != nullptr ? *known : unknown_camera(image.width, image.height, stated);
+      const FocalLength lens = known != nullptr ? FocalLength::kKnown : FocalLength::kUnknown;
+      place->second = std::make_unique<OfCamera>(
+          OfCamera{first_.locator.with_camera(camera, lens), lens, stated});
     }
     return *place->second;
   }
@@ -167,36 +170,36 @@ class Locators {
  private:
   static constexpr std::uint32_t kAnySide = 64;  // without a given camera, the first has no use
 
-  static Camera unknown_camera(std::uint32_t width, std::uint32_t height, double focal_length) {
+  static Camera unknown_camera(std::uint32_t width, std::uint32_t height,
+                               const std::optional<double>& stated = {}) {
+    constexpr double kUsual = 1.2;  // focal length of photographs, in larger sides
     return {CameraId{0},
             "SIMPLE_PINHOLE",
             width,
             height,
-            {focal_length, 0.5 * (width - 1.0), 0.5 * (height - 1.0)}};
+            {stated.value_or(kUsual * std::max(width, height)), 0.5 * (width - 1.0),
+             0.5 * (height - 1.0)}};
   }
 
-  std::unique_ptr<OfCamera> made(std::uint32_t width, std::uint32_t height,
-                                 double focal_length) const {
+  // The camera of that size; null if there is none or several lenses are.
+  const Camera* only_of(std::uint32_t width, std::uint32_t height) const {
     const Camera* only = nullptr;
     for (const Camera& camera : cameras_) {
       if (camera.width != width || camera.height != height) continue;
-      if (only != nullptr && !is_same_lens(camera, *only)) {
-        only = nullptr;
-        break;
-      }
+      if (only != nullptr && !is_same_lens(camera, *only)) return nullptr;
       only = &camera;
     }
-    const Camera camera = only != nullptr ? *only : unknown_camera(width, height, focal_length);
-    const FocalLength lens = only != nullptr ? FocalLength::kKnown : FocalLength::kUnknown;
-    return std::make_unique<OfCamera>(OfCamera{first_.locator.with_camera(camera, lens), lens, {}});
+    return only;
   }
 
   bool is_given_;
   std::vector<Camera> cameras_;
   OfCamera first_;
   std::mutex mutex_;
-  // By width, height and focal length.
-  std::map<std::tuple<std::uint32_t, std::uint32_t, double>, std::unique_ptr<OfCamera>> locators_;
+  // By width, height and the focal length of EXIF data where the camera is unknown.
+  std::map<std::tuple<std::uint32_t, std::uint32_t, std::optional<double>>,
+           std::unique_ptr<OfCamera>>
+      locators_;
 };
 
 struct LocateArguments {
