@@ -40,16 +40,21 @@ if(NOT "pcl" IN_LIST components)
   message(FATAL_ERROR "no components in ${config}: ${components}")
 endif()
 
-# A cache file, for lists do not survive a command line.
-file(WRITE "${WORK}/consumer_cache.cmake"
-     "set(CAIRN_COMPONENTS [[${components}]] CACHE STRING \"\")\nset(CAIRN_HEADERS [[${headers}]] CACHE STRING \"\")\nset(CAIRN_PCL_HEADERS [[${pcl_headers}]] CACHE STRING \"\")\n")
+# A cache file, for lists do not survive a command line. A launcher with arguments is a list, too.
+set(cache "")
+foreach(entry IN ITEMS CMAKE_CXX_COMPILER_LAUNCHER=LAUNCHER CAIRN_COMPONENTS=components CAIRN_HEADERS=headers
+        CAIRN_PCL_HEADERS=pcl_headers)
+  string(REGEX MATCH "^(.*)=(.*)$" entry "${entry}")
+  string(APPEND cache "set(${CMAKE_MATCH_1} [[${${CMAKE_MATCH_2}}]] CACHE STRING \"\")\n")
+endforeach()
+file(WRITE "${WORK}/consumer_cache.cmake" "${cache}")
 set(each_header OFF)
 if(DEFINED ENV{CAIRN_TEST_FULL})
   set(each_header ON)
 endif()
 run("${CMAKE_COMMAND}" -C "${WORK}/consumer_cache.cmake" -S "${CMAKE_CURRENT_LIST_DIR}/consumer" -B "${WORK}/build" -G Ninja
-    "-DCMAKE_PREFIX_PATH=${prefix}" "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}"
-    "-DCMAKE_BUILD_TYPE=" "-DCAIRN_EACH_HEADER=${each_header}")
+    "-DCMAKE_PREFIX_PATH=${prefix}" "-DCMAKE_CXX_COMPILER=${COMPILER}" "-DCMAKE_BUILD_TYPE="
+    "-DCAIRN_EACH_HEADER=${each_header}")
 run("${CMAKE_COMMAND}" --build "${WORK}/build" --parallel 2)
 execute_process(COMMAND "${WORK}/build/consumer" WORKING_DIRECTORY "${WORK}" RESULT_VARIABLE result)
 if(NOT result EQUAL 0)
