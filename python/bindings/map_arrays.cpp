@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -13,6 +14,7 @@
 
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/map/detail/model_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "bindings/maps.hpp"
@@ -321,6 +323,82 @@ SharedMap from_arrays(const py::object& positions, const py::kwargs& keywords) {
   return unlocked([&] { return std::make_shared<LandmarkMap>(std::move(tables)); });
 }
 
+// The features of one image for with_descriptors().
+class GivenFeatures {
+ public:
+  GivenFeatures(const py::object& given, std::string place) : place_(std::move(place)) {
+    const py::array array = py::array::ensure(given);
+    are_bytes_ = array && array.dtype().kind() == 'u' && array.itemsize() == 1;
+    if (are_bytes_) {
+      bytes_ = byte_array(given, place_, {-1, -1});
+    } else {
+      numbers_ = real_array(given, place_, {-1, -1});
+    }
+  }
+
+  std::size_t columns() const {
+    return static_cast<std::size_t>(are_bytes_ ? bytes_.shape(1) : numbers_.shape(1));
+  }
+
+  void set(detail::ModelDescriptors& landmarks, FrameIndex frame) const {
+    const auto rows = static_cast<std::size_t>(are_bytes_ ? bytes_.shape(0) : numbers_.shape(0));
+    for (const auto& wanted : landmarks.wanted(frame)) {
+      if (wanted.keypoint >= rows) {
+        throw Error(ErrorKind::kMisuse, place_, fmt::format("{} features", rows),
+                    fmt::format("keypoint {}, which the map observes", wanted.keypoint));
+      }
+      const std::size_t begin = wanted.keypoint * columns();
+      if (are_bytes_) {
+        landmarks.set(wanted, std::span(bytes_.data() + begin, columns()));
+      } else {
+        const double* const row = numbers_.data() + begin;
+        const std::vector<float> values(row, row + columns());
+        landmarks.set(wanted, std::span<const float>(values));
+      }
+    }
+  }
+
+ private:
+  std::string place_;
+  bool are_bytes_ = false;
+  py::array_t<std::uint8_t> bytes_;
+  py::array_t<double> numbers_;
+};
+
+SharedMap with_descriptors(const SharedMap& map, const std::string& kind,
+                           const py::function& features) {
+  const auto& names = map->frames().image_names;
+  refuse_if(kind.empty(), "kind", "is empty", "a kind of descriptors, such as 'SUPERPOINT'");
+  if (names.empty() || map->observations().keypoints.empty()) {
+    throw Error(
+        ErrorKind::kMisuse, "map",
+        names.empty() ? "has no names of images" : "does not know the keypoints it observes",
+        "a map whose observations state image and keypoint, such as a COLMAP model");
+  }
+  detail::ModelDescriptors landmarks(*map);
+  std::size_t columns = 0;
+  for (std::uint32_t i = 0; i < map->frame_count(); ++i) {
+    if (landmarks.wanted(FrameIndex{i}).empty()) continue;
+    const py::object given = features(decoded(names[i]));
+    if (given.is_none()) continue;
+    const GivenFeatures of_image(given, fmt::format("features({})", printable(names[i])));
+    if (columns == 0) columns = of_image.columns();
+    if (of_image.columns() != columns) {
+      throw Error(ErrorKind::kMisuse, fmt::format("features({})", printable(names[i])),
+                  fmt::format("descriptors of {} numbers", of_image.columns()),
+                  fmt::format("{} as of other images", columns));
+    }
+    of_image.set(landmarks, FrameIndex{i});
+  }
+  auto column = landmarks.column(kind, columns);
+  refuse_if(!column, "features", "describes no keypoint that the map observes",
+            "an array for at least one image");
+  LandmarkMap copy = *map;
+  MapTables tables = std::move(copy).tables();
+  tables.landmarks.descriptors = std::move(column);
+  return std::make_shared<LandmarkMap>(std::move(tables));
+}
+
 }  // namespace
 
 py::array_t<std::uint8_t> bytes_of_floats(const py::object& values) {
@@ -342,6 +420,15 @@ py::array_t<std::uint8_t> bytes_of_floats(const py::object& values) {
 }
 
 void bind_from_arrays(MapClass& map) {
+  map.def(
+      "with_descriptors", &with_descriptors, py::arg("kind"), py::arg("features"),
+      "with_descriptors($self, kind, features)\n--\n\nThe map with descriptors of its images' "
+      "features: those of each landmark's first eight\nobservations.\n\nkind      their kind, "
+      "such as 'SUPERPOINT'; maps are compared by descriptors of one kind\nfeatures  called with "
+      "the name of an image; returns its descriptors in the order of the\n          "
+      "observations' keypoints, (n, d) uint8 or real numbers, or None. Real numbers are\n"
+      "          compared by their directions.\n\nRaises MisuseError if the map observes a "
+      "keypoint that an image lacks.");
   map.def_static("descriptor_bytes", &bytes_of_floats, py::arg("values"),
                  "descriptor_bytes(values)\n--\n\nBytes that stand for descriptors of "
                  "floating-point numbers, such as "

@@ -135,6 +135,35 @@ class Columns(unittest.TestCase):
         with self.assertRaisesRegex(cairn.InputError, r"values\[1\]: is all zero"):
             cairn.LandmarkMap.descriptor_bytes([[1.0, 2.0], [0.0, 0.0]])
 
+    def test_take_descriptors_from_the_features_of_their_images(self):
+        m = full_map()
+        features = np.arange(15 * 4, dtype=np.uint8).reshape(15, 4)
+        asked = []
+
+        def of_image(name):
+            asked.append(name)
+            return features if name == "a.png" else None
+
+        described = m.with_descriptors("USER", of_image)
+        self.assertEqual((described.descriptor_kind, asked), ("USER", ["a.png", ""]))
+        # Frame 0, a.png, sees landmark 1 as keypoint 14 and landmark 2 as keypoint 11; frame 1 has no features.
+        np.testing.assert_array_equal(described.known_descriptors, [False, True, True])
+        np.testing.assert_array_equal(described.descriptors[1:], features[[14, 11]])
+        np.testing.assert_array_equal(described.positions, m.positions)
+        directions = np.random.default_rng(1).normal(size=(15, 64)).astype(np.float16)
+        described = m.with_descriptors("SUPERPOINT", lambda name: directions)
+        np.testing.assert_array_equal(described.descriptors[1], cairn.LandmarkMap.descriptor_bytes(directions)[14])
+        with self.assertRaisesRegex(cairn.MisuseError, "'a.png'.*14 features.*keypoint 14"):
+            m.with_descriptors("USER", lambda name: features[:14])
+        with self.assertRaisesRegex(cairn.MisuseError, "describes no keypoint"):
+            m.with_descriptors("USER", lambda name: None)
+        with self.assertRaisesRegex(cairn.MisuseError, "4 as of other images"):
+            m.with_descriptors("USER", lambda name: features if name else features[:, :3])
+        with self.assertRaisesRegex(ZeroDivisionError, "division"):
+            m.with_descriptors("USER", lambda name: 1 // 0)
+        with self.assertRaisesRegex(cairn.MisuseError, "does not know the keypoints|no names of images"):
+            cairn.LandmarkMap.from_arrays(np.zeros((1, 3))).with_descriptors("USER", of_image)
+
     def test_need_the_kind_of_their_descriptors(self):
         expected = "descriptor_kind: not given beside descriptors; expected their kind, such as 'ORB' or 'SIFT'"
         with self.assertRaisesRegex(cairn.MisuseError, expected):

@@ -11,9 +11,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       read(source);
     });
   };
-  with([](cairn::ByteSource& source) { return cairn::detail::read_openmvg(source); });
-  with([](cairn::ByteSource& source) { return cairn::detail::read_alicevision(source); });
-  with(
-      [](cairn::ByteSource& source) { return cairn::detail::read_nerfstudio(source, "/nowhere"); });
+  with([](cairn::ByteSource& source) {
+    cairn::detail::read_openmvg({.path = "/nowhere/input", .source = &source});
+  });
+  with([](cairn::ByteSource& source) {
+    cairn::detail::read_alicevision({.path = "/nowhere/input", .source = &source});
+  });
+  with([](cairn::ByteSource& source) { cairn::detail::read_nerfstudio(source, "/nowhere"); });
   return 0;
 }

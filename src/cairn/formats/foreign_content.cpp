@@ -93,7 +93,9 @@ constexpr Sign kSigns[] = {
     {"#name,x,y,alt,heading", 0, "is a table of camera poses by RealityCapture", kExported},
     {"%YAML", 0, "is a YAML file, such as settings of a camera", "a map; --camera takes cameras"},
     {"%PDF", 0, "is a PDF document", "a map"},
-    {"\x89HDF\r\n", 0, "is an HDF5 file", "its points as .npy or .npz, which h5py and NumPy write"},
+    {"\x89HDF\r\n", 0, "is an HDF5 file",
+     "its points as .npy or .npz, which h5py and NumPy write; features of hloc belong to a model "
+     "(docs/from_colmap.md)"},
     {"\x89PNG", 0, "is an image", kImage},
     {"\xff\xd8\xff", 0, "is an image", kImage},
     {"GIF8", 0, "is an image", kImage},

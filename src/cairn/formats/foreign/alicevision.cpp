@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -15,6 +18,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/number_text.hpp"
 #include "cairn/formats/detail/bytes/json_document.hpp"
+#include "cairn/formats/detail/foreign/feature_files.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
 
@@ -24,11 +28,29 @@ namespace {
 constexpr std::uint64_t kMostAliceVision = std::numeric_limits<std::uint32_t>::max();
 constexpr std::uint64_t kMostId = std::numeric_limits<std::uint64_t>::max();
 
+constexpr DescriptorFileType kAliceVisionTypes[] = {
+    {.name = "sift", .kind = "SIFT", .numbers = 128, .is_vlfeat = true},
+    {.name = "dspsift", .kind = "SIFT", .numbers = 128, .is_vlfeat = true},
+    {.name = "sift_upright", .kind = "SIFT_UPRIGHT", .numbers = 128, .is_vlfeat = true},
+    {.name = "akaze", .kind = "AKAZE_MSURF", .numbers = 64, .are_floats = true},
+    {.name = "akaze_liop", .kind = "AKAZE_LIOP", .numbers = 144},
+    {.name = "akaze_mldb", .kind = "AKAZE", .numbers = 64}};
+
+// What a file says of its features.
+struct NamedFeatures {
+  std::vector<std::string> folders;
+  std::map<std::string, std::unordered_set<std::uint64_t>> landmarks;  // ids, by type
+};
+
 class AliceVisionReader {
  public:
   AliceVisionReader(const std::string& name, const Execution& execution) : out_(name, execution) {}
 
   LandmarkMap read(const JsonValue& all) {
+    if (all.has("featuresFolders")) {
+      each(all.at("featuresFolders"),
+           [&](const JsonValue& folder) { features_.folders.push_back(folder.text()); });
+    }
     if (all.has("version")) read_version(all.at("version"));
     if (all.has("intrinsics")) {
       each(all.at("intrinsics"), [&](const JsonValue& json) { read_camera(json); });
@@ -40,6 +62,8 @@ class AliceVisionReader {
     out_.lost(unposed_, "observations by views without a pose are left out");
     return std::move(out_).finish();
   }
+
+  const NamedFeatures& features() const { return features_; }
 
  private:
   // AliceVision writes numbers as strings.
@@ -244,6 +268,7 @@ class AliceVisionReader {
     std::optional<Color> color;
     if (json.has("color")) color = color_of(vector3(json.at("color")));
     out_.add_landmark(id, position, color);
+    if (json.has("descType")) features_.landmarks[json.at("descType").text()].insert(id);
     if (!json.has("observations")) return;
     each(json.at("observations"), [&](const JsonValue& seen) {
       const auto frame = frame_of_view_.find(whole(seen.at("observationId")));
@@ -262,16 +287,53 @@ class AliceVisionReader {
   }
 
   SfmBuilder out_;
+  NamedFeatures features_;
   std::array<double, 3> version_ = {1.0, 2.0, 11.0};  // the newest unless stated
   std::unordered_map<std::uint64_t, FrameIndex> frame_of_view_;
   std::size_t unposed_ = 0;
 };
 
+// The type of most landmarks, if Cairn knows it.
+const DescriptorFileType* usual_type(const NamedFeatures& features) {
+  if (features.landmarks.empty()) return nullptr;
+  const auto most = std::ranges::max_element(features.landmarks, {},
+                                             [](const auto& named) { return named.second.size(); });
+  const auto* const type =
+      std::ranges::find(kAliceVisionTypes, most->first, &DescriptorFileType::name);
+  return type == std::end(kAliceVisionTypes) ? nullptr : type;
+}
+
 }  // namespace
 
-LandmarkMap read_alicevision(ByteSource& source, const Execution& execution) {
-  const nlohmann::json json = read_json(source);
-  return AliceVisionReader(source.name(), execution).read(JsonValue(json, source.name() + ": "));
+LandmarkMap read_alicevision(const MapInput& input, const Execution& execution) {
+  const nlohmann::json json = read_json(*input.source);
+  const std::string& name = input.source->name();
+  AliceVisionReader reader(name, execution);
+  LandmarkMap model = reader.read(JsonValue(json, name + ": "));
+  const NamedFeatures& features = reader.features();
+  const DescriptorFileType* const type = usual_type(features);
+  if (type == nullptr) return model;
+  const std::filesystem::path folder = input.path.parent_path();
+  std::vector<std::filesystem::path> folders;
+  for (std::string place : features.folders) {
+    std::ranges::replace(place, '\\', '/');  // written on Windows
+    folders.push_back(folder / place);
+  }
+  folders.push_back(folder);
+  const std::vector<FrameId> views = model.frames().ids;
+  const std::vector<LandmarkId> ids = model.landmarks().ids;
+  const auto& of_type = features.landmarks.at(std::string(type->name));
+  return with_feature_files(
+      std::move(model),
+      {.folders = std::move(folders),
+       .type = *type,
+       .name =
+           [&](FrameIndex frame) {
+             return fmt::format("{}.{}", views[frame.value].value, type->name);
+           },
+       .has_landmark =
+           [&](LandmarkIndex landmark) { return of_type.contains(ids[landmark.value].value); }},
+      name, execution);
 }
 
 bool is_alicevision(const MapInput& input) {

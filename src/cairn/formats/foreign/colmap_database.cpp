@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstring>
-#include <limits>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -17,6 +15,7 @@
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
 #include "cairn/formats/detail/losses.hpp"
+#include "cairn/map/detail/model_descriptors.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 namespace cairn::detail {
@@ -26,8 +25,6 @@ namespace fs = std::filesystem;
 
 constexpr std::int64_t kSift = 0;  // of COLMAP's types of features, -1 if undefined
 constexpr std::size_t kSiftBytes = 128;
-constexpr std::size_t kMostOfLandmark = 8;  // descriptors to compare
-constexpr std::size_t kNotFound = std::numeric_limits<std::size_t>::max();
 
 // Descriptors of one type. COLMAP stores bytes: those of SIFT, or of 32-bit floats.
 struct Features {
@@ -59,13 +56,6 @@ std::optional<Features> features_of(std::int64_t type, std::uint64_t columns) {
   return Features{type, static_cast<std::size_t>(columns)};
 }
 
-// An observation whose descriptor is wanted.
-struct Wanted {
-  std::size_t rank;  // among those wanted, in the order of landmarks
-  std::uint32_t keypoint;
-  Pixel pixel;
-};
-
 // A matrix as stored in a database.
 struct Matrix {
   std::uint64_t rows = 0;
@@ -91,8 +81,10 @@ Matrix matrix(const sqlite::Database& database, const sqlite::Statement& row, co
 class DescriptorReader {
  public:
   DescriptorReader(const LandmarkMap& model, sqlite::Database& database, const Execution& execution)
-      : model_(model), database_(database), execution_(execution) {
-    list_wanted();
+      : landmarks_(model), database_(database), execution_(execution) {
+    for (std::uint32_t i = 0; i < model.frame_count() && !model.frames().image_names.empty(); ++i) {
+      frame_of_.emplace(model.frames().image_names[i], FrameIndex{i});
+    }
   }
 
   std::optional<DescriptorColumn> read() {
@@ -116,33 +108,12 @@ class DescriptorReader {
       descriptors.reset();
     }
     remark();
-    return choose();
+    if (!features_) return std::nullopt;
+    return landmarks_.column(features_->kind(), features_->bytes_each());
   }
 
  private:
-  void list_wanted() {
-    const ObservationTable& observations = model_.observations();
-    wanted_.resize(model_.frame_count());
-    if (observations.keypoints.empty()) return;
-    first_.push_back(0);
-    for (std::uint32_t i = 0; i < model_.landmark_count(); ++i) {
-      const std::uint64_t first = observations.offsets[i];
-      for (std::uint64_t k = first;
-           k < std::min(observations.offsets[i + 1], first + kMostOfLandmark); ++k) {
-        if (!observations.keypoints[k]) continue;
-        wanted_[observations.frames[k].value].push_back(
-            {taken_.size(), *observations.keypoints[k], observations.pixels[k]});
-        taken_.push_back(kNotFound);
-      }
-      first_.push_back(taken_.size());
-    }
-    for (std::uint32_t i = 0; i < model_.frame_count() && !model_.frames().image_names.empty();
-         ++i) {
-      frame_of_.emplace(model_.frames().image_names[i], i);
-    }
-  }
-
-  void take(std::uint32_t frame, const sqlite::Statement& keypoint_row,
+  void take(FrameIndex frame, const sqlite::Statement& keypoint_row,
             const sqlite::Statement& descriptor_row) {
     const Matrix keypoints = matrix(database_, keypoint_row, "keypoints", sizeof(float));
     const auto features = features_of(descriptor_row.optional_integer(3).value_or(kSift),
@@ -153,60 +124,39 @@ class DescriptorReader {
       return;
     }
     const Matrix descriptors = matrix(database_, descriptor_row, "descriptors", 1);
-    const std::vector<Wanted>& wanted = wanted_[frame];
+    const auto wanted = landmarks_.wanted(frame);
     const bool covers = keypoints.columns >= 2 && keypoints.rows == descriptors.rows &&
-                        std::all_of(wanted.begin(), wanted.end(),
-                                    [&](const Wanted& w) { return w.keypoint < descriptors.rows; });
-    if (!covers || !are_near(frame, keypoints)) {
+                        std::ranges::all_of(wanted, [&](const auto& one) {
+                          return one.keypoint < descriptors.rows;
+                        });
+    if (!covers || !landmarks_.are_near(frame, [&](std::uint32_t keypoint) {
+          return pixel_of(keypoints, keypoint);
+        })) {
       ++other_features_;
       return;
     }
-    for (const Wanted& w : wanted) {
-      const auto bytes =
-          bytes_of(descriptors.bytes.subspan(w.keypoint * features->columns, features->columns));
-      if (bytes.empty()) continue;
-      std::size_t& place = taken_[w.rank];
-      if (place == kNotFound) {
-        place = bytes_.size();
-        bytes_.resize(place + bytes.size());
-      }
-      std::copy(bytes.begin(), bytes.end(), bytes_.begin() + static_cast<std::ptrdiff_t>(place));
+    for (const auto& one : wanted) {
+      set(one, descriptors.bytes.subspan(one.keypoint * features->columns, features->columns));
     }
   }
 
-  // None for floats that are no numbers, or all zero.
-  std::vector<std::uint8_t> bytes_of(std::span<const std::byte> stored) const {
-    std::vector<std::uint8_t> bytes(stored.size());
-    std::memcpy(bytes.data(), stored.data(), stored.size());
-    if (features_->is_sift()) return bytes;
-    std::vector<float> values(stored.size() / sizeof(float));
-    std::memcpy(values.data(), stored.data(), stored.size());
-    const bool are_finite = std::all_of(values.begin(), values.end(), [](float value) {
-      return std::isfinite(value) && std::abs(value) < 1e6F;
-    });
-    const bool any = std::any_of(values.begin(), values.end(), [](float v) { return v != 0.0F; });
-    if (!are_finite || !any) return {};
-    return descriptor_bytes(values);
+  void set(const ModelDescriptors::Wanted& wanted, std::span<const std::byte> stored) {
+    if (features_->is_sift()) {
+      std::array<std::uint8_t, kSiftBytes> bytes{};
+      std::memcpy(bytes.data(), stored.data(), bytes.size());
+      landmarks_.set(wanted, bytes);
+    } else {
+      std::vector<float> values(features_->bytes_each());
+      std::memcpy(values.data(), stored.data(), stored.size());
+      landmarks_.set(wanted, std::span<const float>(values));
+    }
   }
 
-  // Whether half of the observations are near their keypoints. Undistorted images have the same keypoints at
-  // slightly different positions.
-  bool are_near(std::uint32_t frame, const Matrix& keypoints) const {
-    const auto& cameras = model_.frames().cameras;
-    const auto camera = cameras.empty() ? std::nullopt : cameras[frame];
-    const double most = camera ? 0.05 * model_.cameras()[camera->value].width : 50.0;
-    std::size_t near = 0;
-    for (const Wanted& w : wanted_[frame]) {
-      std::array<float, 2> xy{};
-      std::memcpy(xy.data(),
-                  keypoints.bytes.data() + w.keypoint * keypoints.columns * sizeof(float),
-                  sizeof xy);
-      // The centre of the top-left pixel is (0.5, 0.5) for COLMAP.
-      const double off =
-          std::hypot(double{xy[0]} - 0.5 - w.pixel.u, double{xy[1]} - 0.5 - w.pixel.v);
-      near += off <= most ? 1 : 0;
-    }
-    return 2 * near >= wanted_[frame].size();
+  static Pixel pixel_of(const Matrix& keypoints, std::uint32_t keypoint) {
+    std::array<float, 2> xy{};
+    std::memcpy(xy.data(), keypoints.bytes.data() + keypoint * keypoints.columns * sizeof(float),
+                sizeof xy);
+    return {double{xy[0]} - kPixelCentre, double{xy[1]} - kPixelCentre};
   }
 
   void remark() const {
@@ -216,37 +166,18 @@ class DescriptorReader {
       if (count > 0)
         execution_.log({fmt::format("{}: {} {}", database_.name(), count, what), kind});
     };
-    say(model_.frame_count() - std::min(found_, model_.frame_count()),
+    say(landmarks_.model().frame_count() - std::min(found_, landmarks_.model().frame_count()),
         "images of the model are not in the database: no descriptors", RemarkKind::kInformation);
     say(of_other_kind_, fmt::format("images have descriptors other than {}; left out",
                                     features_ ? features_->kind() : "SIFT or of floats"));
     say(other_features_, "images have other keypoints than the model; left out");
   }
 
-  std::optional<DescriptorColumn> choose() const {
-    if (bytes_.empty()) return std::nullopt;
-    DescriptorColumn column{features_->kind(), features_->bytes_each(), {}, {}};
-    std::vector<std::span<const std::uint8_t>> of_landmark;
-    for (std::size_t i = 0; i < model_.landmark_count(); ++i) {
-      of_landmark.clear();
-      for (std::size_t rank = first_[i]; rank < first_[i + 1]; ++rank) {
-        if (taken_[rank] == kNotFound) continue;
-        of_landmark.push_back(std::span(bytes_).subspan(taken_[rank], column.bytes_each));
-      }
-      append_distinct(column, of_landmark, DescriptorNorm::kSquared);
-    }
-    return column;
-  }
-
-  const LandmarkMap& model_;
+  ModelDescriptors landmarks_;
   sqlite::Database& database_;
   const Execution& execution_;
-  std::unordered_map<std::string, std::uint32_t> frame_of_;
-  std::vector<std::vector<Wanted>> wanted_;  // of each frame
-  std::vector<std::size_t> first_;    // rank of each landmark's first wanted one, and the end
-  std::vector<std::size_t> taken_;    // of each rank, the start of its descriptor in bytes_
+  std::unordered_map<std::string, FrameIndex> frame_of_;
   std::optional<Features> features_;  // of the first image that has any
-  std::vector<std::uint8_t> bytes_;   // of the descriptors that were found
   std::size_t found_ = 0;
   std::size_t of_other_kind_ = 0;
   std::size_t other_features_ = 0;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <string>
@@ -8,8 +11,11 @@
 #include <vector>
 
 #include <Eigen/Geometry>
+#include <fmt/format.h>
 
+#include "cairn/core/error.hpp"
 #include "cairn/formats/detail/bytes/json_document.hpp"
+#include "cairn/formats/detail/foreign/feature_files.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
 
@@ -177,11 +183,58 @@ class OpenMvgReader {
   std::size_t unposed_ = 0;
 };
 
+constexpr DescriptorFileType kOpenMvgTypes[] = {
+    // Its own implementation, whose histograms are in another order than Lowe's.
+    {.name = "SIFT_Regions", .kind = "OPENMVG_SIFT", .numbers = 128},
+    {.name = "AKAZE_Float_Regions", .kind = "AKAZE_MSURF", .numbers = 64, .are_floats = true},
+    {.name = "AKAZE_Liop_Regions", .kind = "AKAZE_LIOP", .numbers = 144},
+    {.name = "AKAZE_Binary_Regions", .kind = "AKAZE", .numbers = 64}};
+
+// The type that image_describer.json beside the features states; std::nullopt if there is no such file.
+std::optional<DescriptorFileType> type_of_features(const std::filesystem::path& folder,
+                                                   const Execution& execution) {
+  const std::filesystem::path path = folder / "image_describer.json";
+  if (!is_file(path)) return std::nullopt;
+  try {
+    FileReader source(path);
+    const nlohmann::json json = read_json(source);
+    const std::string& name =
+        JsonValue(json, source.name() + ": ").at("regions_type").at("polymorphic_name").text();
+    const auto* const type = std::ranges::find(kOpenMvgTypes, name, &DescriptorFileType::name);
+    if (type != std::end(kOpenMvgTypes)) return *type;
+    log_remark(execution.log, path.string(),
+               fmt::format("descriptors of {} are left out", printable(name)), RemarkKind::kLoss);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::kInput) throw;
+    log_remark(execution.log, path.string(),
+               fmt::format("{}; descriptors are left out", error.what()), RemarkKind::kLoss);
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
-LandmarkMap read_openmvg(ByteSource& source, const Execution& execution) {
-  const nlohmann::json json = read_json(source);
-  return OpenMvgReader(source.name(), execution).read(JsonValue(json, source.name() + ": "));
+LandmarkMap read_openmvg(const MapInput& input, const Execution& execution) {
+  const nlohmann::json json = read_json(*input.source);
+  const std::string& name = input.source->name();
+  LandmarkMap model = OpenMvgReader(name, execution).read(JsonValue(json, name + ": "));
+  // Projects keep the features in "matches", beside the folder of the reconstruction.
+  const std::filesystem::path folder = input.path.parent_path();
+  for (const auto& place : {folder, folder / "matches", folder / ".." / "matches"}) {
+    const auto type = type_of_features(place, execution);
+    if (!type) continue;
+    const std::vector<std::string> names = model.frames().image_names;
+    return with_feature_files(
+        std::move(model),
+        {.folders = {place},
+         .type = *type,
+         .name =
+             [&](FrameIndex frame) {
+               return std::filesystem::path(names[frame.value]).stem().string();
+             }},
+        name, execution);
+  }
+  return model;
 }
 
 bool is_openmvg(const MapInput& input) {

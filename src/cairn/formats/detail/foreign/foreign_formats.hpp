@@ -79,18 +79,19 @@ void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
 inline constexpr double kOpenMvgPanorama = 0.5;
 
 /// Reads sfm_data.json of OpenMVG (docs/formats.md): views with a pose become frames, the structure
-/// landmarks of free scale.
+/// landmarks of free scale. Descriptors come from the feature files beside it, or in a folder "matches" there or beside
+/// its folder.
 /// @throws Error (input) naming source, place, value and constraint
-LandmarkMap read_openmvg(ByteSource& source, const Execution& execution = {});
+LandmarkMap read_openmvg(const MapInput& input, const Execution& execution = {});
 
 /// Writes sfm_data.json, version 0.3.
 /// @throws Error (input) naming a frame without a camera, or a camera model that OpenMVG lacks
 void write_openmvg(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
 /// Reads an .sfm file of AliceVision in JSON (docs/formats.md): views with a pose become frames, the
-/// structure landmarks of free scale.
+/// structure landmarks of free scale. Descriptors come from the feature files in the folders that it names, or beside it.
 /// @throws Error (input) naming source, place, value and constraint
-LandmarkMap read_alicevision(ByteSource& source, const Execution& execution = {});
+LandmarkMap read_alicevision(const MapInput& input, const Execution& execution = {});
 
 /// Writes an .sfm file of AliceVision in JSON, version 1.2.6.
 /// @throws Error (input) naming a frame without a camera, or a camera model that AliceVision lacks
