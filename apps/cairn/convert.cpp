@@ -101,7 +101,8 @@ void ConvertArguments::add_transforms_to(const Command& command) {
       "--apply", apply,
       "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
       "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
-      "cairn atlas show. The input is a map, a trajectory, or a PLY cloud or mesh, whose other "
+      "cairn atlas show; or as nerfstudio does: dataparser_transforms.json. The input is a map, a "
+      "trajectory, or a PLY cloud or mesh, whose other "
       "properties are kept",
       "FILE");
   command.add_flag(

@@ -15,6 +15,7 @@
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
 #include "cairn/report/report.hpp"
 #include "cairn/report/sections.hpp"
@@ -213,6 +214,7 @@ std::string omission_text(const MergeResult& result, const std::vector<std::stri
 struct MergeMapsArguments {
   CommonArguments common;
   std::vector<std::string> paths;
+  std::vector<std::string> models;
   std::string output;
   MergeOptions options;
 
@@ -227,13 +229,19 @@ struct MergeMapsArguments {
                      "Map to write; its ending selects the format: " +
                          all_formats().endings_text() + ". Required",
                      "FILE");
+    command.add_words(
+        "--models", models,
+        "Align these in place of the maps, one for each: the models, in the maps' "
+        "frames, that splats were trained on. nerfstudio's dataparser_transforms.json "
+        "beside a map is applied to its model",
+        "MODEL...");
     add_options(command, LinkOptions::table, &options.links);
     add_adjustment_to(command, options);
     common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
-    command.list_under("Pairs", {"--min-probability", "--prior-odds", "--effort",
+    command.list_under("Pairs", {"--models", "--min-probability", "--prior-odds", "--effort",
                                  "--min-observations", "--candidates"});
     command.list_under("Merged map", {"--straighten", "--thin-splats", "--refine-intrinsics"});
     command.footer(
@@ -258,12 +266,17 @@ struct MergeMapsArguments {
     const std::vector<ListedMap> maps = listed();
     std::vector<std::string> names;
     std::vector<LoadedMap> loaded;
+    std::vector<LandmarkMap> aligned;
     std::vector<MergeInput> inputs;
     loaded.reserve(maps.size());
+    aligned.reserve(maps.size());
     for (const ListedMap& map : maps) {
       names.push_back(map.name);
       loaded.push_back(load_map(map.file, common));
       inputs.push_back({map.name, &loaded.back().map, map.session});
+      if (models.empty()) continue;
+      aligned.push_back(model_of(map.file, models[aligned.size()], loaded.back()));
+      inputs.back().model = &aligned.back();
     }
     options.stated = links_of_folders(paths, maps);
     Execution execution = common.execution("merging");
@@ -293,7 +306,21 @@ struct MergeMapsArguments {
                 "another file");
     }
     refuse_if(maps.size() < 2, "maps", fmt::format("{} given", maps.size()), "at least two maps");
+    refuse_if(!models.empty() && models.size() != maps.size(), "--models",
+              fmt::format("{} given", models.size()),
+              fmt::format("one for each of the {} maps", maps.size()));
     return maps;
+  }
+
+  // The model in the frame of the map.
+  LandmarkMap model_of(const std::string& map, const std::string& path, LoadedMap& loaded) const {
+    LoadedMap model = load_map(path, common);
+    loaded.description["model"] = std::move(model.description);
+    const fs::path training = fs::path(map).parent_path() / "dataparser_transforms.json";
+    std::error_code ignored;
+    if (!fs::is_regular_file(training, ignored)) return std::move(model.map);
+    return with_length_unit(transformed(model.map, read_similarity_file(training.string())),
+                            LengthUnit::kFree);
   }
 
   Json options_json() const {

@@ -24,7 +24,7 @@ Keywords<MergeOptions> merge_keywords() {
 }
 
 Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_names,
-                  const py::kwargs& given) {
+                  const std::optional<std::vector<SharedMap>>& models, const py::kwargs& given) {
   CallOptions call;
   const MergeOptions options = merge_keywords().read(given, &call);
   Merged merged;
@@ -35,11 +35,17 @@ Merged merge_maps(const std::vector<SharedMap>& maps, const py::object& given_na
     throw Error(ErrorKind::kMisuse, "names", fmt::format("{} names", names->size()),
                 fmt::format("{}, one a map", maps.size()));
   }
+  if (models && models->size() != maps.size()) {
+    throw Error(ErrorKind::kMisuse, "models", fmt::format("{} models", models->size()),
+                fmt::format("{}, one a map", maps.size()));
+  }
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (maps[i] == nullptr)
       throw py::type_error(fmt::format("maps[{}]: None; expected a LandmarkMap", i));
     merged.names.push_back(names ? (*names)[i] : fmt::format("map {}", i));
-    inputs.push_back({merged.names.back(), maps[i].get()});
+    inputs.push_back({.name = merged.names.back(),
+                      .map = maps[i].get(),
+                      .model = models ? (*models)[i].get() : nullptr});
   }
   std::vector<std::string> remarks;
   run("merging", call, [&](Execution execution) {
@@ -156,11 +162,15 @@ void bind_merging(py::module_& module) {
       });
   module.def(
       "merge", &merge_maps, py::arg("maps"), py::arg("names") = py::none(),
-      kept(merge_keywords().signature("maps, names=None") +
+      py::arg("models") = py::none(),
+      kept(merge_keywords().signature("maps, names=None, models=None") +
            "Merges maps of one place: computes their poses, rejects links that disagree, and "
            "fuses landmarks\n"
            "that are the same. A map without a link to the largest group is left out, with a "
            "reason.\n\n"
+           "models             maps in the same frames that are aligned in place of the maps, such "
+           "as the SfM\n"
+           "                   models that splats were trained on; None for a map itself\n"
            "candidates         number of other maps to try each map with, the likeliest; 0: all.\n"
            "                   None: all of up to 32 maps, otherwise 10\n"
            "straighten         straighten maps that others show to be bent\n"

@@ -65,6 +65,55 @@ TEST_F(MergeTest, JoinsSplatsAndThinsThemUnlessToldNotTo) {
   }
 }
 
+// Splats too transparent to serve as landmarks, at the landmarks of two models; nerfstudio trained the second in a frame
+// of its own.
+TEST_F(MergeTest, AlignsTheModelsThatSplatsWereTrainedOn) {
+  const SyntheticPair pair = write_pair(900);
+  const Similarity3 training(0.25, Rigid3::from_roll_pitch_yaw({0.5, -1, 2}, 0.1, 0.2, 1.0));
+  fs::create_directories(path("first"));
+  fs::create_directories(path("second"));
+  const auto write_splat = [&](const LandmarkMap& model, const Similarity3& pose,
+                               const std::string& file) {
+    const std::size_t count = model.landmark_count();
+    LandmarkMap copy = random_splats(count, 1, count);
+    MapTables tables = std::move(copy).tables();
+    tables.landmarks.positions = model.landmarks().positions;
+    LandmarkMap splats(std::move(tables));
+    splats = with_column(splats, "opacity", std::vector<double>(count, -3.0));
+    write_map(transformed(splats, pose), path(file));
+  };
+  write_splat(pair.target, Similarity3(), "first/splat.ply");
+  write_splat(pair.source, training, "second/splat.ply");
+  const std::vector<std::string> command = {"merge",      "first/splat.ply", "second/splat.ply",
+                                            "-o",         "both.ply",        "--models",
+                                            "target.map", "source.map",      "--no-thin-splats"};
+  EXPECT_THAT(cairn({"merge", "first/splat.ply", "second/splat.ply", "-o", "both.ply"}).exit_code,
+              ::testing::Ne(kDone));
+  const CommandResult elsewhere = cairn(command);
+  EXPECT_EQ(elsewhere.exit_code, kBadInput);
+  EXPECT_THAT(elsewhere.errors, HasSubstr("a model in the same frame and unit"));
+  const Eigen::Matrix4d matrix = training.matrix();
+  Json rows = Json::array();
+  for (int i = 0; i < 3; ++i) {
+    rows.push_back(Json::array());
+    for (int k = 0; k < 4; ++k) rows.back().push_back(matrix(i, k) / training.scale());
+  }
+  write("second/dataparser_transforms.json",
+        Json{{"transform", rows}, {"scale", training.scale()}}.dump());
+  answer(command);
+  const LandmarkMap both = read_map(path("both.ply"));
+  const std::size_t first = pair.target.landmark_count();
+  EXPECT_EQ(both.landmark_count(), first + pair.source.landmark_count());
+  for (std::size_t i = 0; i < pair.source.landmark_count(); ++i) {
+    const Eigen::Vector3d truth = pair.target_from_source * pair.source.landmarks().positions[i];
+    EXPECT_LT((both.landmarks().positions[first + i] - truth).norm(), 0.02);
+  }
+  EXPECT_THAT(cairn({"merge", "first/splat.ply", "second/splat.ply", "-o", "both.ply", "--models",
+                     "target.map"})
+                  .errors,
+              HasSubstr("--models: 1 given; expected one for each of the 2 maps"));
+}
+
 TEST_F(MergeTest, JsonHasEveryMapAndEveryPair) {
   const SyntheticPair pair = write_pair(900);
   write_stranger();

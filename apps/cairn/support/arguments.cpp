@@ -95,6 +95,16 @@ Matrix4d pose_of_placed(const std::string& path, const nlohmann::ordered_json& d
       fmt::format("{}#MAP with one of {}{}", path, fmt::join(names, ", "), cut ? ", ..." : ""));
 }
 
+// nerfstudio's dataparser_transforms.json: from the model that it was given into the frame in which it trains.
+Matrix4d pose_of_training(const std::string& path, const nlohmann::ordered_json& document) {
+  const detail::JsonField root(document, path, "");
+  const auto rows = root["transform"].rows<3, 4>();
+  Matrix4d matrix = Matrix4d::Identity();
+  matrix.topRows<3>() = root["scale"].number() *
+                        Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(rows.data());
+  return matrix;
+}
+
 Matrix4d matrix_of_text(const std::string& path, const std::string& text) {
   const auto words = words_of(text, kSeparators);
   Matrix4d matrix;
@@ -130,9 +140,12 @@ Transform read_transform(const std::string& path, PoseUse use = PoseUse::kAnswer
                                 : std::optional<nlohmann::ordered_json>();
   const bool places_maps = document && document->contains("maps");
   if (!map.empty() && !places_maps) fail_pose_file(path, "names a map, but the file places none");
-  const Matrix4d matrix = places_maps ? pose_of_placed(file, *document, map)
-                          : is_json   ? pose_of_json(file, text, use).matrix()
-                                      : matrix_of_text(file, text);
+  const bool is_of_training =
+      document && document->contains("transform") && document->contains("scale");
+  const Matrix4d matrix = places_maps      ? pose_of_placed(file, *document, map)
+                          : is_of_training ? pose_of_training(file, *document)
+                          : is_json        ? pose_of_json(file, text, use).matrix()
+                                           : matrix_of_text(file, text);
   try {
     return Transform::from_matrix(matrix);
   } catch (const Error& error) {

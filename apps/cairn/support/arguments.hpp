@@ -130,8 +130,9 @@ struct CommonArguments {
 /// @param option for the message
 Rigid3 parse_pose(const std::string& text, std::string_view option);
 
-/// 16 numbers, row-major, from a text file; the first result of an `align --json` document; or "FILE#MAP": where a
-/// merge or an atlas placed that map, by the JSON of `merge`, `atlas merge` or `atlas show`.
+/// 16 numbers, row-major, from a text file; the first result of an `align --json` document; "FILE#MAP": where a
+/// merge or an atlas placed that map, by the JSON of `merge`, `atlas merge` or `atlas show`; or the
+/// dataparser_transforms.json of nerfstudio.
 /// @throws Error (input) naming the file and what is wrong with it
 Rigid3 read_pose_file(const std::string& path);
 /// The same with a scale: of the matrix, whose upper left part is s·R, or the result's.

@@ -2,6 +2,7 @@
 #include "cairn/merging/merge.hpp"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 #include <utility>
 
@@ -11,6 +12,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/join_splats.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
 namespace {
@@ -52,6 +54,34 @@ void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& res
   }
 }
 
+const LandmarkMap& aligned_map(const MergeInput& input) {
+  return input.model != nullptr ? *input.model : *input.map;
+}
+
+bool is_same_map(const LandmarkMap& a, const LandmarkMap& b) {
+  return are_one_map(a.landmarks().positions, b.landmarks().positions);
+}
+
+// A model and what was made of it show the same surfaces.
+void require_one_frame(const MergeInput& input) {
+  constexpr double kNear = 0.02;  // of the model's radius
+  constexpr double kLeastShare = 0.5;
+  if (input.model == nullptr) return;
+  const std::vector<Eigen::Vector3d>& positions = input.model->landmarks().positions;
+  const double limit = kNear * node_extent(positions).radius;
+  const BatchTree tree(input.map->landmarks().positions);
+  std::array<Neighbor, 1> nearest;
+  const auto near = std::ranges::count_if(positions, [&](const Eigen::Vector3d& x) {
+    return tree.nearest(x, nearest, limit * limit) > 0;
+  });
+  const double share =
+      static_cast<double>(near) / static_cast<double>(std::max<std::size_t>(positions.size(), 1));
+  if (share >= kLeastShare) return;
+  throw Error(ErrorKind::kInput, input.name,
+              fmt::format("{:.0f} % of the landmarks of its model are near its own", 100.0 * share),
+              "a model in the same frame and unit");
+}
+
 }  // namespace
 
 void MergeOptions::validate() const {
@@ -91,19 +121,21 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
   std::vector<std::string> sessions;
   std::vector<NodeExtent> extents;
   std::vector<PlacedMap> joinable;
-  for (const MergeInput& input : maps) {
-    for (const PlacedMap& other : joinable) {
-      refuse_if(are_one_map(input.map->landmarks().positions, other.map->landmarks().positions),
-                "maps", fmt::format("{} and {} are one map", other.name, input.name),
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      refuse_if(is_same_map(*maps[i].map, *maps[k].map) ||
+                    is_same_map(aligned_map(maps[i]), aligned_map(maps[k])),
+                "maps", fmt::format("{} and {} are one map", maps[k].name, maps[i].name),
                 "each map once; a repeated map would count as independent evidence");
     }
-    joinable.push_back({input.map, input.name, {}});
+    joinable.push_back({maps[i].map, maps[i].name, {}});
   }
   detail::are_splats(joinable);  // throws before the long work
   for (const MergeInput& input : maps) {
-    pointers.push_back(input.map);
+    require_one_frame(input);
+    pointers.push_back(&aligned_map(input));
     sessions.push_back(input.session);
-    extents.push_back(node_extent(input.map->landmarks().positions));
+    extents.push_back(node_extent(pointers.back()->landmarks().positions));
   }
   MapsInMemory store(pointers, std::move(sessions));
   result.links = link_maps(store, options.links, execution);

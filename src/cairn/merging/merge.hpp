@@ -18,6 +18,9 @@ struct MergeInput {
   std::string name;
   const LandmarkMap* map = nullptr;  ///< not null
   std::string session = {};          ///< name that maps of one run share; empty if unknown
+  /// Map in the same frame and unit that is aligned in place of `map`, such as the SfM model that a
+  /// splat was trained on. Null: `map` itself.
+  const LandmarkMap* model = nullptr;
 };
 
 /// Options of merge(): options of fusion and linking.
@@ -73,7 +76,8 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options 
 /// place a map; maps without a link to the largest group are left out. The order of the maps
 /// affects only the frame and the numbering.
 /// @return result without a merged map
-/// @throws Error as merge(), and (misuse) for a map that is given twice under any names
+/// @throws Error as merge(), (misuse) for a map that is given twice under any names, (input) for a
+///         model that lies elsewhere than its map
 MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& options = {},
                        const Execution& execution = {});
 

@@ -54,6 +54,45 @@ TEST(Merge, PutsTwoSessionsIntoTheFirstOnesFrame) {
   EXPECT_EQ(graph.links[0].kind, LinkKind::kPlacement);
 }
 
+TEST(Merge, AlignsModelsInPlaceOfTheMapsInTheirFrames) {
+  const SyntheticPair models =
+      synthetic_pair({.seed = 3, .landmarks = 1200, .frames = 30, .overlap = 0.4});
+  // Without the landmarks that both have, there is nothing to align.
+  const auto made_of = [](const LandmarkMap& model, const auto& common) {
+    std::vector<bool> is_common(model.landmark_count(), false);
+    for (const LandmarkIndex index : common) is_common[index.value] = true;
+    std::vector<LandmarkIndex> kept;
+    for (std::uint32_t i = 0; i < model.landmark_count(); ++i) {
+      if (!is_common[i]) kept.push_back(LandmarkIndex{i});
+    }
+    return with_landmarks(model, kept);
+  };
+  std::vector<LandmarkIndex> of_target;
+  std::vector<LandmarkIndex> of_source;
+  for (const auto& [in_source, in_target] : models.shared) {
+    of_source.push_back(in_source);
+    of_target.push_back(in_target);
+  }
+  const LandmarkMap target = made_of(models.target, of_target);
+  const LandmarkMap source = made_of(models.source, of_source);
+  std::vector<MergeInput> inputs = {{"target", &target}, {"source", &source}};
+  EXPECT_EQ(merge(inputs).placed(), 0U);
+  inputs[0].model = &models.target;
+  inputs[1].model = &models.source;
+  const MergeResult result = merge(inputs);
+  ASSERT_EQ(result.placed(), 2U);
+  const Rigid3 error = result.maps[1].world_from_map->rigid().inverse() * models.target_from_source;
+  EXPECT_LT(error.angle(), 0.002);
+  EXPECT_EQ(result.map->landmark_count(), target.landmark_count() + source.landmark_count());
+  // A model that lies elsewhere, or is given twice, is refused.
+  const LandmarkMap elsewhere = transformed(models.source, Similarity3(2.0, Rigid3()));
+  inputs[1].model = &elsewhere;
+  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { merge(inputs); }), HasSubstr("source: "));
+  inputs[1].model = &models.target;
+  EXPECT_THAT(testing::refusal(ErrorKind::kMisuse, [&] { merge(inputs); }),
+              HasSubstr("target and source are one map"));
+}
+
 TEST(Merge, AdjustmentMakesResidualsSmallerAndKeepsTheFirstFrame) {
   const SyntheticPair maps = pair(2);
   const std::vector<MergeInput> inputs = {{"target", &maps.target}, {"source", &maps.source}};
