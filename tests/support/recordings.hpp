@@ -16,6 +16,7 @@
 
 #include <bzlib.h>
 #include <lz4frame.h>
+#include <zlib.h>
 #include <zstd.h>
 
 #include "cairn/recording/messages.hpp"
@@ -142,6 +143,7 @@ struct ContainerOptions {
   bool is_indexed = true;  ///< whether an index follows each chunk
   bool is_closed = true;   ///< whether the end is there
   std::size_t messages_a_chunk = 3;
+  enum class Checksum { kNone, kRight, kWrong } checksum = Checksum::kNone;  ///< of a chunk of MCAP
 };
 
 namespace detail {
@@ -210,8 +212,12 @@ inline std::string mcap_bytes(const WrittenMessages& messages, const ContainerOp
                  message.bytes);
     }
     const std::string data = packed(options.compression, chunk);
+    auto checksum = static_cast<std::uint32_t>(
+        crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size()));
+    if (options.checksum == ContainerOptions::Checksum::kNone) checksum = 0;
+    if (options.checksum == ContainerOptions::Checksum::kWrong) ++checksum;
     file += detail::mcap_record(6, little_endian(messages[begin].time_ns, messages[end - 1].time_ns,
-                                                 std::uint64_t{chunk.size()}, std::uint32_t{0}) +
+                                                 std::uint64_t{chunk.size()}, checksum) +
                                        sized(options.compression) +
                                        little_endian(std::uint64_t{data.size()}) + data);
     for (const auto& [number, entries] : index) {

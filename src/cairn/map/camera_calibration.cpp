@@ -18,7 +18,12 @@ constexpr std::pair<std::string_view, std::string_view> kDistortionModels[] = {
     {"rational_polynomial", "FULL_OPENCV"},
     {"radtan", "FULL_OPENCV"},
     {"radial-tangential", "FULL_OPENCV"},
-    {"equidistant", "OPENCV_FISHEYE"}};
+    {"equidistant", "OPENCV_FISHEYE"},
+    // Of RealSense's own recordings, as its ROS driver publishes them.
+    {"Brown Conrady", "FULL_OPENCV"},
+    {"Modified Brown Conrady", "FULL_OPENCV"},
+    {"Inverse Brown Conrady", "FULL_OPENCV"},
+    {"Kannala Brandt4", "OPENCV_FISHEYE"}};
 
 bool are_zero(std::span<const double> values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return value == 0.0; });
@@ -36,7 +41,7 @@ Camera camera_of(const CameraCalibration& calibration, bool is_rectified,
       CameraId{0}, "PINHOLE", calibration.width, calibration.height, {k[0], k[4], k[2], k[5]}};
   if (is_rectified) {
     camera.parameters = {p[0], p[5], p[2], p[6]};
-  } else if (!are_zero(d) || model == "equidistant") {
+  } else if (!are_zero(d) || model == "equidistant" || model == "Kannala Brandt4") {
     const auto* const known =
         std::find_if(std::begin(kDistortionModels), std::end(kDistortionModels),
                      [&](const auto& entry) { return entry.first == model; });

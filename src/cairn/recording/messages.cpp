@@ -172,6 +172,14 @@ std::vector<FrameTransform> parse_transforms(const MessageBytes& message) {
   return transforms;
 }
 
+Rigid3 parse_transform(const MessageBytes& message) {
+  return MessageCursor(message).pose();
+}
+
+float parse_float(const MessageBytes& message) {
+  return MessageCursor(message).number<float>("data");
+}
+
 FrameTransform parse_pose(const MessageBytes& message, std::string_view type) {
   MessageCursor cursor(message);
   const MessageHeader header = cursor.header();

@@ -57,6 +57,10 @@ double stamp_of(const MessageBytes& message);
 ImageMessage parse_image(const MessageBytes& message, std::string_view type);
 CameraInfo parse_camera_info(const MessageBytes& message);
 std::vector<FrameTransform> parse_transforms(const MessageBytes& message);
+/// geometry_msgs/Transform.
+Rigid3 parse_transform(const MessageBytes& message);
+/// std_msgs/Float32.
+float parse_float(const MessageBytes& message);
 /// @param type "nav_msgs/Odometry", "geometry_msgs/PoseStamped" or
 ///        "geometry_msgs/PoseWithCovarianceStamped"; only the first contains the child
 FrameTransform parse_pose(const MessageBytes& message, std::string_view type);

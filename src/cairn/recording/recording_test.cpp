@@ -167,6 +167,17 @@ TEST_F(RecordingTest, ADamagedChunkIsNamed) {
   }
 }
 
+TEST_F(RecordingTest, APackedChunkMatchesItsChecksum) {
+  using Checksum = testing::ContainerOptions::Checksum;
+  const auto bytes = [&](Checksum checksum) {
+    return testing::mcap_bytes(written, {.compression = "lz4", .checksum = checksum});
+  };
+  EXPECT_EQ(contents_of(open("a.mcap", bytes(Checksum::kRight))), contents_of(written));
+  const Recording damaged = open("b.mcap", bytes(Checksum::kWrong));
+  EXPECT_THAT(testing::message_of(ErrorKind::kInput, [&] { damaged.read(damaged.messages()[0]); }),
+              HasSubstr("a chunk that does not match its checksum"));
+}
+
 TEST_F(RecordingTest, LengthsAreNotTrusted) {
   const std::string bytes = testing::mcap_bytes(written, {"lz4"});
   const std::size_t name = bytes.find("lz4");

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <string_view>
 #include <utility>
@@ -11,6 +12,7 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/text.hpp"
 
 namespace cairn {
 namespace {
@@ -26,6 +28,14 @@ bool is_readable(const RecordedTopic& topic) {
 
 std::string up_from(const std::string& name) {
   return name.substr(0, std::min(name.rfind('/'), name.size()));
+}
+
+// The stream of a topic of RealSense's own recordings: /device_0/sensor_1/Color_0 of /device_0/sensor_1/Color_0/image/data.
+// All its images are in a frame "0".
+std::optional<std::string> realsense_stream(const std::string& topic) {
+  constexpr std::string_view kEnd = "/image/data";
+  if (!topic.starts_with("/device_") || !topic.ends_with(kEnd)) return std::nullopt;
+  return topic.substr(0, topic.size() - kEnd.size());
 }
 
 // The topic of the raw images that a transport compresses: NAME of NAME/compressed.
@@ -46,7 +56,7 @@ std::map<std::uint32_t, RecordedMessage> first_messages(const Recording& recordi
 bool is_depth_image(const std::string& encoding, const std::string& topic) {
   return encoding == "16UC1" || encoding == "32FC1" ||
          encoding.find("compressedDepth") != std::string::npos ||
-         (topic.find("depth") != std::string::npos &&
+         (lower_case(topic).find("depth") != std::string::npos &&
           (encoding == "mono16" || encoding.starts_with("16UC1")));
 }
 
@@ -121,6 +131,28 @@ std::optional<Rigid3> transform_between(const std::map<std::string, FrameTransfo
   return std::nullopt;
 }
 
+// The transform of two of RealSense's streams: /device_0/sensor_1/Color_0/tf/3 is the pose of the reference stream 3 in the
+// stream Color_0.
+std::optional<Rigid3> realsense_transform(const Recording& recording, const std::string& target,
+                                          const std::string& source) {
+  std::map<std::string, Rigid3> target_from;  // by reference
+  std::map<std::string, Rigid3> source_from;
+  for (const auto& [index, message] : first_messages(recording)) {
+    const RecordedTopic& topic = recording.topics()[index];
+    if (topic.type != "geometry_msgs/Transform") continue;
+    const std::string reference = topic.name.substr(topic.name.rfind('/') + 1);
+    for (const auto& [stream, from] : {std::pair{&target, &target_from}, {&source, &source_from}}) {
+      if (topic.name != *stream + "/tf/" + reference) continue;
+      from->emplace(reference, parse_message(recording, message, parse_transform));
+    }
+  }
+  for (const auto& [reference, pose] : target_from) {
+    const auto other = source_from.find(reference);
+    if (other != source_from.end()) return pose * other->second.inverse();
+  }
+  return std::nullopt;
+}
+
 constexpr std::array<std::string_view, 3> kPoseTypes = {
     "nav_msgs/Odometry", "geometry_msgs/PoseStamped", "geometry_msgs/PoseWithCovarianceStamped"};
 
@@ -163,9 +195,11 @@ std::vector<ImageTopic> image_topics(const Recording& recording) {
       image.is_depth = is_depth_image(parsed.encoding, topic.name);
       image.frame = parsed.header.frame;
     });
-    const std::string beside = up_from(raw) + "/camera_info";
+    const auto stream = realsense_stream(raw);
+    const std::string beside =
+        stream ? *stream + "/info/camera_info" : up_from(raw) + "/camera_info";
     for (const auto& [name, info] : infos) {
-      const bool is_of_frame = !image.info && info.header.frame == image.frame;
+      const bool is_of_frame = !stream && !image.info && info.header.frame == image.frame;
       if (name == beside || is_of_frame) image.info = info;
     }
   }
@@ -192,6 +226,9 @@ SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTo
 }
 
 std::optional<Rigid3> image_from_partner(const Recording& recording, const SensorTopics& topics) {
+  const auto image = realsense_stream(recording.topics()[topics.image.topic].name);
+  const auto partner = realsense_stream(recording.topics()[topics.depth_or_right.topic].name);
+  if (image && partner) return realsense_transform(recording, *image, *partner);
   if (topics.is_stereo()) {
     const bool are_rectified = is_rectified_topic(recording.topics()[topics.image.topic].name);
     const auto stated = left_from_right(*topics.image.info, *topics.depth_or_right.info,
@@ -199,6 +236,23 @@ std::optional<Rigid3> image_from_partner(const Recording& recording, const Senso
     if (stated) return stated;
   }
   return static_transform(recording, topics.image.frame, topics.depth_or_right.frame);
+}
+
+std::optional<double> depth_unit_m(const Recording& recording, const ImageTopic& depth) {
+  const auto stream = realsense_stream(recording.topics()[depth.topic].name);
+  if (!stream) return std::nullopt;
+  const std::string options = up_from(*stream) + "/option/";
+  for (const auto& [index, message] : first_messages(recording)) {
+    const RecordedTopic& topic = recording.topics()[index];
+    const bool is_unit =
+        topic.name == options + "Depth_Units/value" || topic.name == options + "Depth Units/value";
+    if (!is_unit || topic.type != "std_msgs/Float32") continue;
+    const float unit = parse_message(recording, message, parse_float);
+    reject_if(!(unit > 0.0F && std::isfinite(unit)), recording.name() + ": " + topic.name,
+              fmt::format("{}", unit), "the length of a unit of depth in metres");
+    return unit;
+  }
+  return std::nullopt;
 }
 
 std::optional<Rigid3> static_transform(const Recording& recording, const std::string& target,

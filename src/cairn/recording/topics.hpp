@@ -40,9 +40,15 @@ SensorTopics choose_topics(const Recording& recording, const std::vector<ImageTo
                            const std::string& given = {});
 
 /// Pose of the second camera in the frame of the first, metres. A stereo pair uses R and P of
-/// CameraInfo; without a baseline in P, and for RGB-D, /tf_static is used. std::nullopt if unknown.
+/// CameraInfo; without a baseline in P, and for RGB-D, /tf_static is used. RealSense's own recordings
+/// state the poses of their streams instead. std::nullopt if unknown.
 /// @throws Error (input) for an R that is not a rotation
 std::optional<Rigid3> image_from_partner(const Recording& recording, const SensorTopics& topics);
+
+/// Length of one unit of a topic of 16-bit depth, metres, if the recording states it, as RealSense's
+/// own recordings do.
+/// @throws Error (input) for a length that is not positive
+std::optional<double> depth_unit_m(const Recording& recording, const ImageTopic& depth);
 
 /// Transform target_from_source by /tf_static; identity for equal frames; std::nullopt if unknown.
 std::optional<Rigid3> static_transform(const Recording& recording, const std::string& target,

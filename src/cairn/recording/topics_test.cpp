@@ -102,6 +102,89 @@ TEST_P(PoseTopicsTest, WhatIsNotKnownIsRefused) {
   EXPECT_THAT(refused("/odom"), HasSubstr("poses in 'odom' and in 'map'"));
 }
 
+// What RealSense's own recorder writes: all streams are in a frame "0", and state their cameras and poses beside them.
+struct RealSenseTest : ::testing::Test {
+  testing::TemporaryFolder folder;
+  WrittenMessages messages;
+  // The reference is the stream 0, of depth.
+  const Rigid3 color_from_depth{
+      Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY())),
+      {0.015, 0.001, -0.002}};
+
+  void add(const std::string& topic, const std::string& type, const std::string& bytes) {
+    messages.push_back({topic, type, messages.size(), bytes});
+  }
+  void stream(const std::string& name, const std::string& encoding, double focal_length,
+              const Rigid3& stream_from_reference) {
+    CameraInfo info;
+    info.header.frame = "0";
+    info.width = 4;
+    info.height = 2;
+    info.intrinsics = {focal_length, 0, 2, 0, focal_length, 1, 0, 0, 1};
+    info.distortion_model = "Inverse Brown Conrady";
+    info.distortion = {0.1, 0, 0, 0, 0};
+    add(name + "/info/camera_info", "sensor_msgs/CameraInfo",
+        testing::camera_info_bytes("ros1", info));
+    MessageFields pose("ros1");
+    PoseTopicsTest::add_pose(pose, stream_from_reference);
+    add(name + "/tf/0", "geometry_msgs/Transform", pose.bytes());
+    const std::string pixels(24, '\1');
+    ImageMessage image;
+    image.header.frame = "0";
+    image.width = 4;
+    image.height = 2;
+    image.encoding = encoding;
+    image.row_bytes = encoding == "rgb8" ? 12 : 8;
+    image.data = std::string_view(pixels).substr(0, 2 * image.row_bytes);
+    add(name + "/image/data", "sensor_msgs/Image", testing::image_bytes("ros1", 1, image));
+  }
+  void unit(float metres) {
+    add("/device_0/sensor_0/option/Depth_Units/value", "std_msgs/Float32",
+        MessageFields("ros1").number(metres).bytes());
+  }
+  Recording recording() const {
+    return Recording(folder.write("a.bag", testing::rosbag_bytes(messages)));
+  }
+};
+
+TEST_F(RealSenseTest, StreamsHaveTheirOwnCamerasAndPoses) {
+  stream("/device_0/sensor_0/Depth_0", "mono16", 385.0, Rigid3());
+  stream("/device_0/sensor_1/Color_0", "rgb8", 610.0, color_from_depth);
+  const Recording bag = recording();
+  const SensorTopics chosen = choose_topics(bag, image_topics(bag));
+  EXPECT_FALSE(chosen.is_stereo());
+  EXPECT_EQ(chosen.image.info->intrinsics[0], 610.0);
+  EXPECT_EQ(chosen.depth_or_right.info->intrinsics[0], 385.0);
+  EXPECT_EQ(camera_of(*chosen.image.info, false, "").model, "OPENCV");
+  const auto pose = image_from_partner(bag, chosen);
+  ASSERT_TRUE(pose);
+  const Rigid3 error = pose->inverse() * color_from_depth;
+  EXPECT_LT(error.angle() + error.translation().norm(), 1e-12);
+  EXPECT_FALSE(depth_unit_m(bag, chosen.depth_or_right)) << "as ROS has it";
+}
+
+TEST_F(RealSenseTest, StreamsWithoutACommonReferenceHaveNoKnownPose) {
+  stream("/device_0/sensor_0/Depth_0", "mono16", 385.0, Rigid3());
+  stream("/device_0/sensor_1/Color_0", "rgb8", 610.0, color_from_depth);
+  messages.erase(messages.begin() + 1);
+  const Recording bag = recording();
+  EXPECT_FALSE(image_from_partner(bag, choose_topics(bag, image_topics(bag))))
+      << "equal frames, but not one camera";
+}
+
+TEST_F(RealSenseTest, TheUnitOfDepthIsThatOfTheSensor) {
+  stream("/device_0/sensor_0/Depth_0", "mono16", 385.0, Rigid3());
+  unit(0.00025F);
+  const Recording bag = recording();
+  EXPECT_NEAR(depth_unit_m(bag, image_topics(bag)[0]).value_or(0.0), 0.00025, 1e-9);
+  messages.pop_back();
+  unit(0.0F);
+  const Recording wrong = recording();
+  EXPECT_THAT(
+      testing::message_of(ErrorKind::kInput, [&] { depth_unit_m(wrong, image_topics(wrong)[0]); }),
+      HasSubstr("Depth_Units/value: 0; expected the length of a unit of depth in metres"));
+}
+
 INSTANTIATE_TEST_SUITE_P(Encodings, PoseTopicsTest, ::testing::Values("ros1", "cdr", "cdr-be"));
 
 }  // namespace

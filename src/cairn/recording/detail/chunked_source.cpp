@@ -54,8 +54,10 @@ std::shared_ptr<const Stretch> ChunkedSource::stretch_of(std::uint32_t chunk) co
   } else {
     const Stretch packed(file_, its.begin, its.packed_size);
     const std::string place = packed.place(0);
-    stretch = std::make_shared<Stretch>(
-        unpacked(its.compression, packed.read(0, its.packed_size), its.size, place), place);
+    std::string bytes = unpacked(its.compression, packed.read(0, its.packed_size), its.size, place);
+    reject_if(its.checksum != 0 && its.checksum != checksum_of(bytes), place,
+              "a chunk that does not match its checksum", "an undamaged file");
+    stretch = std::make_shared<Stretch>(std::move(bytes), place);
   }
   // Of two cameras with chunks of their own, each thread reads one or two at a time.
   constexpr std::size_t kCachedChunks = 4;

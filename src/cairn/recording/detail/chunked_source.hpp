@@ -68,7 +68,8 @@ class ChunkedSource : public MessageSource {
     std::uint64_t begin = 0;  // of the packed bytes, in the file
     std::uint64_t packed_size = 0;
     std::uint64_t size = 0;
-    std::string compression;  // empty: none
+    std::string compression;     // empty: none
+    std::uint32_t checksum = 0;  // CRC-32 of the bytes, unpacked; 0: not known
   };
   struct Message {
     std::uint32_t topic = 0;  // the format's own id

@@ -9,6 +9,7 @@
 #include <bzlib.h>
 #include <fmt/format.h>
 #include <lz4frame.h>
+#include <zlib.h>
 #include <zstd.h>
 
 #include "cairn/core/error.hpp"
@@ -68,6 +69,11 @@ std::string unpacked(std::string_view name, std::string_view packed, std::uint64
   reject_if(unpack(packed, out) != out.size(), place, fmt::format("damaged {} data", name),
             fmt::format("a chunk that unpacks to {} bytes", size));
   return out;
+}
+
+std::uint32_t checksum_of(std::string_view bytes) {
+  return static_cast<std::uint32_t>(
+      crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 }  // namespace cairn::detail

@@ -15,4 +15,7 @@ namespace cairn::detail {
 std::string unpacked(std::string_view name, std::string_view packed, std::uint64_t size,
                      const std::string& place);
 
+/// The CRC-32 of bytes, as MCAP stores it.
+std::uint32_t checksum_of(std::string_view bytes);
+
 }  // namespace cairn::detail

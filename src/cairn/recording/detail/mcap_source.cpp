@@ -83,6 +83,7 @@ class McapSource final : public ChunkedSource {
   Chunk chunk_of(const Stretch& stretch, const Record& record) const override {
     Chunk chunk;
     chunk.size = stretch.number<std::uint64_t>(record.begin + 16);
+    chunk.checksum = stretch.number<std::uint32_t>(record.begin + 24);
     std::uint64_t at = record.begin + 28;  // behind times, size and checksum
     chunk.compression = stretch.text(at);
     chunk.packed_size = stretch.number<std::uint64_t>(at);

@@ -240,8 +240,10 @@ RecordedImages::~RecordedImages() = default;
 
 SequenceLists RecordedImages::lists(bool needs_rig) const {
   SequenceLists lists{content_->images.entries, content_->partners.entries, std::nullopt, {}};
-  lists.depth_units_per_metre = 1000.0;  // of 16 bits, in ROS (REP 118)
   const SensorTopics& topics = content_->topics;
+  constexpr double kMillimetre = 0.001;  // of 16 bits, in ROS (REP 118)
+  lists.depth_units_per_metre =
+      1.0 / depth_unit_m(content_->recording, topics.depth_or_right).value_or(kMillimetre);
   if (!topics.is_stereo()) return lists;
   lists.calibration = content_->info_place(topics.depth_or_right);
   if (!needs_rig) return lists;
