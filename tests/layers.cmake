@@ -55,7 +55,7 @@ set(HEAVY
   "lz4" "recording"
   "sqlite3" "storage"
   "yaml-cpp/" "experiments"
-  "zlib.h" "formats report"
+  "zlib.h" "formats recording report"
   "zstd.h" "recording"
   "pcl/" ""
   "Python.h" ""

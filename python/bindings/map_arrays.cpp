@@ -14,7 +14,6 @@
 
 #include "cairn/core/detail/memory.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/map/detail/model_descriptors.hpp"
 #include "cairn/map/operations.hpp"
 
 #include "bindings/maps.hpp"
@@ -340,7 +339,7 @@ class GivenFeatures {
     return static_cast<std::size_t>(are_bytes_ ? bytes_.shape(1) : numbers_.shape(1));
   }
 
-  void set(detail::ModelDescriptors& landmarks, FrameIndex frame) const {
+  void set(ModelDescriptors& landmarks, FrameIndex frame) const {
     const auto rows = static_cast<std::size_t>(are_bytes_ ? bytes_.shape(0) : numbers_.shape(0));
     for (const auto& wanted : landmarks.wanted(frame)) {
       if (wanted.keypoint >= rows) {
@@ -375,7 +374,7 @@ SharedMap with_descriptors(const SharedMap& map, const std::string& kind,
         names.empty() ? "has no names of images" : "does not know the keypoints it observes",
         "a map whose observations state image and keypoint, such as a COLMAP model");
   }
-  detail::ModelDescriptors landmarks(*map);
+  ModelDescriptors landmarks(*map);
   std::size_t columns = 0;
   for (std::uint32_t i = 0; i < map->frame_count(); ++i) {
     if (landmarks.wanted(FrameIndex{i}).empty()) continue;

@@ -15,7 +15,7 @@
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
 #include "cairn/formats/detail/losses.hpp"
-#include "cairn/map/detail/model_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/storage/sqlite/database.hpp"
 
 namespace cairn::detail {

@@ -13,7 +13,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
-#include "cairn/map/detail/model_descriptors.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
