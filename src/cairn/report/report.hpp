@@ -89,6 +89,15 @@ struct Frames {
   std::vector<FrameImage> images = {};  ///< at most one per frame
 };
 
+/// Ellipsoids of landmarks: their covariances, each divided by its largest variance.
+struct Ellipsoids {
+  /// xx, yy, zz, xy, xz, yz of each covariance, times 127; zeros: unknown
+  std::vector<std::int8_t> covariances = {};
+  std::vector<std::uint8_t> sigmas = {};  ///< largest deviation = 2^(offset + scale * stored)
+  double scale = 0.0;
+  double offset = 0.0;
+};
+
 /// Landmarks to show.
 struct Map {
   std::string id = {};  ///< unique among the report's maps; lower-case letters, digits and '-'
@@ -100,7 +109,8 @@ struct Map {
   Buffer positions = std::vector<std::uint32_t>();  ///< u16 or u32, 3 per landmark
   std::vector<std::uint64_t> ids = {};              ///< empty: 0, 1, ...
   std::vector<Column> columns = {};
-  std::vector<std::uint8_t> colors = {};  ///< sRGB, 3 per landmark; empty: unknown
+  std::vector<std::uint8_t> colors = {};      ///< sRGB, 3 per landmark; empty: unknown
+  std::optional<Ellipsoids> ellipsoids = {};  ///< of Gaussian splats
   std::optional<Frames> frames = {};
 };
 

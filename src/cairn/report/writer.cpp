@@ -452,6 +452,16 @@ class Document {
                                  {"offset", to_json(column.offset)}});
     }
     json["colors"] = map.colors.empty() ? Json(nullptr) : buffers_.add(map.colors);
+    json["ellipsoids"] = nullptr;
+    if (map.ellipsoids) {
+      const Ellipsoids& shapes = *map.ellipsoids;
+      require_size(shapes.covariances.size(), 6 * map.count, where, "Ellipsoids.covariances");
+      require_size(shapes.sigmas.size(), map.count, where, "Ellipsoids.sigmas");
+      json["ellipsoids"] = {{"covariances", buffers_.add(shapes.covariances)},
+                            {"sigmas", buffers_.add(shapes.sigmas)},
+                            {"scale", to_json(shapes.scale)},
+                            {"offset", to_json(shapes.offset)}};
+    }
     json["frames"] = map.frames ? frames_json(*map.frames, where) : Json(nullptr);
     return json;
   }

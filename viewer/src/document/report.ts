@@ -98,7 +98,20 @@ function parseCloud(field: Field, buffers: Buffers) {
     ids: orNull(buffers.reader(["u32"], 2 * size)),
     columns: listOrEmpty((column) => parseColumn(column, buffers, size)),
     colors: orNull(buffers.reader(["u8"], 3 * size)),
+    ellipsoids: orNull((shapes) => parseEllipsoids(shapes, buffers, size)),
     frames: orNull((frames) => parseFrames(frames, buffers)),
+  })(field);
+}
+
+export type Ellipsoids = ReturnType<typeof parseEllipsoids>;
+function parseEllipsoids(field: Field, buffers: Buffers, size: number) {
+  return object({
+    /** xx yy zz xy xz yz, times 127, of the covariance divided by its largest variance. */
+    covariances: buffers.reader(["i8"], 6 * size),
+    /** The largest standard deviation is 2^(offset + scale · stored). */
+    sigmas: buffers.reader(["u8"], size),
+    scale: number,
+    offset: number,
   })(field);
 }
 

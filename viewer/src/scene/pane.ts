@@ -185,6 +185,7 @@ export class Pane extends View3d<Role, PanePick> {
       const pose = role === "target" ? kIdentity : role === "truth" ? (model.truth ?? kIdentity) : this.#pose;
       layer.place(pose, model.extent.centre);
       layer.object.visible = layers[role];
+      layer.showEllipses(layers.ellipses && role !== "truth");
     }
     for (const [role, layer] of this.cameras) {
       layer.place(this.poseOf(role), model.extent.centre);

@@ -3,14 +3,19 @@ import {
   BufferAttribute,
   BufferGeometry,
   DataTexture,
+  InterleavedBuffer,
+  InterleavedBufferAttribute,
+  Matrix3,
   Matrix4,
   NearestFilter,
   Points,
   RGBAFormat,
   ShaderMaterial,
+  Vector2,
   Vector3,
+  Vector4,
 } from "three";
-import type { LandmarkCloud } from "../document/report";
+import type { Ellipsoids, LandmarkCloud } from "../document/report";
 import { compose, dequantise, type Affine } from "../math/pose";
 import type { Palette } from "../theme";
 import { kNoLevel, rampColor } from "./coloring";
@@ -23,9 +28,46 @@ uniform int mode;
 uniform vec3 color;
 uniform sampler2D ramp;
 varying vec3 shade;
+varying float pixels;
+#ifdef ELLIPSES
+attribute vec3 variances;
+attribute vec3 correlations;
+attribute float sigma;
+uniform bool ellipses;
+uniform vec2 sigmaScale;
+uniform mat3 sceneFromMap;
+uniform vec2 viewport;
+varying vec3 conic;
+/** The covariance of the projection in pixels, which the perspective is linear for (Zwicker et al. 2001). */
+void project(vec3 x) {
+  mat3 c = mat3(variances.x, correlations.x, correlations.y,
+                correlations.x, variances.y, correlations.z,
+                correlations.y, correlations.z, variances.z);
+  mat3 turn = mat3(viewMatrix) * sceneFromMap;
+  float s = exp2(sigmaScale.x + sigmaScale.y * sigma);
+  mat3 seen = s * s * turn * c * transpose(turn);
+  vec2 focal = 0.5 * viewport * vec2(projectionMatrix[0][0], projectionMatrix[1][1]);
+  float z = max(-x.z, 1e-6);
+  vec3 u = vec3(focal.x / z, 0.0, focal.x * x.x / (z * z));
+  vec3 v = vec3(0.0, focal.y / z, focal.y * x.y / (z * z));
+  float a = dot(u, seen * u) + 0.3;
+  float b = dot(u, seen * v);
+  float d = dot(v, seen * v) + 0.3;
+  float det = max(a * d - b * b, 1e-6);
+  conic = vec3(d, -b, a) / det;
+  float largest = 0.5 * (a + d) + sqrt(max(0.25 * (a - d) * (a - d) + b * b, 0.0));
+  pixels = clamp(4.0 * sqrt(largest), 1.0, 1000.0);
+  gl_PointSize = pixels;
+}
+#endif
 void main() {
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+  vec4 x = modelViewMatrix * vec4(position, 1.0);
+  gl_Position = projectionMatrix * x;
   gl_PointSize = size;
+  pixels = size;
+#ifdef ELLIPSES
+  if (ellipses) project(x.xyz);
+#endif
   shade = mode == 0 ? color : mode == 1 ? texture2D(ramp, vec2((level + 0.5) / 256.0, 0.5)).rgb : tint;
 }`;
 
@@ -33,8 +75,22 @@ const kFragmentShader = `
 uniform int shape;
 uniform float opacity;
 varying vec3 shade;
+varying float pixels;
+#ifdef ELLIPSES
+uniform bool ellipses;
+varying vec3 conic;
+#endif
 void main() {
   vec2 p = 2.0 * gl_PointCoord - 1.0;
+#ifdef ELLIPSES
+  if (ellipses) {
+    vec2 d = 0.5 * pixels * vec2(p.x, -p.y);
+    float r2 = conic.x * d.x * d.x + 2.0 * conic.y * d.x * d.y + conic.z * d.y * d.y;
+    if (r2 > 4.0) discard;
+    gl_FragColor = vec4(shade * (1.0 - 0.06 * r2), opacity);
+    return;
+  }
+#endif
   float r = dot(p, p);
   if ((shape == 0 && r > 1.0) || (shape == 2 && (r > 1.0 || r < 0.42))) discard;
   gl_FragColor = vec4(shade, opacity);
@@ -103,6 +159,23 @@ function tintsOf(cloud: LandmarkCloud): BufferAttribute | null {
   return attribute ?? null;
 }
 
+const shapeAttributes = new WeakMap<LandmarkCloud, Record<string, BufferAttribute | InterleavedBufferAttribute>>();
+
+/** Of a cloud that has ellipsoids. */
+function shapesOf(cloud: LandmarkCloud, { covariances, sigmas }: Ellipsoids) {
+  let attributes = shapeAttributes.get(cloud);
+  if (!attributes) {
+    const six = new InterleavedBuffer(covariances, 6);
+    attributes = {
+      variances: new InterleavedBufferAttribute(six, 3, 0, true),
+      correlations: new InterleavedBufferAttribute(six, 3, 3, true),
+      sigma: new BufferAttribute(sigmas, 1, false),
+    };
+    shapeAttributes.set(cloud, attributes);
+  }
+  return attributes;
+}
+
 function previewIndex(cloud: LandmarkCloud, stride: number): BufferAttribute {
   const known = previewIndices.get(cloud) ?? new Map<number, BufferAttribute>();
   previewIndices.set(cloud, known);
@@ -122,7 +195,7 @@ export function setMatrix(matrix: Matrix4, a: Affine, centre: readonly number[])
   return matrix.set(...row(0), ...row(1), ...row(2), 0, 0, 0, 1);
 }
 
-/** A cloud's landmarks as points of constant size on the screen. */
+/** A cloud's landmarks as points of constant size on the screen, or as ellipses of two standard deviations. */
 export class PointLayer {
   readonly object: Points;
   readonly cloud: LandmarkCloud;
@@ -157,11 +230,42 @@ export class PointLayer {
     this.object = new Points(this.#full, this.#material);
     this.object.frustumCulled = false;
     this.object.matrixAutoUpdate = false;
+    if (cloud.ellipsoids) {
+      this.#addShapes(cloud.ellipsoids);
+    }
+  }
+
+  #addShapes(shapes: Ellipsoids): void {
+    for (const [name, attribute] of Object.entries(shapesOf(this.cloud, shapes))) {
+      this.#setAttribute(name, attribute);
+    }
+    const viewport = new Vector4();
+    Object.assign(this.#material.uniforms, {
+      ellipses: { value: false },
+      sigmaScale: { value: new Vector2(shapes.offset, shapes.scale) },
+      sceneFromMap: { value: new Matrix3() },
+      viewport: { value: new Vector2() },
+    });
+    this.#material.defines = { ELLIPSES: "" };
+    this.object.onBeforeRender = (renderer) => {
+      renderer.getCurrentViewport(viewport);
+      this.#material.uniforms.viewport.value.set(viewport.z, viewport.w);
+      this.#material.uniformsNeedUpdate = true;
+    };
+  }
+
+  /** Has an effect on a cloud with ellipsoids only. */
+  showEllipses(shown: boolean): void {
+    if (this.cloud.ellipsoids) {
+      this.#material.uniforms.ellipses.value = shown;
+    }
   }
 
   place(targetFromCloud: Affine, centre: readonly number[]): void {
     setMatrix(this.object.matrix, compose(targetFromCloud, dequantise(this.cloud)), centre);
     this.object.matrixWorldNeedsUpdate = true;
+    const a = targetFromCloud;
+    this.#material.uniforms.sceneFromMap?.value.set(a[0], a[1], a[2], a[4], a[5], a[6], a[8], a[9], a[10]);
   }
 
   usePreview(preview: boolean): void {
@@ -172,7 +276,7 @@ export class PointLayer {
     this.#material.uniforms.size.value = pixels;
   }
 
-  #setAttribute(name: string, attribute: BufferAttribute): void {
+  #setAttribute(name: string, attribute: BufferAttribute | InterleavedBufferAttribute): void {
     this.#full.setAttribute(name, attribute);
     this.#preview?.setAttribute(name, attribute);
   }

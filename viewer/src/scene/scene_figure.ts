@@ -38,6 +38,7 @@ const kStacksBelow = 700;
 const kLayers: [LayerName, string][] = [
   ["source", "Source"],
   ["target", "Target"],
+  ["ellipses", "Ellipses"],
   ["matches", "Matches"],
   ["cameras", "Cameras"],
   ["truth", "Truth"],
@@ -78,6 +79,7 @@ class SceneFigure {
       layers: {
         source: true,
         target: true,
+        ellipses: true,
         matches: section.runs.length > 0 && model.landmarkCount <= kHoverUpTo,
         cameras: true,
         truth: false,
@@ -223,6 +225,7 @@ class SceneFigure {
     const has: Record<LayerName, boolean> = {
       source: model.source !== null,
       target: true,
+      ellipses: Boolean(model.target.ellipsoids ?? model.source?.ellipsoids),
       matches: model.hasResiduals,
       cameras: Boolean(model.target.frames ?? model.source?.frames),
       truth: model.truth !== null && model.source !== null,

@@ -4,7 +4,7 @@ import type { Keyframe } from "./keyframes";
 import type { Pick } from "./picking";
 import type { ShownPose } from "../shown_pose";
 
-export type LayerName = "source" | "target" | "matches" | "cameras" | "truth" | "grid";
+export type LayerName = "source" | "target" | "ellipses" | "matches" | "cameras" | "truth" | "grid";
 
 /** What the reader has chosen for a scene; every pane shows it. */
 export interface ViewState {

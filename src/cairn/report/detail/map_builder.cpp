@@ -14,6 +14,7 @@
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/map/splats.hpp"
 
 namespace cairn::report::detail {
 namespace {
@@ -207,6 +208,43 @@ std::vector<std::uint8_t> colors_of(const LandmarkMap& map,
   return colors;
 }
 
+// std::nullopt for a map without Gaussian splats.
+std::optional<Ellipsoids> ellipsoids_of(const LandmarkMap& map,
+                                        std::span<const LandmarkIndex> landmarks) {
+  if (!splat_columns(map.landmarks().columns)) return std::nullopt;
+  std::vector<double> logarithms;  // of the largest deviations, to base 2
+  for (const LandmarkIndex landmark : landmarks) {
+    const auto covariance = map.covariance(landmark);
+    const double variance = covariance ? spectral_norm(*covariance) : 0.0;
+    logarithms.push_back(variance > 0.0 ? 0.5 * std::log2(variance) : kNoValue);
+  }
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  for (const double value : logarithms) {
+    low = std::fmin(low, value);
+    high = std::fmax(high, value);
+  }
+  if (!(low <= high)) return std::nullopt;
+  const auto quantisation = Quantisation::over<std::uint8_t>(low, high);
+  Ellipsoids result;
+  result.scale = quantisation.step;
+  result.offset = quantisation.low;
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    constexpr double kLargest = std::numeric_limits<std::int8_t>::max();
+    const bool is_known = !std::isnan(logarithms[i]);
+    const Eigen::Matrix3d c =
+        is_known ? Eigen::Matrix3d(*map.covariance(landmarks[i]) * std::exp2(-2.0 * logarithms[i]))
+                 : Eigen::Matrix3d::Zero();
+    for (const double entry : {c(0, 0), c(1, 1), c(2, 2), c(0, 1), c(0, 2), c(1, 2)}) {
+      result.covariances.push_back(
+          static_cast<std::int8_t>(std::lround(kLargest * std::clamp(entry, -1.0, 1.0))));
+    }
+    result.sigmas.push_back(is_known ? quantisation.stored<std::uint8_t>(logarithms[i])
+                                     : std::uint8_t{0});
+  }
+  return result;
+}
+
 // Empty if the ids equal the positions in the list.
 std::vector<std::uint64_t> unless_counting(std::vector<std::uint64_t> ids) {
   for (std::size_t i = 0; i < ids.size(); ++i) {
@@ -257,6 +295,7 @@ Map make_map(const LandmarkMap& map, const MapOptions& options) {
   result.ids = unless_counting(std::move(ids));
   result.columns = ColumnBuilder(map, landmarks).build();
   result.colors = colors_of(map, landmarks);
+  result.ellipsoids = ellipsoids_of(map, landmarks);
   result.frames = frames_of(map);
   if (result.frames) result.frames->images = options.images;
   return result;

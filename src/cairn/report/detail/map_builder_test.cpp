@@ -15,6 +15,7 @@
 #include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
+#include "support/splats.hpp"
 
 namespace cairn::report::detail {
 namespace {
@@ -156,6 +157,25 @@ TEST(MakeMap, WhatIsUnknownOfALandmarkIsNotInvented) {
   EXPECT_EQ(values_of(shown, "sigma")[2], 0.0);
   EXPECT_THAT(values_of(shown, "observations"), ElementsAre(2.0, 1.0, 0.0, 2.0));
   EXPECT_TRUE(std::isnan(values_of(shown, "distance")[2]));
+}
+
+TEST(MakeMap, SplatsKeepTheirShapes) {
+  const LandmarkMap map = testing::random_splats(200, 1, 5);
+  const Map shown = make_map(map);
+  ASSERT_TRUE(shown.ellipsoids);
+  const Ellipsoids& shapes = *shown.ellipsoids;
+  ASSERT_EQ(shapes.covariances.size(), 6U * 200U);
+  for (std::uint32_t i = 0; i < 200; ++i) {
+    const auto at = [&](std::size_t k) { return shapes.covariances[6 * i + k] / 127.0; };
+    const double sigma = std::exp2(shapes.offset + shapes.scale * shapes.sigmas[i]);
+    Eigen::Matrix3d restored;
+    restored << at(0), at(3), at(4), at(3), at(1), at(5), at(4), at(5), at(2);
+    const Eigen::Matrix3d truth = *map.covariance(LandmarkIndex{i});
+    const double largest = spectral_norm(truth);
+    EXPECT_LT(std::abs(std::log2(sigma * sigma / largest)), 1.01 * shapes.scale) << i;
+    EXPECT_LT((restored - truth / largest).cwiseAbs().maxCoeff(), 0.51 / 127.0) << i;
+  }
+  EXPECT_FALSE(make_map(testing::full_map()).ellipsoids) << "only splats have shapes";
 }
 
 TEST(MakeMap, FramesKeepPosesIdsTimesAndTheView) {
