@@ -17,12 +17,14 @@
 #include "cairn/experiments/study.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/splats.hpp"
 #include "cairn/report/sections.hpp"
 
 #include "commands.hpp"
 #include "support/arguments.hpp"
 #include "support/documents.hpp"
 #include "support/experiment_reports.hpp"
+#include "support/map_lists.hpp"
 #include "support/reports.hpp"
 #include "support/saved_results.hpp"
 
@@ -266,8 +268,13 @@ class Assembly {
                     images_of(loaded.map, sequences_.map, common_));
     if (!several_) {
       if (report_.title.empty()) report_.title = file_name(path);
-      report_.subtitle = fmt::format("{} landmarks seen from {} keyframes",
-                                     loaded.map.landmark_count(), loaded.map.frame_count());
+      const LandmarkMap& map = loaded.map;
+      report_.subtitle =
+          fmt::format("{} {}", with_commas(map.landmark_count()),
+                      splat_columns(map.landmarks().columns) ? "Gaussian splats" : "landmarks");
+      if (map.frame_count() > 0) {
+        *report_.subtitle += fmt::format(" seen from {} keyframes", with_commas(map.frame_count()));
+      }
     }
     return loaded.description;
   }

@@ -331,6 +331,44 @@ test("picking a landmark shows its record; Escape closes it", async () => {
   });
 });
 
+/** Width and height of what is red, in CSS pixels. */
+const redExtent = (page) =>
+  page.evaluate(() => {
+    const canvas = document.querySelector(".pane-canvas");
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(canvas, 0, 0);
+    const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+    const [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
+    for (let i = 0; i < data.length; i += 4) {
+      if (data[i] < 150 || data[i + 1] > 80) continue;
+      [(i / 4) % canvas.width, Math.floor(i / 4 / canvas.width)].forEach((value, axis) => {
+        low[axis] = Math.min(low[axis], value);
+        high[axis] = Math.max(high[axis], value);
+      });
+    }
+    return high.map((value, axis) => ((value - low[axis]) * canvas.clientWidth) / canvas.width);
+  });
+
+test("splats are ellipses of their shape, and points if that is wanted", async () => {
+  await withReport(sampleFile("splats"), {}, async ({ page }) => {
+    await page.locator(".stage").first().scrollIntoViewIfNeeded();
+    await page.getByRole("button", { name: "Front" }).click();
+    await settled(page);
+    const [wide, low] = await redExtent(page);
+    // The perspective enlarges what is nearer: the splat's deviations are as 10 to 1.
+    assert.ok(wide > 60 && Math.abs(wide / low - 10) < 2, `${wide} x ${low}`);
+    await page.getByRole("button", { name: "Side" }).click();
+    await settled(page);
+    const [across, high] = await redExtent(page);
+    assert.ok(Math.abs(across / high - 1) < 0.3 && high < 0.25 * wide, `${across} x ${high} along the axis`);
+    await page.locator("[data-layer=ellipses]").click();
+    await page.getByRole("button", { name: "Front" }).click();
+    await settled(page);
+    const point = await redExtent(page);
+    assert.ok(point[0] < 12 && Math.abs(point[0] - point[1]) < 3, `${point}`);
+  });
+});
+
 /** The overlay's opacity, 0 to 255, at a place given as shares of the view, and how much has nearly the colour of what is selected. */
 const overlay = (page, pane, u = 0.55, v = 0.5) =>
   page.evaluate(([index, x, y]) => {

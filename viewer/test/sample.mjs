@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Sample documents for tests and for looking at the page: node test/sample.mjs NAME OUT.html, where NAME is
-// small, answer, paper, million, network or hostile. Seeded: the same every time.
+// small, answer, paper, million, splats, network or hostile. Seeded: the same every time.
 import { readFileSync, writeFileSync } from "node:fs";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -587,6 +587,32 @@ export function millionSample(count = 1_000_000) {
   return { document, buffers: writer.bytes() };
 }
 
+/** Three Gaussian splats: a red one of standard deviations 0.3, 0.03 and 0.03 along the axes, between two small grey ones. */
+export function splatSample() {
+  const writer = new BufferWriter();
+  const points = [[-1, -1, -1], [0, 0, 0], [1, 1, 1]];
+  const map = mapOf("splats", "splats.ply", points, writer, random(11), { unit: "mapunits", frames: 0, colors: false });
+  const round = [127, 127, 127, 0, 0, 0];
+  map.columns = [];
+  map.colors = writer.add(Uint8Array.from([128, 128, 128, 255, 0, 0, 128, 128, 128]));
+  map.ellipsoids = {
+    covariances: writer.add(Int8Array.from([...round, 127, 1, 1, 0, 0, 0, ...round])),
+    sigmas: writer.add(Uint8Array.from([0, 255, 0])),
+    scale: (Math.log2(0.3) - Math.log2(0.01)) / 255,
+    offset: Math.log2(0.01),
+  };
+  const document = {
+    schema: { name: "cairn.report", version: 1 },
+    cairn_version: "0.4.0",
+    title: "splats.ply",
+    subtitle: null,
+    provenance: null,
+    maps: [map],
+    sections: [{ kind: "scene", id: "map", title: "Map", text: null, source: null, target: "splats", truth: null, up: [0, 0, 1], runs: [] }],
+  };
+  return { document, buffers: writer.bytes() };
+}
+
 /** Five sessions of an office, one of them elsewhere: links of every use, changes, times and a log. */
 export function networkSample() {
   const writer = new BufferWriter();
@@ -724,7 +750,7 @@ export function hostileSample() {
   return { document, buffers: writer.bytes() };
 }
 
-export const kSamples = { small: smallSample, answer: answerSample, paper: paperSample, million: millionSample, network: networkSample, hostile: hostileSample };
+export const kSamples = { small: smallSample, answer: answerSample, paper: paperSample, million: millionSample, splats: splatSample, network: networkSample, hostile: hostileSample };
 
 if (process.argv[1] === fileURLToPath(import.meta.url)) {
   const [name, path] = process.argv.slice(2);
