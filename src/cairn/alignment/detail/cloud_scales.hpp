@@ -13,9 +13,10 @@ namespace cairn::detail {
 
 /// Characteristic lengths of a cloud.
 struct CloudScales {
-  /// Median distance from the centroid: half the cloud's size, without outliers.
+  /// Median distance of the landmarks from the centroid: half the cloud's size, without outliers.
   double extent = 0.0;
-  /// Median distance to the eighth nearest landmark; within it, several matches arise by chance.
+  /// Median distance of a landmark to its eighth nearest neighbour; within this distance, several matches arise by
+  /// chance.
   double spacing = 0.0;
   /// Median standard deviation of a landmark along an axis, from its covariance; 0 if unknown.
   double noise = 0.0;
@@ -27,38 +28,39 @@ double cloud_extent(const LandmarkCloud& cloud);
 /// CloudScales::noise alone.
 double cloud_noise(const LandmarkCloud& cloud);
 
-/// Whether the covariances state noise of more than a tenth of the extent, and so are of no use: they are placeholders,
-/// e.g. the identity, or the cloud is too small for them.
+/// Whether the covariances are of no use, because their noise exceeds a tenth of the extent. They are then
+/// placeholders, e.g. the identity, or the cloud is too small for them.
 bool has_placeholder_covariances(const LandmarkCloud& cloud);
 
 /// Number of neighbours that define a landmark's spacing.
 inline constexpr std::size_t kSpacingNeighbors = 8;
 
-/// Distance of each point to its eighth neighbour in its cloud, or to the farthest in a smaller cloud.
-/// @param tree of the cloud's positions
+/// Distance of each point to its eighth neighbour in its cloud, or to the farthest one in a smaller cloud.
+/// @param tree search tree of the cloud's positions
 std::vector<double> landmark_spacings(std::span<const Eigen::Vector3d> points,
                                       const BatchTree& tree, const Executor& executor);
 
-/// @param tree of the cloud's positions
+/// @param tree search tree of the cloud's positions
 CloudScales cloud_scales(const LandmarkCloud& cloud, const BatchTree& tree,
                          const Executor& executor);
 
-/// The fine kernel scale, in spacings. Below it, the objective has an optimum wherever a few landmarks
+/// The fine kernel scale, in spacings. With a smaller scale, the objective has an optimum wherever a few landmarks
 /// coincide.
 inline constexpr double kSmoothSpacings = 1.5;
 
-/// Where a refinement ends, in fine scales: the accuracy of many maps.
+/// Kernel scale at which a refinement ends, in fine scales: the accuracy of many maps.
 inline constexpr double kFinest = 1.0 / 12.0;
 
-/// Kernel scale for a covariance, in scales where the refinement ends; larger, because maps bend.
+/// Kernel scale for a covariance, in units of the scale at which the refinement ends. It is larger than that scale,
+/// because maps bend.
 inline constexpr double kErrorScale = 4.0;
 
 /// Kernel scales at which a robust alignment begins and ends.
 struct KernelScales {
   double coarse =
       0.0;  ///< half the extent of the smaller cloud: the largest error that one start can correct
-  /// One and a half times the finer spacing, or the noise of a match if larger. Noise of more than a tenth of the smaller
-  /// extent is not believed.
+  /// One and a half times the smaller spacing of both clouds, or one and a half times the noise of a match if that is
+  /// larger. Noise of more than a tenth of the smaller extent is ignored.
   double fine = 0.0;
 };
 

@@ -13,26 +13,28 @@
 
 namespace cairn::detail {
 
-/// How a map moves, piece by piece: a similarity of each keyframe and of each landmark, by index, in the map's frame.
+/// A piecewise motion of a map: a similarity for each keyframe and for each landmark, by index, in the map's frame.
 struct MotionField {
   std::vector<Similarity3> keyframes;
   std::vector<Similarity3> landmarks;
 };
 
-/// The motions that straighten a bent map. The motion depends on the position along the map, in parts: it is
-/// interpolated between the middles of two parts, and constant beyond the outermost ones.
-/// @param parts with a consensus
-/// @param along of the map that the parts' bend names
+/// The motions that straighten a bent map. A motion depends on the position along the parts (along_parts()): it is
+/// interpolated between the middles of two parts, and constant beyond the outermost middles.
+/// @param parts result with a consensus
+/// @param along positions along the map that `parts.bend` names
 MotionField straightening(const PartsAlignment& parts, const AlongParts& along);
 
-/// The similarity with the least sum of distances from the pairs of points: reweighted least squares.
+/// The similarity with the least sum of distances between pairs of points, by reweighted least squares.
 Similarity3 closest_similarity(std::span<const Eigen::Vector3d> from,
                                std::span<const Eigen::Vector3d> to);
 
-/// How a camera moves with the landmarks that it saw, as these are deformed; with few, as the place where it is.
+/// Motion of a camera in a deformed map: the similarity closest to the deformation of the landmarks that the camera
+/// saw. If these are few, the deformation around the camera's centre.
 class CameraMotion {
  public:
-  /// @param pose of the source; the motion is in its frame
+  /// @param pose deformation of the source; the motion is in the source's frame
+  /// @param back source_from_target
   CameraMotion(const CrossFittedDeformation& pose, const Similarity3& back)
       : pose_(pose), back_(back) {}
 
@@ -56,7 +58,8 @@ class CameraMotion {
   std::vector<Eigen::Vector3d> to_;
 };
 
-/// The map, each keyframe and landmark moved. Cameras and covariances turn, too. Frames of a rig move with their lead.
+/// Moves each keyframe and landmark of a map. Camera orientations and covariances rotate too. Frames of a rig move
+/// with the rig's leading frame.
 LandmarkMap moved(const LandmarkMap& map, const MotionField& field);
 
 /// The left perturbation (δt, δφ, δ log s) that moves `from` to `to`.

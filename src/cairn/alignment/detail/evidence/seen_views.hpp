@@ -21,20 +21,20 @@ struct Ball {
   }
 };
 
-/// Depth that the views of a cloud saw, by direction, in cells of about one degree.
+/// Depths that the views of a cloud saw, by direction, in cells of about one degree.
 ///
-/// A landmark of another map is compared with the depth that a view saw in its cell. Most cells are empty
+/// A landmark of another map is compared with the depths that a view saw in the landmark's cell. Most cells are empty
 /// and are not compared.
 class SeenViews {
  public:
   explicit SeenViews(const LandmarkCloud& cloud);
 
-  /// @param landmarks of the other map, moved into the cloud's frame by a pose
+  /// @param landmarks landmarks of the other map, moved into the cloud's frame by a pose
   SightCounts count(std::span<const Eigen::Vector3d> landmarks) const;
 
-  /// Number of landmarks for which most of the lines of sight agree, and so on. A line of sight into the ball says nothing:
-  /// whatever is in the ball hides what is behind it.
-  /// @param cloud of the views
+  /// Numbers of landmarks, each classified by the majority of its lines of sight. A line of sight into the ball is not
+  /// compared, because whatever is in the ball hides what is behind it.
+  /// @param cloud cloud from which the views were made
   SightCounts count_around(const Ball& ball, std::span<const Eigen::Vector3d> landmarks,
                            const LandmarkCloud& cloud) const;
 
@@ -45,11 +45,11 @@ class SeenViews {
   };
   struct View {
     Eigen::Vector3d centre;
-    std::vector<std::uint16_t> slots;  // of each cell, from 1, in `ranges`; 0 if unseen
+    std::vector<std::uint16_t> slots;  // per cell: its number in `ranges`, from 1; 0 if unseen
     std::vector<Range> ranges;
   };
 
-  // What a view says about a landmark in this direction; nullptr: nothing.
+  // Class of a landmark at the end of the ray, as a member of SightCounts; nullptr if the view does not show it.
   using Sight = std::size_t SightCounts::*;
   static Sight sight_of(const View& view, const Eigen::Vector3d& ray);
 

@@ -20,23 +20,23 @@ struct MutualMatch {
   double squared_distance = 0.0;  ///< in the target's unit
 };
 
-/// Mutual matches of the first source landmarks with the whole target at a centred pose, by source
-/// landmark.
-/// @param sample number of source landmarks; at most its size
+/// Mutual matches of the first source landmarks with the whole target at a centred pose, in the order of the
+/// source landmarks.
+/// @param sample number of first source landmarks to match; at most the size of the source
 std::vector<MutualMatch> mutual_matches(const PreparedCloud& source, const PreparedCloud& target,
                                         const Similarity3& pose, std::size_t sample);
 
-/// Counts what two clouds have in common at centred poses.
+/// Counts matches of two clouds at centred poses, and computes their evidence.
 ///
-/// If landmarks of both lie independently on one surface, two mutual nearest neighbours are within a
-/// distance d with probability u = 1 - exp(-1.609·8·d²/h²), h being the distance to the eighth neighbour
-/// (the geometric mean of both maps'), so u is uniform on [0, 1]. The same landmarks are much closer; their
-/// u is assumed to have the density 1 / (2·√u). The evidence is the log-likelihood ratio of the mixture
-/// with the likeliest share of such pairs. It needs no radius, and weights a match by how unlikely it is at
-/// its place. Descriptors are evaluated separately.
+/// Assumption for chance: the landmarks of both clouds lie independently on one surface. Two mutual nearest
+/// neighbours are then within a distance d with probability u = 1 - exp(-1.609·8·d²/h²), where h is the distance
+/// to the eighth neighbour (the geometric mean of both maps'). By chance, u is therefore uniform on [0, 1]. Two
+/// landmarks that are the same are much closer; their u is assumed to have the density 1 / (2·√u). The evidence is
+/// the log-likelihood ratio, versus chance, of a mixture with the likeliest share of such pairs. The evidence
+/// needs no radius, and weights a match by how unlikely it is at its place. Descriptors are evaluated separately.
 class SupportCounter {
  public:
-  /// Parts of the source; no single one should decide.
+  /// Number of parts of the source; no single part should decide.
   static constexpr std::size_t kGroups = PreparedCloud::kGroups;
 
   /// @param sample number of first source landmarks to use, at most PreparedCloud::kSample
@@ -50,9 +50,10 @@ class SupportCounter {
  private:
   using Likenesses = std::array<Likeness, kGroups>;
 
-  // A corner has several landmarks in each map, and chance decides which are mutual nearest neighbours.
-  // Therefore the partner within the radius with the most similar descriptor counts.
-  // @param matched of the sample
+  // Counts similar descriptors of matched landmarks by part of the source. A corner has several landmarks in each
+  // map, and chance decides which of them are mutual nearest neighbours. Therefore, of the target landmarks within
+  // the radius, the one with the most similar descriptor counts.
+  // @param matched source landmarks of the sample that have a match
   Likenesses likeness_by_group(std::span<const std::uint32_t> matched, const Similarity3& pose,
                                double radius) const;
 
@@ -63,9 +64,9 @@ class SupportCounter {
 };
 
 /// The surroundings of the matches at a centred pose. The ball is about the mutual matches within a quarter of the
-/// radius, without those that have less than half as many matches around them as the median.
+/// radius. It ignores sparse matches: those with less than half as many matches around them as the median match.
 ///
-/// @param radius within which landmarks count as matched
+/// @param radius distance within which landmarks count as matched
 /// @return all zeros if there are no matches
 Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& target,
                           const Similarity3& pose, double radius);

@@ -10,38 +10,40 @@
 
 namespace cairn::detail {
 
-/// From this many agreeing matches outside their largest cluster (DescriptorAgreement::spread), descriptors
+/// Least number of agreeing matches outside their largest cluster (DescriptorAgreement::spread) for which descriptors
 /// decide alone.
 inline constexpr std::size_t kDecisiveAgreement = 15;
 
-/// DescriptorAgreement::evidence() and spread at a pose; 0 if the maps have no descriptors of one kind.
+/// DescriptorAgreement::evidence() and spread at a pose; 0 without Support::agreement.
 double agreement_evidence(const Support& support);
 std::size_t agreement_spread(const Support& support);
 
-/// DescriptorAgreement::is_proven(), if there is any.
+/// DescriptorAgreement::is_proven(); false without Support::agreement.
 bool is_proven(const Support& support);
 
-/// Whether matches that are found without the pose decide for it, so that no search is needed.
+/// Whether the matches that are found without the pose decide for this pose, so that no search is needed.
 bool is_decisive(const Support& support);
 
 /// Whether descriptors alone decide for the likeliest candidate.
 bool is_decided(const Alignment& placed);
 
-/// Sets the estimate and, if the verdict is aligned, target_from_source to the pose of the registration.
+/// Sets the estimate to the pose of the registration, and target_from_source too if the verdict is aligned.
 void take_pose(Alignment& alignment);
 
-/// Probability of each candidate to be the right pose; 1 minus the sum is the probability that none is.
+/// Probability of each candidate to be the right pose; 1 minus the sum is the probability that none is right.
 ///
-/// A conditional logit model (McFadden 1974). The odds of a candidate against none increase with its
-/// evidence per match (of distances, descriptor similarity, descriptor matches), with its evidence of
-/// distances against the other candidates, with that of descriptor matches alone, however many other landmarks match,
-/// and with the ratio of its matches to those of the best other candidate: descriptor matches that agree, or without
-/// descriptors matches within a quarter of the radius. They decrease with the share of contradicted
-/// lines of sight. If maps lack an input, that term is left out and the others have other weights. Fitted
-/// to simulated sessions, of which half the pairs show different places (docs/evidence.md). A pose that is proven is right
-/// beyond doubt.
+/// A conditional logit model (McFadden 1974). The odds of a candidate against "none is right" increase with
+/// - the candidate's evidence per match (of distances, descriptor similarity and descriptor matches),
+/// - its evidence of distances against the other candidates,
+/// - its evidence of descriptor matches alone, however many other landmarks match, and
+/// - the ratio of its leading matches to those of the best other candidate. Leading matches are the agreeing descriptor
+///   matches, or without descriptors the matches within a quarter of the radius.
 ///
-/// @param prior_odds that two maps show one place, versus two; positive
+/// The odds decrease with the share of contradicted lines of sight. If the maps lack an input, its term is left out and
+/// the other terms have other weights. The weights are fitted to simulated sessions, of which half the pairs show
+/// different places (docs/evidence.md). A proven pose is right beyond doubt.
+///
+/// @param prior_odds prior odds that the two maps show one place, versus two places; positive
 std::vector<double> probabilities(std::span<const PlacementCandidate> candidates,
                                   double prior_odds = 1.0);
 
@@ -51,13 +53,18 @@ struct Judgement {
       reason;  ///< one sentence for people: the decision and the number behind it, then the evidence
 };
 
-/// Judges the likeliest candidate. A pose without a covariance, with an open direction, with another pose at which
-/// the landmarks match or look as well, or contradicted by the surroundings of its matches is at most ambiguous: an object
-/// that stands in two places matches as well as a place does. Of these, only the first two apply to a pose that is proven.
+/// Judges the likeliest candidate. Its pose is at most ambiguous in each of these cases:
+/// - it has no covariance;
+/// - a direction is open;
+/// - the landmarks match or look as well at another pose;
+/// - the surroundings of its matches contradict it: an object that stands in two places matches as well as a place
+///   does.
+///
+/// For a proven pose, only the first two cases apply.
 ///
 /// @param candidates likeliest first
 /// @param result     pose of the first candidate, with covariance and open directions
-/// @param landmarks  number in the smaller map, to which the supports refer
+/// @param landmarks  number of landmarks in the smaller map, to which the supports refer
 /// @param least      least probability of an aligned pose
 /// @param around     surroundings() of the first candidate
 Judgement judge(std::span<const PlacementCandidate> candidates, const RegistrationResult& result,

@@ -22,17 +22,17 @@ class RobustAlignment {
   struct Schedule {
     double coarse = 0.0;
     double fine = 0.0;
-    /// Between `fine` and this scale, each target landmark is matched once, with the nearest source
-    /// landmark. 0: the run ends at `fine`.
+    /// Last scale. From `fine` down to this scale, each target landmark is matched at most once, with the nearest
+    /// source landmark. 0: the run ends at `fine`.
     double finest = 0.0;
     int max_iterations = 100;
     std::size_t points = static_cast<std::size_t>(-1);  ///< number of first source landmarks to use
-    bool free_scale = false;                            ///< estimate the scale; if false, it stays
+    bool free_scale = false;  ///< whether to estimate the scale; otherwise it stays
   };
 
   struct Iteration {
     Similarity3 target_from_source;      ///< after the iteration's step
-    double mean_squared_distance = 0.0;  ///< of its matches, before the step
+    double mean_squared_distance = 0.0;  ///< of `matches`, before the step
     std::vector<Match> matches;
   };
 
@@ -45,31 +45,32 @@ class RobustAlignment {
   RobustAlignment(const PreparedCloud& source, const PreparedCloud& target, bool one_to_one,
                   const Executor& executor);
 
-  /// Moves from a centred pose to the nearest optimum.
+  /// Refines a centred pose to the nearest optimum.
   /// @param observe called after each iteration; may be empty
   Run run(const Similarity3& initial, const Schedule& schedule, const std::stop_token& stop = {},
           const std::function<void(Iteration)>& observe = {}) const;
 
   std::vector<Match> matches(const Similarity3& pose) const;
 
-  /// The objective, which increases with the number of matching landmarks.
-  /// @param matches of the pose, from matches()
+  /// Value of the objective, which increases with the number of matching landmarks.
+  /// @param matches result of matches() for the pose
   double value(const Similarity3& pose, double scale, std::span<const Match> matches) const;
 
-  /// Uncertainty of a centred pose at an optimum for this scale; unknown with few matches. A direction is
-  /// open if the objective hardly changes a little way along it.
-  /// @param matches of the pose, from matches()
+  /// Uncertainty of a centred pose that is an optimum for this scale; unknown with few matches. A direction is
+  /// open if a small motion along it hardly changes the objective.
+  /// @param matches    result of matches() for the pose
   /// @param free_scale as in Schedule
-  /// @param known      the matches are right whatever lies nearest, as of descriptors: they stay as the pose moves
+  /// @param known      whether the matches are right whatever landmark is nearest, e.g. from descriptors; they
+  ///        then stay fixed as the pose moves
   PoseUncertainty uncertainty(const Similarity3& pose, double scale, std::vector<Match> matches,
                               bool free_scale = false, bool known = false) const;
 
  private:
-  // For the degrees of freedom of the motion: 6 for a rigid one, 7 with a scale.
+  // kFreedoms: degrees of freedom of the motion, 6 for a rigid one, 7 with a scale.
   template <int kFreedoms>
   class Trial;
 
-  // Pivot of a rotation, and the length that makes its angle comparable to a translation.
+  // Pivot of a rotation, and the length that makes the rotation angle comparable to a translation.
   struct Arm {
     Eigen::Vector3d pivot;  // in the target frame
     double length = 1.0;
@@ -77,10 +78,10 @@ class RobustAlignment {
 
   // Contribution of a match to the objective's derivatives.
   struct Term {
-    Eigen::Matrix3d information;  // of its residual, under the kernel's scale
+    Eigen::Matrix3d information;  // of its residual, at the kernel scale
     Eigen::Vector3d force;        // information times residual
     double weight = 0.0;
-    double value = 0.0;  // of the objective, which is maximised
+    double value = 0.0;  // contribution to the objective, which is maximised
   };
 
   // Normal equations of a step.

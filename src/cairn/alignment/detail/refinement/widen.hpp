@@ -6,8 +6,8 @@
 
 namespace cairn::detail {
 
-/// Adds an error that is independent of the others to the covariances that the result has.
-/// @param spread its covariance, (δt, δφ, δ log s)
+/// Adds the covariance of a further, independent error to the covariances that the result has.
+/// @param spread covariance of this error, (δt, δφ, δ log s)
 inline void widen(RegistrationResult& result, const Matrix7d& spread) {
   if (result.covariance) *result.covariance += spread.topLeftCorner<6, 6>();
   if (result.covariance_with_scale) *result.covariance_with_scale += spread;

@@ -11,46 +11,47 @@
 
 namespace cairn::detail {
 
-/// Whether both clouds have descriptors, of one kind and length.
+/// Whether both clouds have descriptors of one kind and length.
 bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b);
 
 /// Two landmarks with mutually nearest descriptors.
 struct DescriptorMatch {
   std::uint32_t source = 0;
   std::uint32_t target = 0;
-  std::uint32_t difference = 0;  ///< bits, or squared differences of bytes
+  std::uint32_t difference = 0;  ///< number of bits, or sum of squared byte differences
 };
 
 /// Landmarks of two clouds that are probably the same by their descriptors alone.
 ///
-/// Matches are mutual nearest neighbours; two landmarks are as far apart as their best pair of descriptors. Binary
-/// descriptors (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH) are compared by Hamming distance and may differ in at most a
-/// quarter of their bits. Others are compared by the Euclidean distance of their bytes, at most 0.85 times that of the
-/// nearest landmark elsewhere (Lowe 2004): farther away than 1 % of the map's extent.
+/// Matches are mutual nearest neighbours by descriptor. The distance of two landmarks is that of their best pair of
+/// descriptors. Binary descriptors (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH) are compared by Hamming distance; those of
+/// a match differ in at most a quarter of their bits. Other descriptors are compared by the Euclidean distance of their
+/// bytes. This distance must be at most 0.85 times that of the nearest landmark elsewhere, i.e. farther away than 1 %
+/// of the map's extent (ratio test, Lowe 2004).
 class DescriptorMatches {
  public:
-  /// No other matches than `identities` if the clouds have no descriptors of one kind and length.
-  /// @param source, target in random order; only the first landmarks of large clouds are compared
-  /// @param identities landmarks that are known to be the same, each in one pair: the first matches, whose landmarks have
-  ///                   no others
+  /// If the clouds have no descriptors of one kind and length, `identities` are the only matches.
+  /// @param source, target clouds in random order; only the first landmarks of large clouds are compared
+  /// @param identities pairs of landmarks that are known to be the same, each landmark in one pair. They are the first
+  ///        matches, and their landmarks have no other match.
   DescriptorMatches(const LandmarkCloud& source, const LandmarkCloud& target,
                     std::span<const DescriptorMatch> identities = {});
 
-  /// Whether both clouds have descriptors of one kind or identities, so that missing matches are evidence.
+  /// Whether both clouds have descriptors of one kind, or there are identities. Missing matches are then evidence.
   bool possible() const { return possible_; }
-  /// Whether the landmark of the source is one of an identity.
+  /// Whether the source landmark belongs to an identity.
   bool is_identity(std::uint32_t source) const { return is_identity_[source] != 0; }
-  /// Smallest difference first.
+  /// All matches: the identities, then the others by ascending difference.
   std::span<const DescriptorMatch> all() const { return matches_; }
-  /// Positions of all(), in the same order.
+  /// Positions of the landmarks of all(), in the same order.
   std::span<const Eigen::Vector3d> source_places() const { return source_places_; }
   std::span<const Eigen::Vector3d> target_places() const { return target_places_; }
 
-  /// Enough to estimate the number of chance agreements to a few percent.
+  /// Number of random partners per match, enough to estimate the number of chance agreements to a few percent.
   static constexpr std::size_t kPartners = 512;
 
   /// Number of matches that a centred pose brings within the radius, and the number expected by chance.
-  /// @param partners number of random partners per match, for the latter
+  /// @param partners number of random partners per match, to estimate the number expected by chance
   DescriptorAgreement agreement(const Similarity3& pose, double radius,
                                 std::size_t partners = kPartners) const;
 
@@ -58,8 +59,8 @@ class DescriptorMatches {
   void add_alike(const LandmarkCloud& source, const LandmarkCloud& target);
 
   bool possible_ = false;
-  std::size_t identities_ = 0;     // the first of all matches
-  std::vector<char> is_identity_;  // by landmark of the source
+  std::size_t identities_ = 0;     // their number; they are the first matches
+  std::vector<char> is_identity_;  // by source landmark
   std::vector<DescriptorMatch> matches_;
   std::vector<Eigen::Vector3d> source_places_;
   std::vector<Eigen::Vector3d> target_places_;

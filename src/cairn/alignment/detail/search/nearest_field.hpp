@@ -18,8 +18,8 @@ struct Box {
   Eigen::Vector3f high;
 };
 
-/// Finds an approximate nearest point in constant time, with a grid that stores it for every voxel. The
-/// result may be farther than the nearest point by at most a voxel's diagonal.
+/// Finds an approximate nearest point in constant time: a grid stores a near point for every voxel. The
+/// point found may be farther than the nearest point by at most a voxel's diagonal.
 ///
 /// O(voxels) to build, with the separable distance transform of Felzenszwalb and Huttenlocher (2012),
 /// extended by the index of the nearest point.

@@ -24,7 +24,8 @@ namespace cairn::detail {
 
 /// Radius within which landmarks count as matched, in fine scales.
 inline constexpr double kMatched = 0.5;
-/// Least share of a candidate's merit that its refinement, or a pose that it is near, must have.
+/// Least ratio of two merits: a refinement must keep this share of its candidate's merit, and a pose must have this
+/// share of the merit of a candidate near it.
 inline constexpr double kKeptMerit = 0.95;
 
 /// Time limit of a placement, if any.
@@ -34,8 +35,8 @@ class TimeLimit {
             std::stop_token caller)
       : start_(start), limit_s_(limit_s), caller_(std::move(caller)) {}
 
-  /// Calls work(stop) and requests a stop when this share of the time is over.
-  /// @return whether a stop was requested
+  /// Calls work(stop), and requests a stop when this share of the time limit is over.
+  /// @return whether the time limit requested a stop
   template <class Work>
   bool cuts(double share, const Work& work) const {
     if (!limit_s_) {
@@ -73,7 +74,7 @@ struct PairScales {
   }
 };
 
-/// Why the gravity or the range of scales of `options` does not allow a pose; std::nullopt if they do.
+/// Why the gravity or the scale range of `options` forbids a pose; std::nullopt if both allow it.
 std::optional<std::string> forbidden(const Similarity3& target_from_source,
                                      const AlignOptions& options);
 
@@ -90,12 +91,12 @@ struct Candidates {
   bool cut_short = false;
 };
 
-/// Search on samples of both maps. The source should be the smaller one, so that most of it is in the target
-/// if they overlap.
+/// Search on samples of both maps. The source should be the smaller map, so that most of it is in the target if the
+/// maps overlap.
 class Placement {
  public:
-  /// @param scales of the source that are likely
-  /// @param equal  the one at which both clouds have the same unit; std::nullopt if it is not allowed
+  /// @param scales likely scales of the source
+  /// @param equal  scale at which both clouds have the same unit; std::nullopt if this scale is not allowed
   /// @param identities see DescriptorMatches
   Placement(const PreparedCloud& source, const PreparedCloud& target, std::vector<double> scales,
             std::optional<double> equal, const AlignOptions& options, const Execution& execution,
@@ -104,44 +105,45 @@ class Placement {
   /// Fine kernel scale for a source of this scale.
   double fine(double scale) const { return all_.at(scale).fine; }
 
-  /// The support of a pose.
+  /// The pose with its support.
   /// @param partners number of random partners per descriptor match, to estimate chance agreements
   Finalist assessed(const Similarity3& pose,
                     std::size_t partners = DescriptorMatches::kPartners) const;
 
-  /// Rank of a pose: evidence of positions and descriptors. Most wrong poses have neither; a few landmarks
-  /// that match by chance must not outweigh a tenth of all.
+  /// Score for ranking a pose: evidence of positions and descriptors, and a term for the share of matched landmarks.
+  /// Most wrong poses have no evidence; for them, a few landmarks that match by chance must not outweigh a tenth of all
+  /// landmarks.
   static double merit(const PlacementCandidate& pose);
 
-  /// Probability of each pose versus the others; likeliest first.
+  /// The poses with their probabilities, each versus the others; likeliest first.
   std::vector<Finalist> with_probabilities(std::vector<Finalist> poses) const;
 
-  /// Whether the requested gravity and scale allow it.
+  /// Whether the requested gravity and scale range allow the pose.
   bool allows(const Finalist& pose) const;
 
-  /// The optimum near a pose.
+  /// Refines a pose to the nearest optimum.
   Finalist settled(const Similarity3& pose, const std::stop_token& stop) const;
 
-  /// Whether a user would call both the same.
+  /// Whether a user would consider both poses the same.
   bool near(const Finalist& a, const Finalist& b) const;
 
-  /// The best-fitting of the poses near this one, excluding equal ones, if it fits clearly better; and its
-  /// distance.
+  /// Of `poses`, the best-fitting one that is near `pose` but not equal to it, and its distance from `pose`.
+  /// std::nullopt if none fits clearly better than `pose`.
   std::pair<std::optional<Finalist>, double> better_near(const std::vector<Finalist>& poses,
                                                          const Finalist& pose) const;
 
-  /// How far two poses are apart: root mean square over the source's landmarks.
+  /// Distance of two poses: root mean square over the source's landmarks.
   double apart(const Similarity3& a, const Similarity3& b) const { return distance_(a, b); }
 
   /// The best pose of the source's mirror image, by positions alone; std::nullopt if none is found.
   std::optional<Finalist> of_mirror_image(const std::stop_token& stop) const;
 
-  /// The fit to the identities near a pose, and these, if the pose brings them much less close; std::nullopt if it does
-  /// not, or if they do not prove the fit.
+  /// The least-squares fit to the identities near a pose, and these identities (see DescriptorMatches). std::nullopt
+  /// unless the fit brings them much closer together than the pose does, and they prove the fit.
   std::optional<std::pair<Finalist, std::vector<Match>>> fitted_to_identities(
       const Finalist& pose) const;
 
-  /// The matches that a pose brings within so many radii of matches.
+  /// The matches whose landmarks a pose brings within this many matching radii of each other.
   std::vector<Match> agreeing(const Similarity3& pose, double radii) const;
 
   Surroundings around(const Similarity3& pose) const;
@@ -165,17 +167,17 @@ class Placement {
   // Poses from descriptor matches.
   std::vector<DescriptorPose> proposals() const;
 
-  // Poses that align a constellation and its surroundings. They need distances, hence one unit.
+  // Poses that align a constellation and its surroundings. Constellations need distances, hence one unit.
   std::vector<ConstellationPose> constellations(const std::stop_token& stop) const;
 
   // Poses from the proportions of neighbouring landmarks.
   std::vector<QuadPose> quads(const std::stop_token& stop) const;
   static bool is_clear(const std::vector<QuadPose>& quads);
 
-  // Scales of these poses, and those that are likely anyway unless the first pose is clear.
+  // Scales to search: those of the quads' poses and the likely scales; if the first pose is clear, its scale alone.
   std::vector<double> scales_to_search(const std::vector<QuadPose>& quads, bool clear) const;
 
-  // The first pose and those that may be right instead; empty if too few matches agree with the first.
+  // The first pose and the poses that may be right instead; empty if too few matches agree with the first.
   static std::vector<Finalist> rivals_of(const std::vector<Finalist>& proposed);
 
   // The distinct poses with their probabilities, likeliest first.
@@ -187,12 +189,11 @@ class Placement {
               const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
               std::vector<Finalist>& poses) const;
 
-  // Moves each pose to the optimum near it, at the fine scale of the lengths, and counts its support
-  // there.
+  // Refines each pose to the nearest optimum, at the fine scale of the lengths, and computes its support there.
   void refine_all(std::vector<Finalist>& poses, const PairScales& lengths, std::size_t points,
                   int iterations, const std::stop_token& stop) const;
 
-  // The best poses, with at most `variants` that a user would call the same.
+  // The best distinct poses; at most `variants` of the poses that a user would consider the same.
   std::vector<Finalist> distinct(std::vector<Finalist> poses, const PairScales& lengths,
                                  std::ptrdiff_t variants) const;
 
@@ -205,7 +206,7 @@ class Placement {
   SupportCounter support_;
   DescriptorMatches matches_;
   PairScales all_;     // of all landmarks
-  PairScales sample_;  // of those that the search sees
+  PairScales sample_;  // of the landmarks that the search uses
   PoseDistance distance_;
 };
 

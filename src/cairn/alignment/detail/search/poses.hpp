@@ -21,11 +21,11 @@ namespace cairn::detail {
 
 class PreparedCloud;
 
-/// Evenly spread, deterministic rotations over SO(3): super-Fibonacci spirals (Alexa, CVPR 2022). With n of
-/// them, every rotation is within about 4.5 rad / n^(1/3) of the nearest.
+/// Evenly spread, deterministic rotations over SO(3): super-Fibonacci spirals (Alexa, CVPR 2022). Every rotation is
+/// within about 4.5 rad / n^(1/3) of the nearest of n such rotations.
 std::vector<Eigen::Quaterniond> all_rotations(std::size_t count);
 
-/// Rotations from direction `from` to direction `to`, at even steps about it.
+/// Rotations that turn direction `from` into direction `to`, at even steps about `to`.
 std::vector<Eigen::Quaterniond> rotations_about(const Eigen::Vector3d& from,
                                                 const Eigen::Vector3d& to, std::size_t count);
 
@@ -35,9 +35,9 @@ struct SearchCandidate {
   double score = 0.0;  ///< mean of the kernel over the sampled source points, in [0, 1]
 };
 
-/// Poses that bring source points close to target points: from each rotation with many translations, by
-/// iteratively reweighted least squares with the Geman-McClure kernel 1 / (1 + d²/σ²)², with σ decreasing
-/// from coarse to fine while ever fewer poses are kept.
+/// Poses that bring source points close to target points. The search starts from each rotation with many translations.
+/// It refines by iteratively reweighted least squares with the Geman-McClure kernel 1 / (1 + d²/σ²)². σ decreases from
+/// coarse to fine, and ever fewer poses are kept.
 ///
 /// Each step depends only on the input, so any number of threads gives the same poses.
 ///
@@ -61,11 +61,11 @@ struct ConstellationPose {
   double evidence = 0.0;  ///< log-likelihood ratio of the landmarks around the constellation
 };
 
-/// Poses that map a constellation of three source points to three target points with the same distances,
-/// and the points around it close to others. Finds maps that share only a small part, for which no coarse
-/// pose stands out. Compares each constellation with the whole target (as in 4-points congruent sets, Aiger
-/// et al. 2008, but with three local points), and checks each pose against the voxels occupied by target
-/// points.
+/// Poses from constellations. A constellation is three source points; a pose maps them to three target points with the
+/// same distances, and the points around them close to other target points. This finds maps that share only a small
+/// part, for which no coarse pose stands out. Each constellation is compared with the whole target (as in 4-points
+/// congruent sets, Aiger et al. 2008, but with three local points). Each pose is checked against the voxels that target
+/// points occupy.
 ///
 /// The same input gives the same poses for any number of threads.
 /// @param fine      unit of all lengths here: the fine kernel scale, about three times the landmark spacing; positive
@@ -85,13 +85,13 @@ struct QuadPose {
   double evidence = 0.0;  ///< log-likelihood ratio of the landmarks around the quad
 };
 
-/// Centred poses, with any scale, from quads: a landmark and three of its nearest. The proportions of its sides identify
-/// a quad whatever the scale, as they identify stars in a photograph (Lang et al. 2010). A pose is tested on the
-/// neighbours of the quad.
+/// Centred poses, with any scale, from quads. A quad is a landmark and three of its nearest neighbours. The proportions
+/// of its sides identify a quad at any scale, as they identify stars in a photograph (Lang et al. 2010). A pose is
+/// tested on the neighbours of the quad.
 ///
 /// The same input gives the same poses for any number of threads.
 /// @param scales    bounds of the source's scale
-/// @param fine      fine kernel scale, in the target's unit; poses nearer than half of it are one
+/// @param fine      fine kernel scale, in the target's unit; poses closer than half of it count as one
 /// @param execution when stopped, returns what was found so far
 /// @return distinct poses, most evidence first
 std::vector<QuadPose> quad_poses(const PreparedCloud& source, const PreparedCloud& target,
@@ -110,12 +110,12 @@ struct DescriptorPose {
 Similarity3 fitted_pose(const std::vector<Eigen::Vector3d>& from,
                         const std::vector<Eigen::Vector3d>& to, bool free_scale);
 
-/// Centred poses from mutual descriptor matches, by consensus of random triples (RANSAC, Fischler and
-/// Bolles 1981): three landmarks with equal distances in both clouds, or with a free scale equal
-/// proportions, give a pose, which is re-estimated from all agreeing matches.
+/// Centred poses from mutual descriptor matches, by consensus of random triples of matches (RANSAC, Fischler and Bolles
+/// 1981). A triple gives a pose if the distances of its landmarks are equal in both clouds, or with a free scale in
+/// equal proportions. The pose is re-estimated from all agreeing matches.
 ///
 /// @param tolerance largest difference between distances of landmarks, in the target's unit; positive
-/// @param scale     bounds of the source's scale, which is then estimated; std::nullopt: it is 1
+/// @param scale     bounds of the source's scale, which is then estimated; std::nullopt: the scale is 1
 /// @return distinct poses, most agreeing matches first; each with at least four
 std::vector<DescriptorPose> descriptor_poses(const DescriptorMatches& matches, Random random,
                                              double tolerance,

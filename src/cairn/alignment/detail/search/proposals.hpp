@@ -6,11 +6,11 @@
 #include <cstddef>
 #include <vector>
 
-/// Shared by the searches that propose poses from few landmarks and test each on the landmarks around.
+/// Helpers of searches that propose poses from few landmarks and test each pose on the landmarks around them.
 namespace cairn::detail {
 
-/// Log-likelihood ratio of a binomial distribution versus chance, for the landmarks that a pose brings near others; 0
-/// unless they are more than by chance.
+/// Log-likelihood ratio of a binomial distribution versus chance, for the number of landmarks that a pose brings near
+/// others. 0 if their share does not exceed that by chance.
 /// @param chance share of landmarks that are near others by chance, in (0, 1)
 inline double hit_evidence(std::size_t hits, std::size_t tested, double chance) {
   const auto count = static_cast<double>(hits);
@@ -21,7 +21,7 @@ inline double hit_evidence(std::size_t hits, std::size_t tested, double chance) 
   return misses > 0.0 ? for_it + misses * std::log1p((chance - share) / (1.0 - chance)) : for_it;
 }
 
-/// The first of some poses, at most `most`, without those that are one with an earlier.
+/// The first poses, at most `most`, without those that equal an earlier one by `are_one`.
 template <class Pose, class AreOne>
 std::vector<Pose> first_distinct(const std::vector<Pose>& poses, std::size_t most,
                                  const AreOne& are_one) {
