@@ -17,7 +17,7 @@ namespace cairn {
 /// Kinds of the changed objects; the values are stored in files.
 enum RowKind : std::int64_t { kNode = 1, kLink = 2, kPose = 3, kAgrees = 4 };
 
-/// A change in the log: afterwards, the object has the value, or does not exist.
+/// A logged change of one object: its new value, or std::nullopt if the object no longer exists.
 struct RowChange {
   std::int64_t kind = 0;
   std::uint64_t object = 0;
@@ -37,20 +37,20 @@ std::string commit_digest(const AtlasCommit& commit, std::span<const RowChange> 
 
 void apply(const AtlasChanges& changes, AtlasState& state);
 
-/// Checks that all that the state refers to is in it.
-/// @param kind of the error: input for a state that was read, misuse for one that changes lead to
+/// Checks that everything that the state refers to exists in the state.
+/// @param kind kind of the error: input for a state that was read, misuse for a state that changes would produce
 /// @throws Error naming the defect
 void check_state(const AtlasState& state, const std::string& name, ErrorKind kind);
 
-/// Whether the poses that a link agrees with, or contradicts, are in the state. A link that agrees has both its maps
-/// in one frame.
+/// Whether the state has the poses of both maps of a link. If the link agrees, the poses must also be in one frame.
 bool has_poses_of(const AtlasState& state, LinkId link, bool agrees);
 
-/// Checks that changes do not take away the poses that a link agrees with.
+/// Checks that changes do not remove poses with which a link was compared.
 /// @throws Error (misuse) naming the link
 void check_agreements(const AtlasState& before, const AtlasState& after, const std::string& name);
 
-/// @throws Error (misuse) if it is not there
+/// The node with this id.
+/// @throws Error (misuse) if it does not exist
 const AtlasNode& require_node(const AtlasState& state, NodeId id);
 
 /// "1 map", "2 maps".

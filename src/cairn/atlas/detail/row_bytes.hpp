@@ -28,7 +28,8 @@ std::optional<Matrix7d> covariance7_of_bytes(std::string_view bytes);
 std::string extent_bytes(const NodeExtent& extent);
 std::optional<NodeExtent> extent_of_bytes(std::string_view bytes);
 
-/// Bytes of fields, each with its length, so that different rows differ: input of a row's digest.
+/// Bytes of a row's fields, from which its digest is computed. Texts follow their lengths, so that
+/// different rows have different bytes.
 class RowBytes {
  public:
   RowBytes& add(std::uint64_t value);
@@ -48,8 +49,8 @@ std::string hexadecimal(std::string_view bytes);
 std::optional<std::string> bytes_of_hexadecimal(std::string_view digits);
 
 std::string digest_of(const AtlasNode& node);
-/// A link's numbers as stored. Reading may change the last digit, because quaternions are normalised. Empty
-/// if absent.
+/// The numbers of a link as stored; empty if absent. Reading may change the last digit, because quaternions
+/// are normalised.
 struct LinkBlobs {
   std::string target_from_source;
   std::string covariance;
@@ -57,13 +58,13 @@ struct LinkBlobs {
 };
 LinkBlobs blobs_of(const Link& link);
 
-// A stated link, of odometry or a person, is stored as "aligned", which earlier versions called it.
+// A stated link, from odometry or a person, is stored with the verdict "aligned", as in earlier versions.
 Verdict stored_verdict(const Link& link);
 std::optional<Verdict> verdict_of_stored(LinkKind kind, Verdict verdict);
 
 std::string digest_of(const Link& link, const LinkBlobs& blobs);
 
-/// The same for a pose.
+/// The numbers of a pose as stored.
 struct PoseBlobs {
   std::string frame_from_node;
   std::string covariance;

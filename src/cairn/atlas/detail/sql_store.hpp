@@ -20,7 +20,8 @@ namespace cairn::detail {
 
 using storage::Statement;
 
-/// Databases limit values to 1 GB; smaller ones need less memory at a time.
+/// Largest size of the pieces in which maps are stored. Databases limit values to 1 GB; smaller
+/// values need less memory at a time.
 inline constexpr std::size_t kChunkBytes = std::size_t{4} << 20;
 
 inline constexpr const char* kNodeColumns =
@@ -30,12 +31,12 @@ inline constexpr const char* kLinkColumns =
     "covariance_with_scale, digest";
 inline constexpr const char* kPoseColumns = "id, node, frame, frame_from_node, covariance, digest";
 
-// Rows of these columns; `name` is the store's.
+// Read an object from a row with these columns; `name` is the store's name.
 // @throws Error (input) naming the row if its digest or a value is wrong
 AtlasNode node_of(const Statement& row, const std::string& name);
 Link link_of(const Statement& row, const std::string& name);
 AtlasPose pose_of(const Statement& row, const std::string& name);
-/// Of the columns kind, object and value.
+/// The change in a row with the columns kind, object and value.
 RowChange change_of(const Statement& row);
 
 /// The store of an atlas in an SQL database.
@@ -56,7 +57,8 @@ class SqlStore : public AtlasStore {
   AtlasCompaction compact(std::uint64_t keep, bool dry) override;
 
  protected:
-  /// Looks for damage below the tables. A server manages its files itself.
+  /// Looks for damage in the database's files. The default does nothing, because a server manages
+  /// its files itself.
   virtual void check_files(std::vector<std::string>& problems) { (void)problems; }
   /// Frees space.
   virtual void after_compact() {}

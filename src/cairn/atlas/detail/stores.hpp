@@ -16,7 +16,7 @@ void create_sqlite_store(const std::filesystem::path& path, const AtlasStoreOpti
 /// @param whole whether the atlas must have all its tables
 std::unique_ptr<AtlasStore> open_sqlite_store(const std::filesystem::path& path,
                                               const AtlasStoreOptions& options, bool whole = true);
-/// The database of such a store.
+/// The SQLite database of such a store.
 sqlite::Database open_sqlite_database(const std::filesystem::path& path,
                                       const AtlasStoreOptions& options, bool whole);
 AtlasSalvage salvage_sqlite_store(const std::filesystem::path& from,
@@ -26,7 +26,7 @@ AtlasSalvage salvage_sqlite_store(const std::filesystem::path& from,
 /// Name of the network file system of this type (statfs); null for other types.
 const char* network_file_system(long type);
 
-// They throw Error (misuse) in a build without PostgreSQL (CAIRN_WITH_POSTGRES).
+// These functions throw Error (misuse) in a build without PostgreSQL (CAIRN_WITH_POSTGRES).
 void create_postgres_store(const std::string& url, const AtlasStoreOptions& options);
 std::unique_ptr<AtlasStore> open_postgres_store(const std::string& url,
                                                 const AtlasStoreOptions& options);

@@ -8,7 +8,7 @@
 
 namespace cairn::detail {
 
-/// A stop token that requests a stop at a given time, or earlier if the caller's token does.
+/// Requests a stop at a given time, or earlier if the caller's token requests one.
 class Alarm {
  public:
   /// @param caller its stop requests are passed on

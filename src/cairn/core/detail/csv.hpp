@@ -41,13 +41,13 @@ class Csv {
 /// One row of a parsed table.
 struct CsvRow {
   std::vector<std::string> cells;
-  std::uint64_t line = 0;  ///< its first line, from 1
+  std::uint64_t line = 0;  ///< number of the row's first line, from 1
   std::size_t end = 0;     ///< bytes of the text up to and including the row's line end
 };
 
 /// The rows of a text, including its header; leaves out a last row without line end, which may be
 /// truncated.
-/// @param name for messages
+/// @param name name of the text in messages
 /// @throws Error (input) naming the line of a quote that is misplaced or not closed, unless the text ends
 ///        within it
 std::vector<CsvRow> parse_csv(std::string_view text, std::string_view name);

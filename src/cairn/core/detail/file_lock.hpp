@@ -5,15 +5,15 @@
 
 namespace cairn::detail {
 
-/// A file that is open and locked, by one FileLock at a time in all processes. A killed process leaves the file
-/// behind unlocked, which tells what it left from what a living process is writing.
+/// A file that is open and locked. In all processes, one FileLock at a time holds the lock. A killed process leaves
+/// the file behind unlocked; this distinguishes its file from one that a living process is writing.
 class FileLock {
  public:
   enum class State {
     kLocked,
     kUnlockable,  ///< open, but the file system cannot lock files
     kTaken,       ///< another FileLock holds it
-    kForeign,     ///< not a regular file of this user with one name
+    kForeign,     ///< not a regular file, owned by another user, or a file with several names
     kFailed,      ///< cannot be opened, see error_number()
   };
 
@@ -26,7 +26,8 @@ class FileLock {
   FileLock& operator=(const FileLock&) = delete;
 
   State state() const { return state_; }
-  /// Whether no other FileLock can hold the file. If the file system cannot lock files, only that of one just made.
+  /// Whether no other FileLock can hold the file. If the file system cannot lock files, this holds only for a file
+  /// that this FileLock created.
   bool holds() const {
     return state_ == State::kLocked || (state_ == State::kUnlockable && is_new_);
   }
@@ -34,9 +35,9 @@ class FileLock {
   void require() const;
   /// Whether the file did not exist before.
   bool is_new() const { return is_new_; }
-  /// Of the open file, for reading and writing; negative unless kLocked or kUnlockable.
+  /// File descriptor of the open file, for reading and writing; negative unless kLocked or kUnlockable.
   int descriptor() const { return descriptor_; }
-  /// Why the file could not be opened, an errno.
+  /// Why the file could not be opened, as an errno.
   int error_number() const { return error_number_; }
   const std::filesystem::path& path() const { return path_; }
 

@@ -10,7 +10,8 @@ struct stat;
 
 namespace cairn::detail {
 
-/// While it lives, lists the regular files that FileReader opens in this thread: what was read of a folder.
+/// Lists the regular files that FileReader opens in this thread while the FilesRead exists, e.g. to record
+/// which files of a folder were read.
 class FilesRead {
  public:
   FilesRead();
@@ -18,7 +19,7 @@ class FilesRead {
   FilesRead(const FilesRead&) = delete;
   FilesRead& operator=(const FilesRead&) = delete;
 
-  /// In the order in which they were first opened, each once.
+  /// Paths in the order in which the files were first opened, each once.
   const std::vector<std::filesystem::path>& paths() const { return paths_; }
 
  private:
@@ -29,25 +30,26 @@ class FilesRead {
   FilesRead* outer_;
 };
 
-/// For FileReader.
+/// FileReader calls this for each regular file that it opens.
 void note_file_read(const std::filesystem::path& path);
 
-/// 128-bit XXH3 hash of several files: of their hashes by hash_file(), one a line.
+/// 128-bit XXH3 hash of several files: the hash of a text with one line per file, its hash by hash_file().
 std::string hash_files(const std::vector<std::filesystem::path>& paths);
 
 /// A file that a program is going to write.
 struct NamedOutput {
-  std::string option;  ///< names it in messages, e.g. "--json"
+  std::string option;  ///< name in messages, e.g. "--json"
   std::filesystem::path path;
 };
 
-/// From now on FileReader refuses the regular files that exist at these paths, whatever links lead to them:
-/// a program that reads a file and then writes to it loses its input. Replaces the outputs of an earlier call.
-/// Not thread-safe: to be called before other threads read.
+/// Forbids FileReader, from now on, to read the regular files that exist at these paths, whatever links lead
+/// to them: a program that reads a file and then writes to it loses its input. Replaces the outputs of an
+/// earlier call. Not thread-safe: call it before other threads read.
 void refuse_to_read(const std::vector<NamedOutput>& outputs);
 
-/// For FileReader.
-/// @throws Error (misuse) naming the option and `path`, whose status is given, if it is one of those outputs
+/// FileReader calls this before it reads a file.
+/// @param status status of the file at `path`
+/// @throws Error (misuse) naming the option and `path`, if the file is one of the outputs of refuse_to_read()
 void require_no_output(const std::filesystem::path& path, const struct stat& status);
 
 }  // namespace cairn::detail

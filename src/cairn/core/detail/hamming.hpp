@@ -9,8 +9,9 @@ namespace cairn::detail {
 
 /// Hamming distance of two descriptors of equal length.
 ///
-/// Counts bits in 64-bit words, in parallel within each (Warren, "Hacker's Delight", 5-1). std::popcount is
-/// four times as slow if the instruction cannot be assumed, as on x86-64, because it calls a library.
+/// Counts the bits of a 64-bit word in parallel (Warren, "Hacker's Delight", 5-1). std::popcount takes four
+/// times as long if the processor's instruction cannot be assumed, as on x86-64, because it then calls a
+/// library.
 inline int hamming_distance(std::span<const std::uint64_t> a, std::span<const std::uint64_t> b) {
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {

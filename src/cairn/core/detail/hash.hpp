@@ -28,7 +28,7 @@ class Hasher {
   Hasher& operator=(const Hasher&) = delete;
 
   void update(std::string_view bytes);
-  /// Of all bytes so far.
+  /// Hash of all bytes so far.
   Hash128 digest() const;
 
  private:
@@ -36,7 +36,7 @@ class Hasher {
   std::unique_ptr<State> state_;
 };
 
-/// The same of bytes that are all there.
+/// 128-bit XXH3 (seed 0) of these bytes.
 Hash128 hash_of(std::string_view bytes);
 
 }  // namespace cairn::detail

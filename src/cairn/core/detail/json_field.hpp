@@ -20,8 +20,8 @@ namespace cairn::detail {
 /// Keeps the order in which fields are set.
 using Json = nlohmann::ordered_json;
 
-/// A value of a JSON document with its file and path, which every error names. The document must outlive it.
-/// An absent member reads as null.
+/// A value of a JSON document with its file and path, which every error names. The document must outlive the
+/// field. An absent member reads as null.
 class JsonField {
  public:
   JsonField(const Json& value, std::string file, std::string path)

@@ -13,21 +13,21 @@ namespace cairn::detail {
 /// needs stack for each level.
 inline constexpr std::size_t kDeepestJson = 100;
 
-/// Largest number of keys in an object that keeps their order: for each key, it compares all before.
+/// Largest number of keys in an object of ordered JSON, which compares each new key with all earlier keys.
 inline constexpr std::size_t kMostOrderedJsonKeys = 1000;
 
 /// Checks JSON before it is parsed.
-/// @param most_keys of an object
-/// @throws Error (input) naming `name` and the byte if a list or object is nested deeper than kDeepestJson, or
-///         an object has more keys
+/// @param most_keys largest number of keys of an object
+/// @throws Error (input) naming `name` and the byte, if a list or object is nested deeper than kDeepestJson,
+///         or if an object has more keys
 void check_json(std::string_view text, std::string_view name, std::size_t most_keys);
 
-/// Reads JSON with bounded stack; all JSON must be read with it.
+/// Parses JSON with bounded stack. All JSON must be read with this function.
 /// @tparam Json nlohmann::json or nlohmann::ordered_json, which this header does not include
 /// @param name name of the text in messages, e.g. a file's path
 /// @return std::nullopt if the text is not JSON
-/// @throws Error (input) if it is nested deeper than kDeepestJson, or an object of ordered_json has more than
-///         kMostOrderedJsonKeys keys
+/// @throws Error (input) if the text is nested deeper than kDeepestJson, or if an object of ordered_json has
+///         more than kMostOrderedJsonKeys keys
 template <class Json>
 std::optional<Json> parse_json(std::string_view text, std::string_view name) {
   // Only ordered_json keeps its objects in a vector.

@@ -6,8 +6,8 @@
 
 namespace cairn::detail {
 
-/// Allocates all pages of a memory range at once, huge ones where they fit: page faults take longer than filling the
-/// memory. Keeps the content. Has no effect if the operating system does not support it.
+/// Allocates all pages of a memory range at once, huge pages where they fit, because page faults would take longer
+/// than filling the memory. Keeps the content. Has no effect if the operating system does not support it.
 void populate(void* memory, std::size_t bytes);
 
 /// Reserves memory that the caller is about to fill.

@@ -8,14 +8,16 @@
 
 namespace cairn::detail {
 
-/// A folder that appears whole or not at all. It is filled under its own name in the hidden folder
-/// ".NAME.cairn-unfinished" beside it, and commit() renames it. If an empty folder exists, which may be a link or a
-/// mounted disk, the hidden folder ".cairn-unfinished" is in it, and commit() moves each file up. The next OutputFolder
-/// of that name clears what a killed process left. Several at once do not meet; the first to commit wins.
+/// A folder that appears whole or not at all. Its files are written to a folder of the same name in the hidden folder
+/// ".NAME.cairn-unfinished" beside it, and commit() renames that folder. If the folder already exists and is empty (it
+/// may be a link or a mounted disk), the hidden folder ".cairn-unfinished" is inside it, and commit() moves each file
+/// up. The next OutputFolder of the same name deletes what a killed process left. Several OutputFolders of one name do
+/// not disturb each other; the first to commit wins.
 class OutputFolder {
  public:
-  /// @param folder must not exist, or be empty
-  /// @throws Error naming the folder and the reason: (misuse) if something is there, (storage) if it cannot be made
+  /// @param folder must not exist, or must be empty
+  /// @throws Error naming the folder and the reason: (misuse) if it is a file or not empty, (storage) if it cannot be
+  ///         made
   explicit OutputFolder(const std::filesystem::path& folder);
   /// Deletes what was not committed.
   ~OutputFolder();
@@ -24,7 +26,7 @@ class OutputFolder {
 
   /// Where to write the folder's files; exists and is empty at first.
   const std::filesystem::path& unfinished() const { return unfinished_; }
-  /// Moves the folder to its place, all of it on disk. Nothing is to be written to unfinished() afterwards.
+  /// Moves the folder to its place, after all of it is on disk. Do not write to unfinished() afterwards.
   /// @throws Error (storage), or (misuse) if something has been written to its place meanwhile
   void commit();
 
@@ -33,7 +35,7 @@ class OutputFolder {
   void discard();
 
   std::filesystem::path folder_;
-  bool exists_;  // before; then it is kept
+  bool exists_;  // whether the folder existed before; it is then kept
   std::filesystem::path container_;
   std::filesystem::path unfinished_;
   std::optional<FileLock> lock_;

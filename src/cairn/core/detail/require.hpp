@@ -9,7 +9,7 @@
 
 namespace cairn::detail {
 
-/// @param field    of an options struct, or an argument, e.g. "FeatureOptions.count"
+/// @param field    field of an options struct, or argument, e.g. "FeatureOptions.count"
 /// @param expected the constraint, e.g. "50 to 20000"
 /// @throws Error (misuse) unless `holds`
 template <class Value>

@@ -15,7 +15,7 @@ using IndexPairs = std::vector<std::pair<std::size_t, std::size_t>>;
 /// than `max_difference_s`, closest first, each time at most once. Equal differences are ordered by
 /// position in `a`, then in `b`. O(n log n) for any difference.
 /// @param a,b seconds, finite, strictly ascending
-/// @return in the order of `a`
+/// @return pairs in the order of `a`
 IndexPairs associate_times(std::span<const double> a, std::span<const double> b,
                            double max_difference_s);
 

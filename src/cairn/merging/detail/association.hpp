@@ -39,12 +39,12 @@ struct AssociationResult {
 
 /// Associates the landmarks of two sets that are the same.
 ///
-/// Model: a landmark of the second set is the same as one of its nearest in the first, at a distance that
-/// the covariances and a common deviation explain; or it has no partner, and nearby landmarks are others on
-/// the same surface. Share and deviation are estimated by expectation maximisation. A pair is accepted if
-/// each is the other's likeliest partner, within the gate, and more likely than no partner. Descriptors of
-/// one kind exclude a pair less similar than 98 % of random pairs. The same input and seed give the same
-/// result for any number of threads.
+/// Model: either a landmark of the second set is the same as one of its nearest landmarks in the first set, at a
+/// distance that the covariances and a common deviation explain; or it has no partner, and the landmarks near it are
+/// other points of the same surface. Share and deviation are estimated by expectation maximisation. A pair is accepted
+/// if each landmark is the other's likeliest partner, the pair is within the gate, and it is more likely than no
+/// partner. Descriptors of one kind exclude a pair unless it is more similar than 98 % of random pairs. The same input
+/// and seed give the same result for any number of threads.
 /// @param min_probability least probability that a pair is one landmark; in [0.5, 1]
 AssociationResult associate(const LandmarkSet& first, const LandmarkSet& second,
                             double min_probability = 0.5, const Execution& execution = {});

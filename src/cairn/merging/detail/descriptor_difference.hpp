@@ -31,8 +31,8 @@ inline int differing_bits(std::span<const std::uint8_t> a, std::span<const std::
   return bits;
 }
 
-/// The least of difference(x, y) over the descriptors x of landmark i of one column and y of j of the other,
-/// both known.
+/// The smallest difference(x, y) of a descriptor x of landmark i in column a and a descriptor y of landmark
+/// j in column b. Both landmarks must have known descriptors.
 template <class Difference>
 auto least_difference(const DescriptorColumn& a, std::size_t i, const DescriptorColumn& b,
                       std::size_t j, const Difference& difference) {
@@ -45,7 +45,7 @@ auto least_difference(const DescriptorColumn& a, std::size_t i, const Descriptor
   return least;
 }
 
-/// Hamming distance of the best pair of their descriptors.
+/// Hamming distance of the best pair of descriptors of two landmarks.
 inline int differing_bits(const DescriptorColumn& a, std::size_t i, const DescriptorColumn& b,
                           std::size_t j) {
   return least_difference(a, i, b, j, [](auto x, auto y) { return differing_bits(x, y); });

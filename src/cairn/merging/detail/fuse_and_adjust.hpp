@@ -7,15 +7,16 @@
 
 namespace cairn::detail {
 
-/// A map with the keyframe poses and camera parameters of an adjusted map that was made from it. Each landmark is where
-/// its lines of sight now meet. If depths were measured, or the lines are nearly parallel, it moves with the keyframe that
-/// observed it first instead, or with the map if none did. Covariances turn with that keyframe.
+/// The map with the keyframe poses and camera parameters of an adjusted map that was made from it. Each landmark moves
+/// to where its lines of sight meet after the adjustment. If its depths were measured, or its lines of sight are nearly
+/// parallel, the landmark moves with the keyframe that observed it first, or with the map if no keyframe did. Its
+/// covariance rotates with that keyframe.
 /// @param world_from_map pose of the map before the adjustment; its scale is applied
 /// @param frames         frame of `adjusted` for each frame of the map
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
                               const LandmarkMap& adjusted, std::span<const FrameIndex> frames);
 
-/// The rounds of fusing and adjusting of merge_placed(), which uses its progress for the adjustment.
+/// The rounds of fusion and adjustment in merge_placed(). Only the adjustments report progress.
 MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOptions& options,
                              const Execution& execution = {});
 

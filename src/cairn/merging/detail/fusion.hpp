@@ -31,24 +31,24 @@ struct WorldLandmarks {
   std::vector<Matrix3d> covariances;
 };
 
-// Which landmark of which map is one of those that a fused landmark combines.
+// A landmark of a map that is part of a fused landmark.
 struct Member {
   std::uint32_t map = 0;
   std::uint32_t landmark = 0;
-  double probability = 1.0;  // that it is the same as the earlier ones
+  double probability = 1.0;  // probability that it is the same as the earlier members
   std::uint32_t previous = kNoMember;
 
   static constexpr std::uint32_t kNoMember = std::numeric_limits<std::uint32_t>::max();
 };
 
-// An estimate of a position. The uncertainty of the maps' poses moves all landmarks of a map together, so it does not tell
-// which of them are better.
+// An estimate of a position. The uncertainty of a map's pose moves all landmarks of the map together, so it does not
+// affect their weights.
 struct Estimate {
   Vector3d position;
-  Matrix3d covariance;  // by which landmarks are weighted
+  Matrix3d covariance;  // for the weights of landmarks
   Matrix3d
-      compared;  // by which they are compared: with that of the poses relative to the largest map's
-  Matrix3d stated;  // with that of the poses in the world
+      compared;  // for comparisons: with the uncertainty of the poses relative to the largest map
+  Matrix3d stated;  // includes the uncertainty of the poses in the world
 };
 
 // Unit, gravity, frame and georeference of maps in the world.
@@ -87,7 +87,7 @@ class Fusion {
   std::vector<std::vector<bool>> repeated_observations() const;
   void set_observations();
   std::string frames_line(std::size_t m) const;
-  // The folder of a map's images; without blanks, at which COLMAP ends a name.
+  // The folder of a map's images; without blanks, because COLMAP ends a name at a blank.
   std::string image_folder(std::size_t m) const {
     std::string folder = maps_[m].name + "/";
     std::replace(folder.begin(), folder.end(), ' ', '_');
@@ -106,24 +106,27 @@ class Fusion {
   std::span<const PlacedMap> maps_;
   const FusionOptions& options_;
   const Execution& execution_;
-  std::vector<std::size_t> order_;  // in which maps are added, whatever order they are given in
+  std::vector<std::size_t> order_;  // in which maps are added, whatever the order of the input
   FusionResult result_;
   MapTables tables_;
   std::vector<WorldLandmarks> world_;  // by map
-  // By map: variance of its landmarks that their covariances do not explain. Unknown before another map has the same ones.
+  // By map: variance of its landmarks that their covariances do not explain. Unknown until another map has the same
+  // landmarks.
   std::vector<std::optional<double>> variances_;
   std::vector<std::size_t>
       original_;  // by map: the first one with the same landmarks or observations, mostly itself
   std::vector<std::size_t> rank_;  // by map: its place in order_
   std::vector<Member> members_;
-  std::vector<std::uint32_t> last_member_;  // of each fused landmark
+  std::vector<std::uint32_t> last_member_;  // per fused landmark
   std::vector<Vector3d> positions_;         // of the fused landmarks, so far
   std::vector<Matrix3d> covariances_;       // with the variances
   bool has_colors_ = false;
-  std::vector<std::uint32_t> best_observed_;  // observations of the part that gave the descriptor
-  bool has_further_ = false;                  // a map with several of a landmark
-  std::vector<std::vector<std::uint8_t>> descriptors_;   // if so: bytes of all of each landmark's
-  std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and its landmark
+  // Per fused landmark: observations of the member that gave its descriptor.
+  std::vector<std::uint32_t> best_observed_;
+  bool has_further_ = false;  // whether a map has several descriptors of a landmark
+  // If so, per fused landmark: bytes of all its descriptors.
+  std::vector<std::vector<std::uint8_t>> descriptors_;
+  std::vector<std::vector<std::uint32_t>> landmark_of_;  // by map and landmark of the map
   // Landmarks of two maps that keypoints of common images show to be the same.
   struct Identities {
     std::size_t earlier;
@@ -132,11 +135,12 @@ class Fusion {
   };
   std::vector<Identities> identities_;
   std::vector<MapImages> images_;          // by map
-  std::vector<bool> is_mounted_;           // by camera: whether it is of a rig
-  std::uint32_t instants_ = 0;             // of all maps; each keeps its own
+  std::vector<bool> is_mounted_;           // by camera: whether it belongs to a rig
+  std::uint32_t instants_ = 0;             // number of instants of all maps; each map keeps its own
   std::vector<bool> is_shared_;            // by frame: whether two maps have it
-  std::vector<std::size_t> map_of_frame_;  // whose pose it has
-  std::vector<bool> has_prefix_;           // by map: before the names of its images
+  std::vector<std::size_t> map_of_frame_;  // by frame: map whose pose it has
+  // By map: whether its image names begin with the map's name.
+  std::vector<bool> has_prefix_;
   std::vector<std::uint32_t> from_map_;
   std::vector<std::uint32_t> from_landmark_;  // index
   std::vector<std::uint32_t> parts_;

@@ -12,7 +12,7 @@ namespace cairn::detail {
 bool are_splats(std::span<const PlacedMap> maps);
 
 /// Joins splats into one, in the world: see fuse_maps().
-/// @param maps for which are_splats()
+/// @param maps maps for which are_splats() is true
 FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& options,
                          const Executor& executor = Executor());
 

@@ -13,11 +13,11 @@
 namespace cairn::detail {
 
 struct StraightenedMap {
-  LandmarkMap map;  ///< in the frame of the bent one
-  MapBend bend;     ///< that it had
+  LandmarkMap map;  ///< in the frame of the bent map
+  MapBend bend;     ///< bend before the straightening
 };
 
-/// The straightening of merge_placed().
+/// The straightening in merge_placed().
 /// @return one per map; std::nullopt for a map that stays as it is
 std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const PlacedMap> maps,
                                                             std::span<const Link> links,

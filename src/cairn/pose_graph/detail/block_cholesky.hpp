@@ -23,7 +23,7 @@ class BlockCholesky {
 
   /// @param blocks     number of block rows
   /// @param block_size rows of a block
-  /// @param places     of the blocks off the diagonal; blocks at the same place are added
+  /// @param places     places of the blocks off the diagonal; blocks at the same place are added
   BlockCholesky(std::size_t blocks, Eigen::Index block_size, std::span<const Place> places);
 
   /// @param diagonal blocks of the diagonal, side by side
@@ -49,7 +49,7 @@ class BlockCholesky {
     std::vector<std::size_t> children;  // ascending
     std::vector<Eigen::Index> in_parent;  // per row: its place among the parent's columns and rows
     std::vector<std::size_t> entries;     // places whose block lies in the columns
-    std::size_t update = 0;               // where its update of its rows begins in updates_
+    std::size_t update = 0;               // where the update of its `rows` begins in updates_
   };
 
   void order();

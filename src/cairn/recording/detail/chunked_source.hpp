@@ -17,20 +17,20 @@
 
 namespace cairn::detail {
 
-/// Bytes of a file, or of an unpacked chunk of it, that begin at 0.
+/// Bytes of a file, or of an unpacked chunk of a file; offsets begin at 0.
 class Stretch {
  public:
-  /// The part of a file that must outlive it.
+  /// A part of a file; the file must outlive the Stretch.
   Stretch(const FileReader& file, std::uint64_t begin, std::uint64_t size)
       : file_(&file), begin_(begin), size_(size), place_(file.name()) {}
-  /// @param place of the chunk, for messages
+  /// @param place place of the chunk in messages
   Stretch(std::string unpacked, std::string place)
       : bytes_(std::move(unpacked)), size_(bytes_.size()), place_(std::move(place)) {}
 
   std::uint64_t size() const { return size_; }
-  /// Of a byte, for messages.
+  /// Place of a byte in messages.
   std::string place(std::uint64_t offset) const;
-  /// @throws Error (input) if it ends before
+  /// @throws Error (input) if the bytes end before
   std::string read(std::uint64_t offset, std::uint64_t count) const;
   template <class Number>
   Number number(std::uint64_t offset) const {
@@ -38,7 +38,7 @@ class Stretch {
     std::memcpy(&value, read(offset, sizeof value).data(), sizeof value);
     return value;
   }
-  /// A text behind its length of 32 bits; `offset` moves to its end.
+  /// Reads a text that follows its length of 32 bits, and moves `offset` to the text's end.
   std::string text(std::uint64_t& offset) const;
 
  private:
@@ -49,8 +49,9 @@ class Stretch {
   std::string place_;
 };
 
-/// A file of records, of which some are chunks of further records: MCAP and the bags of ROS 1. Reads from start to end
-/// what is beside the chunks. A chunk's messages are known from the index behind it; one without an index is unpacked.
+/// A file of records, of which some are chunks of further records: MCAP files and bags of ROS 1. All records outside
+/// the chunks are read, from start to end. The index behind a chunk states its messages; a chunk without an index is
+/// unpacked.
 class ChunkedSource : public MessageSource {
  public:
   std::string read(const RecordedMessage& message, std::size_t most) const final;
@@ -59,22 +60,22 @@ class ChunkedSource : public MessageSource {
   enum class RecordKind { kDefinition, kMessage, kChunk, kIndex, kEnd, kOther };
   struct Record {
     RecordKind kind = RecordKind::kOther;
-    std::uint8_t code = 0;    // as the format has it
+    std::uint8_t code = 0;    // record kind of the format
     std::string head;         // fields of a ROS 1 record
-    std::uint64_t begin = 0;  // of the body
+    std::uint64_t begin = 0;  // offset of the body
     std::uint64_t end = 0;    // of body and record
   };
   struct Chunk {
-    std::uint64_t begin = 0;  // of the packed bytes, in the file
+    std::uint64_t begin = 0;  // offset of the packed bytes in the file
     std::uint64_t packed_size = 0;
     std::uint64_t size = 0;
     std::string compression;     // empty: none
-    std::uint32_t checksum = 0;  // CRC-32 of the bytes, unpacked; 0: not known
+    std::uint32_t checksum = 0;  // CRC-32 of the unpacked bytes; 0 if unknown
   };
   struct Message {
     std::uint32_t topic = 0;  // the format's own id
     std::uint64_t time_ns = 0;
-    std::uint64_t begin = 0;  // of its bytes; in an index: of its record
+    std::uint64_t begin = 0;  // offset of its bytes; in an index, of its record
   };
 
   ChunkedSource(const std::filesystem::path& path) : file_(path) {}
@@ -102,7 +103,7 @@ class ChunkedSource : public MessageSource {
   FileReader file_;
   std::vector<Chunk> chunks_;
   std::map<std::uint32_t, std::uint32_t> topic_of_;  // positions in topics, by the format's id
-  // Of the chunk that was read last: what its index has so far.
+  // Messages of the chunk that was read last, as far as its index has been read.
   std::vector<Message> indexed_;
   bool is_chunk_open_ = false;
 
@@ -111,7 +112,7 @@ class ChunkedSource : public MessageSource {
     std::shared_ptr<const Stretch> stretch;
   };
   mutable std::mutex mutex_;
-  mutable std::deque<CachedChunk> cache_;  // the last used is the first
+  mutable std::deque<CachedChunk> cache_;  // the most recently used first
 };
 
 }  // namespace cairn::detail

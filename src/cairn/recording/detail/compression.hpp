@@ -9,9 +9,10 @@ namespace cairn::detail {
 
 /// Unpacks a chunk.
 /// @param name "lz4" (frames), "zstd" or "bz2"
-/// @param size of the unpacked bytes, as the file states it; not trusted
-/// @param place of the chunk, for messages
-/// @throws Error (input) for another name, damage, another size, or more than 64 MiB and 256 times the packed bytes
+/// @param size number of unpacked bytes that the file states; not trusted
+/// @param place place of the chunk in messages
+/// @throws Error (input) for another name, damage, a wrong size, or a size of more than 64 MiB and of more than 256
+///         times the packed bytes
 std::string unpacked(std::string_view name, std::string_view packed, std::uint64_t size,
                      const std::string& place);
 

@@ -17,7 +17,7 @@ class MessageSource {
  public:
   virtual ~MessageSource() = default;
 
-  /// As Recording::read(), of one of `messages`.
+  /// Same as Recording::read(), for one of `messages`.
   virtual std::string read(const RecordedMessage& message, std::size_t most) const = 0;
 
   std::vector<RecordedTopic> topics;

@@ -41,7 +41,7 @@ struct Tree {
 /// State of the queries of a block between calls; neighbouring queries are close to each other.
 struct Known {
   std::array<float*, 3> place;  // position of the query when its candidates were found
-  float* outside;               // points that are no candidates are at least this far from there;
+  float* outside;               // points that are no candidates are at least this far from `place`;
                                 // negative: nothing is known
   std::uint32_t* candidates;    // [j·kBlock + i]: the j-th of query i, nearest first, as places of
                                 // points in the tree
@@ -57,7 +57,8 @@ struct Queries {
   alignas(64) std::array<std::uint8_t, kBlock> certain;
 };
 
-/// Updates the candidates of a block's queries: reorders them, and searches where that is uncertain.
+/// Updates the candidates of a block's queries: reorders them, and searches the tree where that leaves a
+/// query uncertain.
 /// @param capacity candidates per query, one of kCapacities, more than k
 void update(const Tree& tree, std::size_t capacity, std::size_t k, Queries& queries, Known& known);
 

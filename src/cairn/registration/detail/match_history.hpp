@@ -19,7 +19,7 @@ namespace cairn::detail {
 class MatchHistory {
  public:
   /// Adds the matches of the next iteration.
-  /// @return the cycle that they close, if an earlier iteration had the same
+  /// @return the cycle that these matches close, if an earlier iteration had the same matches
   std::optional<MatchCycle> add(std::span<const Match> matches);
 
  private:

@@ -16,11 +16,11 @@
 
 namespace cairn::report::detail {
 
-/// Aligned points as landmarks of the report's maps: entry i is the position of point i in its Map. Needed
+/// Landmarks of a report's Map that show aligned points: entry i is the index in the Map of point i. Needed
 /// because matches of a RegistrationResult index points of a PointSet, which leaves out landmarks and has
 /// its own order.
 struct ShownPoints {
-  std::size_t landmark_count = 0;               ///< of the Map
+  std::size_t landmark_count = 0;               ///< number of landmarks of the Map
   std::vector<std::uint32_t> landmarks = {};    ///< one per point
   std::vector<Eigen::Vector3d> positions = {};  ///< one per point
 
@@ -38,11 +38,12 @@ struct RunOptions {
   std::optional<Similarity3> truth = {};  ///< true target_from_source; adds errors
   /// Displayed status; empty: the result's.
   std::string status = {};
-  bool rejected = false;  ///< by the verdict: the summary states no error and no scale
+  /// Whether the verdict rejects the pose; the summary then states no error and no scale.
+  bool rejected = false;
 };
 
-/// An alignment by iteration; its last pose is the result's, if that has one. Includes scores and matches of
-/// each iteration with IcpOptions::trace, else only those in the result.
+/// An alignment by iteration; if the result has a pose, it is the last one. Includes the scores and matches
+/// of each iteration if IcpOptions::trace was set; otherwise only those of the result.
 /// @throws Error (misuse) if a match names a missing point
 AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& source,
                       const ShownPoints& target, const RunOptions& options);
@@ -52,7 +53,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
 AlignmentRun make_run(const Alignment& alignment, const ShownPoints& source,
                       const ShownPoints& target, RunOptions options);
 
-/// Differential coding: `history` as match lists of points.
+/// The matches of `history` in differential coding.
 Matches delta_coded(std::span<const IterationRecord> history, const ShownPoints& source,
                     const ShownPoints& target);
 
