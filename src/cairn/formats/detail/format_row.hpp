@@ -7,16 +7,16 @@
 #include "cairn/core/file.hpp"
 #include "cairn/formats/map_file.hpp"
 
-// What the rows of the table of formats are made of.
+// Helpers for the rows of the table of formats.
 namespace cairn::detail {
 
-/// The next bytes of a source, as many as recognition takes.
+/// The next bytes of a source, as many as the recognition of formats uses.
 std::string first_bytes_of(ByteSource& source);
 
-/// Whether a file that begins so is a Git LFS pointer: a small text in place of the file.
+/// Whether a file with these first bytes is a Git LFS pointer: a small text in place of the file.
 bool is_lfs_pointer(std::string_view first_bytes);
 
-/// MapFormat::recognises of a file that begins with one of the texts.
+/// MapFormat::recognises for files that begin with one of the texts.
 template <class... Texts>
 auto begins_with(Texts... texts) {
   return [texts...](const MapInput& input) {
@@ -24,7 +24,7 @@ auto begins_with(Texts... texts) {
   };
 }
 
-/// MapFormat::read of a function that takes a source, or a path.
+/// MapFormat::read for a function that takes a source, or a path.
 template <auto kRead>
 LandmarkMap read_source(const MapInput& input, const Execution& execution) {
   return kRead(*input.source, execution);
@@ -34,7 +34,7 @@ LandmarkMap read_path(const MapInput& input, const Execution& execution) {
   return kRead(input.path, execution);
 }
 
-/// MapFormat::write_to or write of a function without options.
+/// MapFormat::write_to or write for a function without options.
 template <auto kWrite>
 inline constexpr auto written_by =
     [](const LandmarkMap& map, const auto& place, const MapWriteOptions& /*options*/,

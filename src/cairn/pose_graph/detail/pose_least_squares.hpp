@@ -40,8 +40,8 @@ class PoseLeastSquares {
   /// Iterates until the expected decrease of the cost is at most `tolerance` times the cost.
   void solve(int max_iterations, double tolerance);
 
-  /// Covariances, one per pose, relative to the fixed poses: of the left perturbation in the world, (δt, δφ, δ
-  /// log s).
+  /// One per pose, relative to the fixed poses: covariance of the left perturbation in the world,
+  /// (δt, δφ, δ log s).
   /// @throws Error (input) if the edges do not determine the poses
   std::vector<Matrix7d> covariances();
 

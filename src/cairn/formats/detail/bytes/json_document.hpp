@@ -55,9 +55,9 @@ class JsonValue {
   double number_or(const char* key, double absent) const;
   std::uint64_t unsigned_number(std::uint64_t most) const;
   const std::string& text() const;
-  /// An array of so many numbers.
+  /// An array of `count` numbers.
   std::vector<double> numbers(std::size_t count) const;
-  /// From an array of three numbers.
+  /// A vector from an array of three numbers.
   Eigen::Vector3d vector3() const;
 
   [[noreturn]] void refuse(std::string_view what, std::string_view expected) const;
@@ -67,13 +67,14 @@ class JsonValue {
   std::string place_;
 };
 
-/// Writes a JSON object member by member, and its arrays entry by entry, so that memory holds one entry.
+/// Writes a JSON object member by member, and its arrays entry by entry, so that only one entry is in
+/// memory.
 class JsonMembers {
  public:
   explicit JsonMembers(const ByteSink& sink) : sink_(sink) {}
 
   void member(std::string_view key, const nlohmann::ordered_json& value);
-  /// @param entry gives the value of each index
+  /// @param entry returns the value for an index
   template <class Entry>
   void array(std::string_view key, std::size_t count, const Entry& entry) {
     begin(key);

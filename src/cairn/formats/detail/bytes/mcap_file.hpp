@@ -25,7 +25,7 @@ class McapWriter {
 
   /// @return the schema's id
   std::uint16_t add_schema(std::string_view name, std::string_view encoding, std::string_view data);
-  /// @param schema of the channel's messages
+  /// @param schema id of the schema of the channel's messages
   /// @return the channel's id
   /// @throws Error (input) for more than 65535 channels
   std::uint16_t add_channel(std::uint16_t schema, std::string_view topic,

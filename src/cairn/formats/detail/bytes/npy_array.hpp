@@ -23,11 +23,11 @@ struct NpyHeader {
 };
 
 /// @param dictionary the header's Python dictionary, which follows the sizes
-/// @param where for error messages
+/// @param where place for error messages
 /// @throws Error (input) for an invalid header
 NpyHeader parse_npy_header(std::string_view dictionary, const std::string& where);
 
-/// A view of an array in memory, which must outlive it.
+/// A view of an array in memory; the memory must outlive the view.
 class NpyArray {
  public:
   /// @throws Error (input) for a damaged array, a type other than f4 f8 i1-i8 u1-u8 b1 S U, or one not stored

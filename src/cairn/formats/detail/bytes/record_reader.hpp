@@ -20,7 +20,7 @@ class ReadingProgress {
   ReadingProgress(const Execution& execution, std::uint64_t total_bytes)
       : execution_(execution), total_(total_bytes) {}
 
-  /// @param bytes read since the last call
+  /// @param bytes number of bytes read since the last call
   /// @throws Error (cancelled) naming the source, if the caller requested a stop
   void advance(std::uint64_t bytes, const std::string& source);
 
@@ -46,11 +46,11 @@ class BinaryRecords {
   /// The bytes up to a terminating zero, which is skipped.
   std::string text(std::string_view field);
 
-  /// The number of records that follow, each at least `least_bytes` long.
-  /// @throws Error (input) if the rest of the source is too short for them
+  /// Reads the number of records that follow, each at least `least_bytes` long.
+  /// @throws Error (input) if the rest of the source is too short for these records
   std::uint64_t count(std::string_view field, std::uint64_t least_bytes);
-  /// Number of records to reserve memory for: `count` if the source has a size, so that count() checked it;
-  /// otherwise 0.
+  /// Number of records to reserve memory for: `count` if the source has a size, because count() has then
+  /// checked it; otherwise 0.
   std::size_t room_for(std::uint64_t count) const;
 
   /// Number of unread bytes; std::nullopt if the source has no known size.
@@ -78,7 +78,7 @@ class BinaryRecords {
   std::uint64_t field_offset_ = 0;
 };
 
-/// What is between the words of a line.
+/// What separates the words of a line.
 enum class Separator : char {
   kBlanks = ' ',
   kComma = ',',  ///< words lose their blanks at either end, and may be empty
@@ -88,7 +88,7 @@ enum class Separator : char {
 /// Reads lines of words.
 class TextRecords {
  public:
-  /// @param logs_cut_line whether a last line that does not end is logged as a loss
+  /// @param logs_cut_line whether a last line without line end is logged as a loss
   TextRecords(ByteSource& source, ReadingProgress& progress,
               Separator separator = Separator::kBlanks, bool logs_cut_line = true);
 
@@ -97,7 +97,7 @@ class TextRecords {
   /// Moves to the next line that is neither blank nor a comment (starting with '#').
   bool next_record();
   std::uint64_t line_number() const { return lines_.line_number(); }
-  /// Whether the line ended, unlike a last one that was cut off.
+  /// Whether the line has a line end; a last line that was cut off has none.
   bool was_terminated() const { return lines_.line_was_terminated(); }
 
   /// The next word of the line.
@@ -126,8 +126,8 @@ class TextRecords {
   ReadingProgress& progress_;
   LineReader lines_;
   Separator separator_;
-  std::string_view line_;  // its unread rest
-  bool at_end_ = true;     // of a line with commas or tabs
+  std::string_view line_;  // unread rest of the line
+  bool at_end_ = true;     // whether a line with commas or tabs is at its end
   std::uint64_t reported_ = 0;
 };
 

@@ -28,7 +28,7 @@ enum class ScalarType : std::uint8_t {
 
 struct Scalar {
   ScalarType type;
-  char kind;  ///< as NumPy has it: 'i' (signed), 'u' (unsigned), 'f'; PCD writes it as a capital
+  char kind;  ///< as in NumPy: 'i' (signed), 'u' (unsigned), 'f'; PCD writes it as a capital
   std::size_t size;
   std::string_view
       c_name;  ///< PLY's first name, which every reader knows; empty where PLY has no such type
@@ -88,7 +88,7 @@ decltype(auto) with_type(ScalarType type, Function&& function) {
   return function.template operator()<double>();
 }
 
-/// A number of either byte order.
+/// Loads a number of either byte order.
 template <class Number>
 Number load_scalar(const char* bytes, bool is_big_endian = false) {
   std::array<char, sizeof(Number)> copy;
@@ -113,7 +113,7 @@ void append_scalar(std::string& out, Number value) {
   out.append(bytes.data(), bytes.size());
 }
 
-/// As a double, which integers of 64 bits may not fit into.
+/// The number as a double; an integer of 64 bits may be rounded.
 double load_number(ScalarType type, const char* bytes, bool is_big_endian = false);
 
 }  // namespace cairn::detail

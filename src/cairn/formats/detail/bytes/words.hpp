@@ -13,24 +13,24 @@
 
 namespace cairn::detail {
 
-/// The words of a line, which blanks separate; views of the argument.
+/// The words of a line, separated by blanks, as views of the argument.
 std::vector<std::string_view> words_of(std::string_view line);
-/// The same into a vector that is used again.
+/// The same, into a vector whose memory is reused.
 void split_words(std::string_view line, std::vector<std::string_view>& words);
 
-/// Writes lines of words, which a space separates, in large pieces.
+/// Writes lines of words, separated by a space, in large pieces.
 class TextOutput {
  public:
   explicit TextOutput(const ByteSink& sink) : sink_(sink) {}
   TextOutput(const TextOutput&) = delete;
   TextOutput& operator=(const TextOutput&) = delete;
 
-  /// Numbers as the shortest decimals that parse back; texts as they are.
+  /// Writes words: numbers as the shortest decimals that parse back, texts unchanged.
   template <class... Values>
   void words(const Values&... values) {
     (word(values), ...);
   }
-  /// Ends the line, behind this text.
+  /// Appends this text and ends the line.
   void line(std::string_view text = {}) {
     text_ += text;
     text_ += '\n';

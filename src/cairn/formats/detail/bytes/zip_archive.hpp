@@ -12,7 +12,7 @@
 namespace cairn::detail {
 
 /// The unpacked members of an archive by name.
-/// @param where for error messages
+/// @param where place for error messages
 /// @throws Error (input) for an archive that is damaged, split, encrypted or compressed by a method other
 ///         than deflate, or whose members unpack to more than memory_budget() of the archive
 std::map<std::string, std::string> read_zip(std::string_view archive, const std::string& where);

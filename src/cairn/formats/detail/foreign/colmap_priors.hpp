@@ -8,7 +8,7 @@
 
 namespace cairn::detail {
 
-/// What the table pose_priors of COLMAP's database says of a model's images.
+/// Priors of a model's images, from the table pose_priors of COLMAP's database.
 struct ColmapPriors {
   OptionalColumn<GnssFix> gnss;  ///< per frame; empty if unknown
   std::optional<Eigen::Vector3d>

@@ -14,7 +14,7 @@ namespace cairn::detail {
 /// Whether a file is an SQLite database.
 bool is_database(const MapInput& input);
 
-/// Whether a file is an SQLite database that has all these tables, also if it was not closed.
+/// Whether a file is an SQLite database that has all these tables, even if it was not closed.
 bool is_database_with(const MapInput& input, std::initializer_list<std::string_view> tables);
 bool is_database_with(const std::filesystem::path& path,
                       std::initializer_list<std::string_view> tables);

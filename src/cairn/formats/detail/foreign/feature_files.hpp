@@ -19,19 +19,20 @@ namespace cairn::detail {
 
 /// A type of descriptors in such files.
 struct DescriptorFileType {
-  std::string_view name;  ///< in the program's files
-  std::string_view kind;  ///< as a DescriptorColumn's
+  std::string_view name;  ///< name in the program's files
+  std::string_view kind;  ///< kind in a DescriptorColumn
   std::size_t numbers = 0;
   bool are_floats = false;
-  /// SIFT as VLFeat writes it: gradients are counted in the opposite sense of Lowe's, COLMAP's and OpenCV's.
+  /// SIFT as VLFeat writes it: gradient directions run in the opposite sense to those of Lowe, COLMAP and OpenCV.
   bool is_vlfeat = false;
 };
 
 /// Where the features of a model are.
 struct FeatureFiles {
-  std::vector<std::filesystem::path> folders;  ///< the first that has an image's file counts
+  /// The first folder that has an image's file is used.
+  std::vector<std::filesystem::path> folders;
   DescriptorFileType type;
-  /// NAME of an image
+  /// The NAME of an image's files.
   std::function<std::string(FrameIndex)> name;
   /// Whether a landmark has features of the type. Empty: all have.
   std::function<bool(LandmarkIndex)> has_landmark = {};
@@ -39,13 +40,13 @@ struct FeatureFiles {
 
 /// The model with the descriptors of its landmarks (ModelDescriptors). Logs files that do not fit the model, and leaves
 /// them out.
-/// @param model whose observations state their keypoint
-/// @param place the model's file, for messages
+/// @param model model whose observations state their keypoints
+/// @param place the model's file in messages
 LandmarkMap with_feature_files(LandmarkMap model, const FeatureFiles& files,
                                const std::string& place, const Execution& execution);
 
-/// The descriptors of a .desc file, of which each takes `size` bytes.
-/// @throws Error (input) naming `place` if the file has another size than its number states
+/// The descriptors of a .desc file, each of `size` bytes.
+/// @throws Error (input) naming `place` if the file's size does not match the number of descriptors that it states
 std::span<const char> feature_descriptors(std::string_view bytes, std::size_t size,
                                           const std::string& place);
 

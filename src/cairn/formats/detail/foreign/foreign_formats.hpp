@@ -37,7 +37,8 @@ LandmarkMap read_colmap(const ColmapSources& sources, ColmapForm form,
 LandmarkMap read_colmap(const std::filesystem::path& folder, ColmapForm form,
                         const Execution& execution = {});
 
-/// Writes a COLMAP model, with rigs and frames if the map has rigs: versions before 3.12 do not read these two.
+/// Writes a COLMAP model, with rigs and frames if the map has rigs. COLMAP before version 3.12 does not read rigs and
+/// frames.
 /// @param folder must be new or empty
 /// @throws Error (input) if a frame has no camera, or a name that the form cannot represent, (storage)
 void write_colmap(const LandmarkMap& map, const std::filesystem::path& folder, ColmapForm form,
@@ -74,13 +75,13 @@ LandmarkMap read_opensfm(const OpenSfmSources& sources, const std::optional<std:
 void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
                    const Execution& execution = {});
 
-/// Both coordinates of the centre of the top-left pixel in OpenMVG's spherical images, whose coordinates are proportional
-/// to the angles; those of its other images are 0.
+/// Both coordinates of the centre of the top-left pixel in OpenMVG's spherical images, where coordinates are
+/// proportional to the angles. In OpenMVG's other images, both coordinates are 0.
 inline constexpr double kOpenMvgPanorama = 0.5;
 
-/// Reads sfm_data.json of OpenMVG (docs/formats.md): views with a pose become frames, the structure
-/// landmarks of free scale. Descriptors come from the feature files beside it, or in a folder "matches" there or beside
-/// its folder.
+/// Reads sfm_data.json of OpenMVG (docs/formats.md): views with a pose become frames, the structure landmarks of free
+/// scale. Descriptors come from the feature files beside sfm_data.json, in a folder "matches" there, or in a folder
+/// "matches" beside its folder.
 /// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_openmvg(const MapInput& input, const Execution& execution = {});
 
@@ -88,8 +89,9 @@ LandmarkMap read_openmvg(const MapInput& input, const Execution& execution = {})
 /// @throws Error (input) naming a frame without a camera, or a camera model that OpenMVG lacks
 void write_openmvg(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
-/// Reads an .sfm file of AliceVision in JSON (docs/formats.md): views with a pose become frames, the
-/// structure landmarks of free scale. Descriptors come from the feature files in the folders that it names, or beside it.
+/// Reads an .sfm file of AliceVision in JSON (docs/formats.md): views with a pose become frames, the structure
+/// landmarks of free scale. Descriptors come from the feature files in the folders that the .sfm file names, or beside
+/// it.
 /// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_alicevision(const MapInput& input, const Execution& execution = {});
 
@@ -111,8 +113,8 @@ LandmarkMap read_nerfstudio(ByteSource& source, const std::filesystem::path& fol
 void write_nerfstudio(const LandmarkMap& map, const std::filesystem::path& path,
                       const Execution& execution = {});
 
-/// Reads a CSV file of camera registrations of RealityCapture (docs/formats.md): frames, numbered from 0, and the cameras of
-/// those whose images are there.
+/// Reads a CSV file of camera registrations of RealityCapture (docs/formats.md): frames, numbered from 0, and the
+/// cameras of those frames whose image files exist.
 /// @param folder to which names of images are relative
 /// @throws Error (input) naming source, line, field, value and constraint
 LandmarkMap read_realitycapture(ByteSource& source, const std::filesystem::path& folder,
@@ -120,10 +122,10 @@ LandmarkMap read_realitycapture(ByteSource& source, const std::filesystem::path&
 
 /// The files of a kapture folder, by their paths below it, e.g. "sensors/sensors.txt".
 struct KaptureFiles {
-  std::string name;  ///< of the folder, for messages
+  std::string name;  ///< name of the folder in messages
   /// A file; null where there is none.
   std::function<std::unique_ptr<ByteSource>(const std::string& path)> open;
-  /// Names of what a folder below holds, sorted; empty where there is no such folder.
+  /// Sorted names of the entries of a folder below it; empty if there is no such folder.
   std::function<std::vector<std::string>(const std::string& path)> list;
 };
 
@@ -155,7 +157,7 @@ LandmarkMap read_stella(ByteSource& source, const Execution& execution = {});
 /// @throws Error (input) if a frame has no camera, or one whose model stella_vslam lacks
 void write_stella(const LandmarkMap& map, const ByteSink& sink, const Execution& execution = {});
 
-/// Reads an SQLite map of stella_vslam, with the same content as its MessagePack (stella.hpp).
+/// Reads an SQLite map of stella_vslam, with the same content as its maps in MessagePack.
 /// @throws Error (input) naming file, table, row, value and constraint
 LandmarkMap read_stella_database(const std::filesystem::path& path,
                                  const Execution& execution = {});
@@ -165,9 +167,10 @@ LandmarkMap read_stella_database(const std::filesystem::path& path,
 /// @throws Error (input) naming file, table, row, value and constraint
 LandmarkMap read_rtabmap(const std::filesystem::path& path, const Execution& execution = {});
 
-/// Reads text points, one per line, with numbers separated by blanks, commas or semicolons. A first line or a comment with
-/// names identifies the columns, which are read like PLY's properties (docs/formats.md). Without names, three columns are x,
-/// y and z, and of more columns the first three are if the numbers or the file's name say so. Reads a pipe into memory.
+/// Reads text points, one per line, with numbers separated by blanks, commas or semicolons. A first line or a comment
+/// with names identifies the columns, which are read like PLY's properties (docs/formats.md). Without names, three
+/// columns are x, y and z. Of more columns, the first three are x, y and z if the numbers or the file's name indicate it.
+/// Reads a pipe into memory.
 /// @throws Error (input) naming source, line, field, value and constraint, or what the text holds instead of points
 LandmarkMap read_plain_points(ByteSource& source, const Execution& execution = {});
 
@@ -201,25 +204,25 @@ bool is_nerfstudio(const MapInput& input);
 bool is_openmvg(const MapInput& input);
 bool is_opensfm(const MapInput& input);
 bool is_stella(const MapInput& input);
-/// Whether a text begins as points do: with three numbers, or with names of which three are of x, y and z.
+/// Whether a text begins like text points: with three numbers, or with column names that include those of x, y and z.
 bool is_points_text(const MapInput& input);
 /// Whether a ZIP archive begins with a member that is an array. Other programs use such archives too.
 bool is_archive_of_arrays(const MapInput& input);
 
-/// Reads a file with those beside it that belong to it.
+/// Reads a file and the files beside it that belong to it.
 LandmarkMap read_bundler_and_list(const MapInput& input, const Execution& execution);
 LandmarkMap read_kapture_folder(const MapInput& input, const Execution& execution);
 LandmarkMap read_nerfstudio_file(const MapInput& input, const Execution& execution);
 LandmarkMap read_realitycapture_file(const MapInput& input, const Execution& execution);
 LandmarkMap read_opensfm_files(const MapInput& input, const Execution& execution);
 
-/// The row of one form of COLMAP's models.
+/// The table row for one form of COLMAP's models.
 MapFormat colmap_format(ColmapForm form);
 /// The formats that need SQLite. A build without it recognises databases and refuses them.
 std::vector<MapFormat> database_formats();
 
-/// Adds descriptors to a COLMAP model from the database.db, or the only database of COLMAP, in its folder or in one of
-/// the two parent folders. Returns the model unchanged if there is none.
+/// Adds descriptors to a COLMAP model from a database in the model's folder or in one of the two parent folders: from
+/// database.db there, or else from the only database of COLMAP. Returns the model unchanged if there is none.
 LandmarkMap with_database_beside(LandmarkMap model, const std::filesystem::path& folder,
                                  const Execution& execution);
 

@@ -33,13 +33,13 @@ struct RtabmapNode {
 };
 
 struct RtabmapLink {
-  std::uint32_t from = 0;  ///< places in the nodes
+  std::uint32_t from = 0;  ///< indices in the nodes
   std::uint32_t to = 0;
   std::int64_t type = kRtabmapNeighbor;
   std::optional<Rigid3> from_from_to;
   std::optional<Matrix6d> covariance;
 
-  /// Whether it joins successive nodes.
+  /// Whether the link joins successive nodes.
   bool is_neighbor() const { return type == kRtabmapNeighbor || type == kRtabmapNeighborMerged; }
 };
 
@@ -52,7 +52,7 @@ class RtabmapGraph {
   std::vector<RtabmapLink> links;
   bool is_optimised = false;
 
-  /// Place of a node.
+  /// Index in `nodes` of the node with this id.
   std::optional<std::uint32_t> find(std::int64_t id) const;
 
  private:

@@ -29,11 +29,11 @@ struct SfmFrame {
   std::optional<GnssFix> gnss = {};
 };
 
-/// A frame of this inverse pose, whose quaternion has norm 1.
+/// A frame from its inverse pose; the quaternion has norm 1.
 SfmFrame frame_from_inverse(FrameId id, const Eigen::Quaterniond& camera_from_world,
                             const Eigen::Vector3d& translation);
 
-/// An observation of a landmark, which may be added later than it.
+/// An observation of a landmark. The landmark may be added later.
 struct SfmObservation {
   std::uint64_t landmark_id = 0;
   FrameIndex frame;
@@ -41,31 +41,32 @@ struct SfmObservation {
   std::optional<std::uint32_t> keypoint = {};
   std::optional<double> depth = {};
   std::optional<std::int32_t> octave = {};
-  std::span<const std::uint8_t> descriptor = {};  ///< of the stated size; empty if unknown
+  /// Of the size that set_descriptors() states; empty if unknown.
+  std::span<const std::uint8_t> descriptor = {};
 };
 
-/// What finish() does.
+/// Options of SfmBuilder::finish().
 struct SfmEnd {
   LengthUnit length_unit = LengthUnit::kFree;
   bool sort_by_id =
       false;  ///< frames and landmarks; otherwise they keep the order in which they were added
-  bool observations_by_frame = false;  ///< those of a landmark; otherwise as they were added
-  /// Text of a loss behind the number of observations whose landmark is not there; empty: not mentioned.
+  bool observations_by_frame = false;  ///< a landmark's observations by frame; otherwise as added
+  /// Text of the logged loss, after the number of observations whose landmark does not exist; empty: not logged.
   std::string_view lost_observations = {};
-  /// As LandmarkMap's; by default the name of the file.
+  /// Names an entry in messages, as in LandmarkMap; by default the name of the file.
   EntryPlace place = {};
 };
 
-/// Makes a map of what the reader of another system's files finds. Logs what it leaves out.
+/// Builds a map from the content of another system's files. Logs what it leaves out.
 class SfmBuilder {
  public:
-  /// @param name of the file or folder, for messages
+  /// @param name name of the file or folder in messages
   /// @param first_pixel both coordinates of the centre of the top-left pixel in the system's files; 0 in Cairn
   SfmBuilder(std::string name, const Execution& execution, double first_pixel = 0.0)
       : name_(std::move(name)), execution_(execution), first_pixel_(first_pixel) {}
 
   const std::string& name() const { return name_; }
-  /// For what has no function here.
+  /// The tables of the map, for content that no function here adds.
   MapTables& tables() { return tables_; }
   const MapTables& tables() const { return tables_; }
 
@@ -75,17 +76,17 @@ class SfmBuilder {
   void lost(std::size_t count, std::string_view text) const;
 
   /// Adds a camera, or logs why Cairn cannot use it.
-  /// @param key names the camera, here and in messages
-  /// @param camera std::nullopt if it is unknown, which the caller logs
-  /// @param defect why it cannot be used, if the caller knows
+  /// @param key name of the camera, here and in messages
+  /// @param camera std::nullopt if the camera is unknown, which the caller logs
+  /// @param defect why the camera cannot be used, if the caller knows
   void add_camera(const std::string& key, std::optional<Camera> camera, std::string defect = {});
   bool has_camera(const std::string& key) const { return cameras_.contains(key); }
   /// std::nullopt for a camera that was not added or cannot be used.
   std::optional<CameraIndex> camera(const std::string& key) const;
 
   FrameIndex add_frame(SfmFrame frame);
-  /// Adds a frame to those that a rig took at one instant. finish() knows the rigs.
-  /// @param rig_from_world says where the frame is expected
+  /// Adds a frame to the frames that a rig took at one instant. The rigs need not be known before finish().
+  /// @param rig_from_world states where the frame is expected
   void add_to_instant(InstantId instant, FrameIndex frame, const Rigid3& rig_from_world) {
     taken_.push_back({instant, frame, rig_from_world});
   }
@@ -94,13 +95,13 @@ class SfmBuilder {
   void add_landmark(std::uint64_t id, const Eigen::Vector3d& position,
                     const std::optional<Color>& color = {});
   std::size_t landmark_count() const { return tables_.landmarks.ids.size(); }
-  /// Makes room for so many landmarks.
+  /// Reserves memory for this number of landmarks.
   void reserve(std::size_t landmarks);
 
-  /// States that observations have descriptors, before the first is added. Each landmark gets the medoid of those of its
-  /// observations, and those of the most distinct views.
+  /// Declares that observations have descriptors; to be called before the first observation is added. Each landmark
+  /// gets the medoid of its observations' descriptors, and the descriptors of its most distinct views.
   void set_descriptors(std::string kind, std::size_t bytes_each, DescriptorNorm norm);
-  /// Bytes of the descriptors so far, and the most while finish() gives them to the landmarks.
+  /// Bytes of the descriptors so far, and the most bytes while finish() assigns descriptors to the landmarks.
   std::uint64_t descriptor_bytes() const { return descriptors_.size(); }
   std::uint64_t descriptor_bytes_to_finish() const {
     return 2 * descriptor_bytes() + landmark_count() * bytes_each_;
@@ -109,7 +110,8 @@ class SfmBuilder {
   /// The landmark of each observation so far.
   const std::vector<std::uint64_t>& observed_ids() const { return observed_ids_; }
 
-  /// The map. Without any observation, they are unknown: programs that do not keep tracks write empty ones.
+  /// The map. If no observation was added, its observations are unknown, because programs that do not keep tracks write
+  /// empty ones.
   LandmarkMap finish(const SfmEnd& end = {}) &&;
 
  private:
@@ -134,13 +136,14 @@ class SfmBuilder {
   std::string descriptor_kind_;
   DescriptorNorm norm_ = DescriptorNorm::kHamming;
   std::size_t bytes_each_ = 0;
-  std::vector<std::size_t> descriptor_ends_;  // in descriptors_, of each observation's
-  std::vector<std::uint8_t> descriptors_;     // those that are known
+  // Per observation: end of its descriptor in descriptors_.
+  std::vector<std::size_t> descriptor_ends_;
+  std::vector<std::uint8_t> descriptors_;  // known descriptors
 };
 
-/// For descriptors that a small file may refer to many times, or that have room for every landmark.
+/// Limits the memory for descriptors that a small file may refer to many times, or that have room for every landmark.
 /// @param name the file or folder
-/// @throws Error (input) if so many bytes of descriptors exceed memory_budget() of the file's bytes
+/// @throws Error (input) if this number of descriptor bytes exceeds memory_budget() of the file's bytes
 void require_descriptor_budget(std::uint64_t descriptor_bytes, std::uint64_t file_bytes,
                                const std::string& name);
 
@@ -148,7 +151,7 @@ void require_descriptor_budget(std::uint64_t descriptor_bytes, std::uint64_t fil
 /// from 0 to 255 (SIFT), they are unchanged. Otherwise x becomes 128 + 127·x, rounded and clamped, because
 /// learned features are in [-1, 1]. Numbers that are not finite count as 0.
 /// @tparam Number float or double
-/// @param bytes as many as numbers
+/// @param bytes as many as there are numbers
 template <class Number>
 void to_bytes(std::span<const Number> numbers, std::span<std::uint8_t> bytes);
 
@@ -167,7 +170,7 @@ inline constexpr double kPixelCentre = 0.5;
 /// must be known.
 void shift_centre(Camera& camera, double by);
 
-/// Whether there is a regular file. Opening a pipe of that name would block.
+/// Whether a regular file exists at the path. Opening a pipe there would block.
 bool is_file(const std::filesystem::path& path);
 
 }  // namespace cairn::detail

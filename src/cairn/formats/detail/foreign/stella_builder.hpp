@@ -40,8 +40,8 @@ struct StellaKeyframe {
   std::vector<std::array<std::uint8_t, kOrbBytes>> descriptors;  ///< one per keypoint, or empty
 };
 
-/// Both coordinates of the centre of the top-left pixel of an equirectangular image, whose coordinates are proportional
-/// to the angles; those of its other images are 0.
+/// Both coordinates of the centre of the top-left pixel of an equirectangular image, where coordinates are proportional
+/// to the angles. In stella_vslam's other images, both coordinates are 0.
 inline constexpr double kStellaPanorama = 0.5;
 
 /// Builds a map from parts in any order.

@@ -11,7 +11,7 @@
 #include "cairn/core/log.hpp"
 #include "cairn/map/landmark_map.hpp"
 
-// Shared by formats with images and cameras, most of it by writers.
+// Shared by formats with images and cameras, mostly by their writers.
 namespace cairn::detail {
 
 /// @param image the system's term for a frame, e.g. "a shot of OpenSfM"
@@ -22,10 +22,10 @@ void require_cameras(const LandmarkMap& map, std::string_view image);
 const Camera& camera_of(const LandmarkMap& map, FrameIndex frame);
 /// @throws Error (input) naming the camera, whose model the system lacks
 [[noreturn]] void refuse_model(const Camera& camera, std::string_view system);
-/// Black if unknown.
+/// Colour of a landmark; black if unknown.
 Color color_of(const LandmarkMap& map, std::uint32_t landmark);
 
-/// Ids as a system has them: the map's if all are at most `most`, otherwise counted from `first`.
+/// Ids for another system: the map's ids if all are at most `most`, otherwise numbers from `first` on.
 template <class Id>
 std::vector<std::uint64_t> fitting_ids(const std::vector<Id>& ids, std::uint64_t most,
                                        std::uint64_t first) {
@@ -36,14 +36,14 @@ std::vector<std::uint64_t> fitting_ids(const std::vector<Id>& ids, std::uint64_t
   return result;
 }
 
-/// The ids of a map's cameras, frames and landmarks as a system has them.
+/// Ids of a map's cameras, frames and landmarks for another system.
 struct WrittenIds {
   /// @param most the largest id of cameras and frames
-  /// @param first of ids that replace too large ones
+  /// @param first first of the ids that replace too large ones
   WrittenIds(const LandmarkMap& map, std::uint64_t most, std::uint64_t most_of_landmarks,
              std::uint64_t first);
 
-  /// Logs as a loss which of them were replaced.
+  /// Logs as a loss which ids were replaced.
   void log_replaced(const LogSink& log, const LandmarkMap& map, std::string_view system,
                     std::string_view path = {}) const;
 
@@ -57,16 +57,18 @@ struct WrittenIds {
 struct FrameObservations {
   explicit FrameObservations(const LandmarkMap& map);
 
-  /// By the index of their keypoint; those without one follow in the order of their landmarks.
+  /// Observations per frame, by the index of their keypoint; observations without one follow in the order of
+  /// their landmarks.
   std::vector<std::vector<std::uint64_t>> of_frame;
-  std::vector<std::uint32_t> landmark_of;  ///< of each observation
+  std::vector<std::uint32_t> landmark_of;  ///< landmark of each observation
 };
 
-/// The names of the frames' images; "frame_ID" for one that has none.
-/// @throws Error (input) naming a frame whose image has the name of another's, which programs would take for it
+/// The names of the frames' images; "frame_ID" for a frame whose image has no name.
+/// @throws Error (input) naming a frame whose image has the name of another frame's image, because programs
+///         would confuse them
 std::vector<std::string> image_names(const LandmarkMap& map);
 
-/// The same for JSON. @throws Error (input) naming a frame whose name is not UTF-8 too
+/// The same for JSON. @throws Error (input) also naming a frame whose image name is not UTF-8
 std::vector<std::string> json_image_names(const LandmarkMap& map);
 
 /// A focal length and radial distortion about the optical axis, as in camera model RADIAL.
@@ -75,19 +77,19 @@ struct RadialCamera {
   double k1 = 0.0;
   double k2 = 0.0;
 };
-/// std::nullopt if the camera needs further parameters.
+/// The camera as a RadialCamera; std::nullopt if it needs further parameters.
 std::optional<RadialCamera> radial_camera(const Camera& camera);
 
-/// Distortion as OpenCV has it.
+/// Distortion in the form of OpenCV.
 struct Distortion {
-  bool is_fisheye = false;  ///< of k1 to k4
+  bool is_fisheye = false;  ///< whether it is the fisheye model, of k1 to k4
   double k1 = 0.0, k2 = 0.0, p1 = 0.0, p2 = 0.0, k3 = 0.0, k4 = 0.0;
 };
-/// std::nullopt if the camera needs further parameters.
+/// The camera's distortion; std::nullopt if the camera needs further parameters.
 std::optional<Distortion> opencv_distortion(const Camera& camera);
 /// Whether the image of the camera is the whole sphere.
 bool is_panorama(const Camera& camera);
-/// A camera of the simplest model that has the distortion.
+/// A camera of the simplest model that represents the distortion.
 Camera opencv_camera(CameraId id, std::uint32_t width, std::uint32_t height, const Intrinsics& k,
                      const Distortion& distortion);
 

@@ -65,7 +65,7 @@ enum class Per { kFile, kFrame, kLandmark, kOffset, kObservation };
 struct Layout {
   std::string_view name;
   Per per;
-  std::uint64_t bytes_each;  // 0: different for entries, or not known in advance
+  std::uint64_t bytes_each;  // 0: differs between entries, or is not known in advance
 };
 
 inline constexpr std::array<Layout, 36> kLayouts = {{
@@ -116,7 +116,7 @@ constexpr std::uint64_t aligned(std::uint64_t byte) {
   return (byte + kAlignment - 1) / kAlignment * kAlignment;
 }
 
-/// The parts of a map, of which a LandmarkMap shows constant ones.
+/// References to the parts of a map; to constant parts for a LandmarkMap.
 template <class Info, class Cameras, class Rigs, class Frames, class Landmarks, class Observations>
 struct MapParts {
   Info& info;

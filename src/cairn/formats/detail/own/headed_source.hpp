@@ -34,8 +34,8 @@ class HeadedSource final : public ByteSource {
   std::uint64_t offset() const { return offset_; }
   /// Bytes left; std::nullopt if the source has no size.
   std::optional<std::uint64_t> remaining() const;
-  /// @throws Error (input) unless all bytes were read, or the rest is line ends, blanks and zeros: these are logged as
-  ///        a loss
+  /// @throws Error (input) unless all bytes were read, or the rest consists of line ends, blanks and zeros. Such a
+  ///         rest is logged as a loss
   void expect_end();
 
   const std::string& name() const override { return source_.name(); }
@@ -60,11 +60,11 @@ class HeadedSource final : public ByteSource {
 /// The lines of a text body that are not blank.
 class TextRows {
  public:
-  /// @param log receives a loss if the last row does not end
+  /// @param log receives a loss if the last row has no line end
   TextRows(HeadedSource& source, LogSink log);
 
-  /// Row `done` of `count` rows.
-  /// @throws Error (input) if there is none, or it is incomplete
+  /// The next row, after `done` of `count` rows.
+  /// @throws Error (input) if there is none
   std::string_view next(std::uint64_t done, std::uint64_t count, std::string_view rows);
   std::uint64_t line_number() const { return header_lines_ + lines_.line_number(); }
   /// @throws Error (input) if there is another row

@@ -17,7 +17,7 @@
 namespace cairn::detail {
 
 /// The fields of a line, one after another. Errors name the line and the number of the field. Inline, because maps have
-/// millions of them.
+/// millions of fields.
 class NumberedFields {
  public:
   NumberedFields(std::string_view line, const std::string& source, std::uint64_t line_number)
@@ -161,7 +161,7 @@ inline constexpr char kHexDigits[] = "0123456789abcdef";
 /// The value of a hexadecimal digit; -1 for another character.
 int hex_value(char c);
 
-/// A text with %NN for what would break a line, and for blanks at its ends.
+/// A text in which %NN replaces what would break a line, and blanks at its ends.
 std::string escaped(std::string_view text);
 /// The text that was escaped. @throws Error (input) for the last field taken
 std::string unescaped(std::string_view text, const NumberedFields& fields);

@@ -12,7 +12,7 @@
 
 namespace cairn::detail {
 
-/// What to give instead of splats that are compressed.
+/// Text of an error: what to provide in place of compressed splats.
 inline constexpr std::string_view kExpectedSplats =
     "splats as PLY, to which 'npx @playcanvas/splat-transform IN OUT.ply' converts it";
 
@@ -30,11 +30,11 @@ struct PlyHeader {
   std::optional<LengthUnit> length_unit;
   std::vector<PlyElement> elements;
 
-  /// The element "vertex", which a header that was read has.
+  /// The element "vertex"; every header that was read has it.
   const PlyElement* vertex() const;
 };
 
-/// Reads the header of a PLY 1.0 file, behind which the source then stands.
+/// Reads the header of a PLY 1.0 file, up to the start of the body.
 /// @throws Error (input) naming source, line, value and constraint
 PlyHeader read_ply_header(HeadedSource& source);
 

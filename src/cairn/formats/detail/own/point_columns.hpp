@@ -27,7 +27,7 @@ enum class PointFormat {
 
 /// The unit that a comment of a header states: "cairn length_unit metres", or "free"; std::nullopt for another comment.
 std::optional<LengthUnit> unit_in_comment(std::string_view comment);
-/// That comment.
+/// The comment that states the unit.
 std::string unit_comment(LengthUnit unit);
 
 /// A field of a point or other record, as a file declares it, in the file's order.
@@ -42,8 +42,8 @@ struct PointField {
 inline constexpr std::array<const char*, 3> kAxisNames = {"x", "y", "z"};
 inline constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
 
-/// The lower triangle of a covariance, in the order of the names: it is what the test of a covariance goes by, so a
-/// matrix that passed it passes again although it was not quite symmetric.
+/// The lower triangle of a covariance, in the order of the names. The validity test of a covariance uses the lower
+/// triangle, so a matrix that passed it passes it again after reading, even if it was not quite symmetric.
 struct CovarianceEntry {
   const char* name;
   int row;
@@ -81,8 +81,8 @@ class PointTable {
   void append_columns(const std::vector<const char*>& columns, std::size_t rows);
 
   /// Makes the map: drops points without a usable position, and decides whether the ids are usable.
-  /// @param unit std::nullopt if the file states none: then free, but metres if its fields are those of Cairn, which once
-  ///        did not state metres
+  /// @param unit std::nullopt if the file states none. The unit is then free, or metres if the fields are those of
+  ///        Cairn, which in the past did not state metres
   LandmarkMap finish(std::optional<LengthUnit> unit) &&;
 
  private:
@@ -139,7 +139,7 @@ void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fi
 /// The landmarks of a map as points with fields.
 class PointRows {
  public:
-  /// @param position_type kFloat32 or kFloat64, of x, y and z
+  /// @param position_type type of x, y and z: kFloat32 or kFloat64
   /// @throws Error (misuse) for a named column whose name has another meaning in the file, or a position
   ///        out of the range of `position_type`
   PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type);
