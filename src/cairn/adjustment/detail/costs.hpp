@@ -51,11 +51,12 @@ class PointCost final : public ceres::SizedCostFunction<2, 7, 3> {
   Measure measure_;
 };
 
-/// The same for a pixel, with the camera's parameters as a third block.
+/// The same for a measured pixel, with the camera's parameters as a third block.
 class CalibrationCost final : public ceres::CostFunction {
  public:
-  /// @param camera gives the model
-  /// @param camera_from_body if the pose is that of a body that carries the camera; must outlive this
+  /// @param camera camera whose model is used
+  /// @param camera_from_body pose of the body in the camera, if the first block is the pose of a body that
+  ///        carries the camera; must outlive the cost
   CalibrationCost(const Camera& camera, const Eigen::Vector2d& pixel, double sigma_px,
                   const Rigid3* camera_from_body = nullptr);
 

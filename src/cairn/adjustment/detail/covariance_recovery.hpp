@@ -17,10 +17,10 @@ namespace cairn::detail {
 /// measured), in standard deviations.
 struct LinearObservation {
   std::uint32_t frame = 0;
-  /// Its share of the information; 1 if it is independent of the others.
+  /// Share of the observation's information that counts; 1 if its error is independent of the others.
   double share = 1.0;
-  Eigen::Matrix3d by_point = Eigen::Matrix3d::Zero();  ///< in the world
-  /// Left perturbation (δt, δφ) of world_from_camera.
+  Eigen::Matrix3d by_point = Eigen::Matrix3d::Zero();  ///< with respect to the point in the world
+  /// With respect to the left perturbation (δt, δφ) of world_from_camera.
   Eigen::Matrix<double, 3, 6> by_pose = Eigen::Matrix<double, 3, 6>::Zero();
 };
 
@@ -43,18 +43,19 @@ struct LinearProblem {
 };
 
 struct RecoveredCovariances {
-  /// Per frame: of its pose relative to frame 0, (δt, δφ) in the world.
+  /// Per frame: covariance of its pose relative to frame 0, (δt, δφ) in the world.
   std::vector<Matrix6d> frames;
-  /// Per landmark: of its position, along the world's axes; zero without observations.
+  /// Per landmark: covariance of its position, along the world's axes; zero without observations.
   std::vector<Eigen::Matrix3d> landmarks;
 };
 
-/// Up to this many frames, the problem is solved densely; above, by sparse factors.
+/// Largest number of frames for which the problem is solved densely. Larger problems are solved by sparse
+/// factors.
 inline constexpr std::size_t kMostDenseFrames = 800;
 
 /// Marginal covariances of poses and landmarks: eliminates the landmarks and inverts the reduced system of
 /// the poses, for the pairs of frames that share landmarks.
-/// @param most_dense up to this many frames, all pairs
+/// @param most_dense up to this many frames, the system is inverted for all pairs of frames
 /// @throws Error (input) if too many pairs of frames share landmarks for the memory, (cancelled)
 RecoveredCovariances recover_covariances(const LinearProblem& problem, CovarianceGauge gauge,
                                          const Execution& execution = {},

@@ -11,11 +11,13 @@
 
 namespace cairn::detail {
 
-/// Frames that share landmarks, directly or through other frames; with those that move with them.
+/// Frames that share landmarks, directly or through other frames, and the frames that move rigidly with
+/// these.
 struct FrameGroup {
   std::vector<std::uint32_t> frames;     ///< ascending; the first fixes the gauge
   std::vector<std::uint32_t> landmarks;  ///< ascending
-  /// The leading frame farthest from the first, if no depth and no rig determines the scale.
+  /// The leading frame that is farthest from the first frame, if neither a depth nor a rig determines
+  /// the scale.
   std::optional<std::uint32_t> scale_frame;
 };
 

@@ -16,8 +16,8 @@ struct Measurement {
   FrameIndex frame;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   double sigma_px = 1.0;
-  /// Along the optical axis. Only for a map in metres, because the noise of depths in a free unit is
-  /// unknown.
+  /// Depth along the optical axis. Only for a map in metres, because the noise of depths in a free
+  /// unit is unknown.
   std::optional<double> depth;
   double sigma_depth = 1.0;
 };

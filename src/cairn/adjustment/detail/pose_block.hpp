@@ -15,9 +15,9 @@ using PoseBlock = std::array<double, 7>;
 PoseBlock to_block(const Rigid3& pose);
 Rigid3 to_pose(const double* block);
 
-/// Steps are Rigid3's left perturbations (δt, δφ). Cost functions put the derivatives with respect to these
-/// into the first six columns of the Jacobian that Ceres expects for the seven numbers, and zeros into the
-/// last; the product with this manifold's Jacobian is then right.
+/// Steps are Rigid3's left perturbations (δt, δφ). A cost function puts the derivatives with respect to the
+/// step into the first six columns of the Jacobian that Ceres expects for the seven numbers, and zeros into
+/// the last column. The product with this manifold's Jacobian is then right.
 class PoseManifold final : public ceres::Manifold {
  public:
   int AmbientSize() const override { return 7; }

@@ -9,7 +9,7 @@ namespace cairn::detail {
 
 /// Derivative of a residual with respect to the camera's pose (left perturbation δt, δφ of
 /// world_from_camera), from its derivative with respect to the point in the world.
-/// @param arm from the camera's centre to the point, in the world
+/// @param arm vector from the camera's centre to the point, in the world
 template <class Rows>
 Eigen::Matrix<double, Rows::RowsAtCompileTime, 6> derivative_by_pose(
     const Eigen::MatrixBase<Rows>& by_point, const Eigen::Vector3d& arm) {

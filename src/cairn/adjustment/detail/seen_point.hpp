@@ -13,13 +13,14 @@ namespace cairn::detail {
 
 /// Residuals of an observed point in standard deviations, with the derivative with respect to the point in
 /// camera coordinates. Pixel and depth are separate blocks of two rows, because Ceres eliminates points
-/// fast if all blocks have two; the second row of a depth is zero.
+/// fast if all blocks have two rows. The second row of a depth block is zero.
 struct SeenPoint {
   Eigen::Vector2d value = Eigen::Vector2d::Zero();
   Eigen::Matrix<double, 2, 3> by_x_in_camera = Eigen::Matrix<double, 2, 3>::Zero();
 };
 
-/// What a camera on a body sees, with the derivative with respect to the point in the body's coordinates.
+/// Residuals of a camera on a body, with the derivative with respect to the point in the body's
+/// coordinates.
 /// @param camera_from_body null if the body is the camera
 /// @param see a function std::optional<SeenPoint>(const Eigen::Vector3d& x_in_camera)
 template <class See>
@@ -32,8 +33,8 @@ std::optional<SeenPoint> seen_from_body(const Rigid3* camera_from_body,
 }
 
 /// Residual of the point's projection, for any camera model.
-/// @param parameters of the camera
-/// @return std::nullopt if the camera cannot see the point, as project()
+/// @param parameters parameters of the camera
+/// @return std::nullopt if the camera cannot see the point; see project()
 std::optional<SeenPoint> seen_pixel(const CameraProjection& projection, const double* parameters,
                                     const Eigen::Vector2d& pixel, double sigma_px,
                                     const Eigen::Vector3d& x_in_camera);

@@ -11,9 +11,9 @@ namespace cairn::detail {
 /// it, which ends with a comma.
 std::string row_checksum(std::string_view before);
 
-/// Bytes of a table up to its first incomplete or damaged row; 0 if the header is incomplete, or zeros stand in it, as
-/// they do where the power failed while it was written.
-/// @throws Error (input) if it begins otherwise than with the header
+/// Number of bytes of a table up to its first incomplete or damaged row. 0 if the header is incomplete or contains
+/// zero bytes, as after a power failure while the header was written.
+/// @throws Error (input) if the table does not begin with the header
 std::size_t sound_size(std::string_view table, std::string_view header, std::string_view name);
 
 }  // namespace cairn::detail

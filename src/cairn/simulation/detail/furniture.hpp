@@ -37,8 +37,8 @@ void add_room(SceneBuilder& builder, const RoomShape& room, const RoomLook& look
               int lights_y, double light_power, Random& random);
 
 /// Adds a flat object on a wall. Lengths in metres.
-/// @param along  from the wall's left end to the object's middle
-/// @param bottom height of its lower edge above the floor
+/// @param along  distance from the wall's left end to the object's middle
+/// @param bottom height of the object's lower edge above the floor
 void hang(SceneBuilder& builder, const RoomShape& room, Wall wall, const std::string& name,
           double along, double bottom, double width, double height, double thickness,
           SceneBuilder::Painting painting, const Paint& paint, double texels_per_metre,
@@ -51,8 +51,8 @@ struct SupportSurface {
   double depth = 1.0;
 };
 
-/// @param pose of the middle of its front lower edge; the front faces -y
-/// @return its top
+/// @param pose pose of the middle of the table's front lower edge; the front faces -y
+/// @return top of the table
 SupportSurface add_table(SceneBuilder& builder, const Rigid3& pose, double width, double depth,
                          double height, Random& random);
 /// Adds shelves with books and some other items. The back is at y = depth.
@@ -110,10 +110,10 @@ struct ItemShape {
   double height = 0.1;
   Random random;
 };
-/// The same for the same seed.
+/// Shape of an item; the same for the same seed.
 ItemShape item_shape(ItemKind kind, std::uint64_t seed);
 
-/// Adds the item's surfaces to the last object begun, about its origin.
+/// Adds the item's surfaces to the last object begun, about the object's origin.
 void add_item(SceneBuilder& builder, ItemKind kind, ItemShape shape);
 
 }  // namespace cairn::detail

@@ -20,7 +20,7 @@ struct RenderedFrame {
   /// Blue, green, red of each pixel, kLightPerLevel units per grey level of an 8-bit image. May exceed
   /// white (255 levels).
   std::vector<std::uint16_t> bgr;
-  /// Along the optical axis, metres; 0 if no surface is hit.
+  /// Depth along the optical axis, metres; 0 if no surface is hit.
   std::vector<float> depth_m;
   /// Cosine of the angle between the line of sight and the surface's normal; 0 if no surface is hit.
   std::vector<float> facing;

@@ -16,7 +16,8 @@ std::vector<std::uint8_t> expose(const RenderedFrame& frame, const SensorOptions
                                  std::uint64_t stream, const Executor& executor = Executor());
 
 /// The depth image, metres, 0 if there is no reading.
-/// @param focal_length_px of the camera, horizontal; determines the width of the projector's shadows
+/// @param focal_length_px horizontal focal length of the camera; determines the width of the
+///        projector's shadows
 std::vector<float> measure_depth(const RenderedFrame& frame, double focal_length_px,
                                  const SensorOptions& options, std::uint64_t stream,
                                  const Executor& executor = Executor());

@@ -14,11 +14,11 @@ struct CorrectedKeyframe {
   Rigid3 after;
 };
 
-/// The trajectory after its keyframes were moved. Each pose keeps its pose relative to the keyframes before
-/// and after it, interpolated between the two by time. Before the first and after the last keyframe, only
-/// the nearest counts.
+/// The trajectory after its keyframes were moved. Each pose keeps its pose relative to the keyframe before
+/// it and to the keyframe after it; the two results are interpolated by time. Before the first and after
+/// the last keyframe, only the nearest keyframe counts.
 /// @param keyframes in the order of time, each once
-/// @throws Error (misuse) if they are not, or there are none
+/// @throws Error (misuse) if the keyframes are not in this order, or if there are none
 Trajectory corrected(const Trajectory& trajectory, std::span<const CorrectedKeyframe> keyframes);
 
 }  // namespace cairn::detail

@@ -23,44 +23,45 @@ namespace cairn::detail {
 std::vector<Eigen::Matrix3d> recursive_covariances(
     const LandmarkGraph& graph, const std::vector<std::optional<Matrix6d>>& pose_covariances);
 
-/// Covariance of each keyframe's pose given the landmarks it observes; std::nullopt if these do not determine it.
+/// Covariance of each keyframe's pose, given the landmarks that it observes; std::nullopt if these landmarks do
+/// not determine the pose.
 std::vector<std::optional<Matrix6d>> keyframe_pose_covariances(const LandmarkGraph& graph);
 
 /// Covariances from the whole least-squares problem: all keyframes, and all landmarks with at least two
 /// observations, with the first keyframe fixed.
 struct MarginalCovariances {
-  /// Per keyframe: of its pose relative to the first, (δt, δφ) in the world.
+  /// Per keyframe: covariance of its pose relative to the first keyframe, (δt, δφ) in the world.
   std::vector<Matrix6d> keyframes;
-  /// Per landmark: of its position relative to the keyframe that observed it first, in world axes; zero for
-  /// removed ones.
+  /// Per landmark: covariance of its position relative to the keyframe that observed it first, in world axes;
+  /// zero for removed landmarks.
   std::vector<Eigen::Matrix3d> landmarks;
 };
 
 /// @throws Error (misuse) for more keyframes than kMostDenseFrames
 MarginalCovariances marginal_covariances(const LandmarkGraph& graph);
 
-/// Derivatives of an observation's residuals in standard deviations, so that their covariance is the
-/// identity.
+/// Derivatives of an observation's residuals in standard deviations, so that the covariance of the residuals is
+/// the identity.
 struct LinearisedObservation {
-  Eigen::Matrix3d by_point;             ///< in the world
-  Eigen::Matrix<double, 3, 6> by_pose;  ///< left perturbation (δt, δφ)
+  Eigen::Matrix3d by_point;             ///< with respect to the point in the world
+  Eigen::Matrix<double, 3, 6> by_pose;  ///< with respect to the left perturbation (δt, δφ)
 };
 
 LinearisedObservation linearise(const LandmarkGraph& graph, const KeypointReference& reference,
                                 const Eigen::Vector3d& x_in_world);
 
-/// Information of the n-th observation of a landmark (n = 1 is the first), relative to an independent one.
-/// Nearby views share errors of the patch's appearance and of the surface's depth. With a correlation c
-/// between any two, n observations equal n / (1 + (n - 1)·c) independent ones; returns the increment of the
-/// n-th.
+/// Information of the n-th observation of a landmark (n = 1 is the first), relative to an independent
+/// observation. Nearby views share errors of the patch's appearance and of the surface's depth. With a
+/// correlation c between any two observations, n observations equal n / (1 + (n - 1)·c) independent ones; returns
+/// what the n-th observation adds to this number.
 double information_share(std::size_t n);
 
 /// Mean squared residual of a landmark per degree of freedom, at least 1 (Birge ratio), by which its
 /// covariance is multiplied: a landmark that does not fit, e.g. at an occluding edge, is less certain.
 double excess_of_residuals(const LandmarkGraph& graph, const TrackedLandmark& landmark);
 
-/// Prior information on the depth of a landmark whose first observation has no credible depth: its order of
-/// magnitude, along the first view's axis; zero if it has a depth.
+/// Prior information on the depth of a landmark whose first observation has no credible depth. It states the
+/// order of magnitude of the depth, along the first view's axis; zero if the observation has a depth.
 Eigen::Matrix3d unknown_depth_information(const LandmarkGraph& graph,
                                           const TrackedLandmark& landmark);
 

@@ -22,11 +22,11 @@ inline constexpr std::size_t kSiftBytes = 128;  ///< of a descriptor
 enum class ImageDescriptor {
   kOrb,       ///< 32 bytes, by Cairn's own corners
   kSift,      ///< 128 bytes: the histograms of Lowe 2004, of length 512
-  kRootSift,  ///< the square roots of these, of length 512 (Arandjelovic and Zisserman 2012)
+  kRootSift,  ///< square roots of these histograms, of length 512 (Arandjelovic and Zisserman 2012)
 };
 
-/// The kind that a map's descriptors have; std::nullopt if no image can be compared with them. Both kinds of SIFT have one
-/// name and one length, but roots are larger in the mean.
+/// The kind of a map's descriptors; std::nullopt if no image can be compared with them. Both kinds of SIFT have the
+/// same name and length; they are told apart by the mean, which is larger for roots.
 std::optional<ImageDescriptor> image_descriptor_of(const DescriptorColumn& column);
 
 /// The features of an image with descriptors of one kind.
@@ -42,8 +42,8 @@ struct SiftFeatures {
 };
 
 /// @param gray 8 bit
-/// @param most number of the strongest features to keep
-/// @param root whether descriptors are roots
+/// @param most largest number of features to keep, the strongest ones
+/// @param root whether the descriptors are square roots
 SiftFeatures sift_features(const cv::Mat& gray, int most, bool root);
 
 /// Detects and describes features of images.
@@ -64,7 +64,7 @@ class ImageDescriber {
     return kind_ == ImageDescriptor::kOrb ? descriptor_kernel::Norm::kHamming
                                           : descriptor_kernel::Norm::kSquaredBytes;
   }
-  /// Larger distances suggest no match.
+  /// Largest distance of descriptors that suggests a match.
   std::uint32_t most_distance() const { return kind_ == ImageDescriptor::kOrb ? 64 : 130000; }
 
  private:

@@ -11,25 +11,25 @@
 
 namespace cairn::detail {
 
-/// How a landmark was seen before, compared with a camera elsewhere.
+/// How the keyframes of a map saw a landmark, compared with a camera at another place.
 struct Sight {
   double cosine = 1.0;  ///< of the smallest angle between lines of sight; 1 if unknown
-  bool alike = false;   ///< a camera saw it from nearly the same direction and distance
+  bool alike = false;   ///< a keyframe saw it from nearly the same direction and distance
 };
 
 /// The landmarks of a map that have descriptors, prepared for comparison with images.
 class DescribedLandmarks {
  public:
-  /// @param map with descriptors
+  /// @param map map with descriptors
   explicit DescribedLandmarks(const LandmarkMap& map);
 
   std::size_t size() const { return indices_.size(); }
   LandmarkIndex index(std::uint32_t i) const { return LandmarkIndex{indices_[i]}; }
   const Eigen::Vector3d& position(std::uint32_t i) const { return positions_[i]; }
-  /// Zero if unknown.
+  /// Covariance of the position; zero if unknown.
   const Eigen::Matrix3d& covariance(std::uint32_t i) const { return covariances_[i]; }
 
-  /// All descriptors, a row each, those of one landmark together; and the landmark of each.
+  /// All descriptors, one per row, with those of a landmark together; and the landmark of each row.
   std::span<const std::uint8_t> descriptors() const { return bytes_; }
   std::span<const std::uint32_t> owners() const { return owners_; }
   /// The rows of a landmark: from row_begin(i) to row_begin(i + 1).
@@ -41,12 +41,13 @@ class DescribedLandmarks {
 
   /// The frames that see a landmark. Empty if the map has no observations.
   std::span<const std::uint32_t> frames_of(std::uint32_t i) const { return frames_of_.row(i); }
-  /// The landmarks that a frame sees, of those with descriptors.
+  /// The landmarks with descriptors that a frame sees.
   std::span<const std::uint32_t> seen_in(std::uint32_t frame) const { return seen_in_.row(frame); }
   std::size_t frames() const { return centres_.size(); }
   Sight sight(std::uint32_t i, const Eigen::Vector3d& centre) const;
 
-  /// What lengths were multiplied by, so that limits in metres are valid; 1 if the map is in metres.
+  /// Factor that lengths were multiplied by, so that limits in metres are valid; 1 if the map is in
+  /// metres.
   double scale() const { return scale_; }
 
  private:

@@ -51,10 +51,11 @@ using Descriptor = std::array<std::uint64_t, 4>;
 
 /// A corner of an image.
 struct Keypoint {
-  Pixel raw;                  ///< in the original image
-  Eigen::Vector2f pixel;      ///< undistorted, and moved to where the middle row would have seen it
-  float depth_m = 0.0F;       ///< along the optical axis, moved alike; 0 if unknown or ambiguous
-  float read_depth_m = 0.0F;  ///< the same as the depth image or the stereo pair has it
+  Pixel raw;              ///< in the original image
+  Eigen::Vector2f pixel;  ///< undistorted, and moved to where the middle row would have seen it
+  /// Along the optical axis, moved in the same way; 0 if unknown or ambiguous.
+  float depth_m = 0.0F;
+  float read_depth_m = 0.0F;  ///< as read from the depth image or the stereo pair, not moved
   float angle = 0.0F;         ///< of the patch, radians
   std::uint8_t octave = 0;
   PixelSource source = PixelSource::kCorner;
@@ -66,7 +67,7 @@ class Features {
   Features() = default;
   /// @param pyramid the image, from fine to coarse
   /// @param depth_m as for FeatureExtractor::extract
-  /// @param right   the right image of a stereo pair, as `pyramid`; or empty
+  /// @param right   pyramid of the right image of a stereo pair; or empty
   Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> descriptors,
            std::vector<cv::Mat> pyramid, cv::Mat depth_m, std::vector<cv::Mat> right = {});
 
@@ -140,7 +141,7 @@ class Features {
   cv::Mat depth_m_;
   bool has_depth_ = false;
   RowMotion row_motion_;
-  float usual_depth_m_ = 1.0F;  // for keypoints without
+  float usual_depth_m_ = 1.0F;  // assumed for keypoints without depth
   int columns_ = 1;
   int rows_ = 1;
   std::vector<std::uint32_t> cell_starts_ = {0, 0};
@@ -157,33 +158,34 @@ class FeatureExtractor {
   /// belong to either surface.
   /// @param gray 8 bit, of the camera's size
   /// @param depth_m 32-bit float of the same size, 0 if unknown; or empty
-  /// @param right   of a rectified stereo pair, 8 bit, of the same size; or empty. Excludes depth_m
+  /// @param right   right image of a rectified stereo pair, 8 bit, of the same size; or empty. Excludes depth_m
   /// @throws Error (misuse) for other images; (input) if most disparities are negative, so that left and right are
   ///         swapped
   Features extract(const cv::Mat& gray, const cv::Mat& depth_m, const cv::Mat& right = {}) const;
 
-  /// Descriptors of what the image shows at the keypoints that were added to its corners; std::nullopt near its
-  /// edges. The features must still have their images.
+  /// Descriptors of what the image shows at the keypoints that were added to its corners; std::nullopt near the
+  /// image's edges. The features must still have their images.
   std::vector<std::optional<Descriptor>> describe_added(const Features& features) const;
 
   const Pinhole& pinhole() const { return pinhole_; }
   /// Pixel size of each pyramid level, in pixels of the image.
   const std::vector<double>& scales() const { return scales_; }
-  /// Of a stereo pair; 0: depth images.
+  /// Baseline of the stereo pair; 0 with depth images.
   double baseline_m() const { return options_.baseline_m; }
-  /// The depth at a place of the image, of a corner on this octave; 0 if unknown or ambiguous.
+  /// The depth at a place of the image, for a corner on this octave; 0 if unknown or ambiguous.
   float depth_at(const Features& features, const Pixel& raw, int octave) const;
-  /// Increase of the depth per pixel to the right and downwards around such a place, as a share of its depth; zero if
-  /// the surface is not known well enough.
+  /// Increase of the depth per pixel to the right and downwards around a place of the image, as a share of the depth
+  /// there; zero if the surface is not known well enough.
   Eigen::Vector2d depth_slope(const Features& features, const Pixel& raw, int octave) const;
   /// The same from a depth image.
   float depth_at(const cv::Mat& depth_m, const Pixel& raw) const;
   /// @param reach in pixels: half the side of the window
   static Eigen::Vector2d depth_slope(const cv::Mat& depth_m, const Pixel& raw, double reach);
-  /// Moves all keypoints and their depths to where the image's middle row would have seen them; those
-  /// without depth as if they had the median of the others. Colour and depth are read out alike.
+  /// Moves all keypoints and their depths to where the image's middle row would have seen them. Keypoints without
+  /// depth are moved as if they had the median depth of the others. Assumes that colour and depth are read out in the
+  /// same way.
   void correct(Features& features, const RowMotion& motion) const;
-  /// One keypoint, by the motion that its features have.
+  /// Corrects one keypoint by the motion that its features have.
   void correct(Features& features, std::uint32_t index) const;
   Keypoint corrected(const Features& features, Keypoint keypoint) const;
   /// @param raw within the image

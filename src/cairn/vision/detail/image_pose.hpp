@@ -17,19 +17,19 @@ namespace cairn::detail {
 /// A feature of an image and a landmark that it may show.
 struct FeatureMatch {
   std::uint32_t feature = 0;
-  std::uint32_t landmark = 0;  ///< of DescribedLandmarks
+  std::uint32_t landmark = 0;  ///< index in DescribedLandmarks
   std::uint32_t distance = 0;  ///< of their descriptors
 };
 
 /// A pose of an image with its evidence.
 struct ImagePose {
   PoseEstimate pose;
-  std::vector<FeatureMatch> matches;  ///< that agree with it
-  std::size_t visible = 0;            ///< landmarks that it projects near a feature
-  double expected = 0.0;              ///< matches among these expected by chance
+  std::vector<FeatureMatch> matches;  ///< matches that agree with the pose
+  std::size_t visible = 0;            ///< landmarks that the pose projects near a feature
+  double expected = 0.0;              ///< matches among these landmarks expected by chance
   std::size_t spread = 0;             ///< matches outside the largest cluster in the image
-  double evidence = 0.0;              ///< log-likelihood ratio of these against chance
-  /// Cells of the image whose landmarks were seen alike before, and of which none matches.
+  double evidence = 0.0;              ///< log-likelihood ratio of the matches against chance
+  /// Number of cells of the image whose landmarks were seen alike before (Sight), and of which none matches.
   std::size_t unmatched_cells = 0;
 };
 
@@ -39,10 +39,10 @@ inline constexpr std::size_t kImageCells = 48;
 /// A pose found with one of several focal lengths.
 struct FocalLengthPose {
   ImagePose pose;
-  double focal_length = 0.0;  ///< pixels; a few percent off
+  double focal_length = 0.0;  ///< pixels; accurate to a few percent
 };
 
-/// Searches the pose of one image among landmarks. Refers to all it is given.
+/// Searches for the pose of one image among landmarks. Keeps references to all arguments.
 class ImagePoseSearch {
  public:
   ImagePoseSearch(const DescribedLandmarks& landmarks, const ImageDescriber& describer,
@@ -52,19 +52,19 @@ class ImagePoseSearch {
   std::size_t proposals() const { return mutual_.size(); }
   /// The pose with most evidence.
   std::optional<ImagePose> best(const SensorModel& sensor) const;
-  /// The same with the best of focal lengths from two fifths to four times the image's larger side, in steps of 15 % of
-  /// the sensor's. Begins there, and ends behind a pose with much evidence.
+  /// The same with the best of several focal lengths, from two fifths to four times the image's larger side, in steps
+  /// of 15 %. Begins at the sensor's focal length, and ends one step after a pose with much evidence.
   std::optional<FocalLengthPose> best_of_focal_lengths(const SensorModel& sensor) const;
   /// The pose and its matches, from an approximate pose; std::nullopt if too few features match there.
   std::optional<ImagePose> settled(const SensorModel& sensor,
                                    const Rigid3& world_from_camera) const;
-  /// The lens with which the pose's matches fit best, and the pose with it.
-  /// @param camera as from radial_camera(): where the search begins
+  /// The lens with which the pose's matches fit best, and the pose with this lens.
+  /// @param camera where the search begins; as from radial_camera()
   std::optional<LensEstimate> lens_of(const SensorModel& sensor, const Camera& camera,
                                       const ImagePose& pose) const;
   /// The same search with the features of the image as another camera would have undistorted them.
   ImagePoseSearch seen_through(const ImageDescriber& describer, const DescribedImage& image) const;
-  /// The best pose of the pairs that `pose` does not explain.
+  /// The best pose from the pairs that `pose` does not explain.
   std::optional<ImagePose> rival(const SensorModel& sensor, const ImagePose& pose) const;
   /// Whether the poses differ by no more than their errors.
   bool same(const ImagePose& a, const ImagePose& b) const;
@@ -91,8 +91,9 @@ class ImagePoseSearch {
   const DescribedImage* image_;
   std::uint64_t seed_;
   cv::Size size_;
-  std::vector<FeatureMatch> pairs_;   // each landmark with its most similar feature, these first
-  std::vector<FeatureMatch> mutual_;  // those that are mutual nearest neighbours
+  // Each landmark with its most similar feature, most similar first.
+  std::vector<FeatureMatch> pairs_;
+  std::vector<FeatureMatch> mutual_;  // the pairs that are mutual nearest neighbours
 };
 
 }  // namespace cairn::detail

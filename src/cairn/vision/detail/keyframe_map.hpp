@@ -53,7 +53,7 @@ class KeyframeMap {
   /// radius (see match_near()).
   std::vector<LandmarkMatch> match_corners(const TrackedFrame& frame,
                                            const ExpectedLandmarks& expected, double radius) const;
-  /// Moves the keypoints to where their landmarks' patches match best. @return the matches whose patches do
+  /// Moves the keypoints to where their landmarks' patches match best. @return the matches whose patches match
   std::vector<LandmarkMatch> align(TrackedFrame& frame,
                                    std::span<const LandmarkMatch> matches) const;
   /// Searches for the patches of landmarks that should be visible but match no corner, and adds them to the
@@ -61,20 +61,21 @@ class KeyframeMap {
   std::vector<LandmarkMatch> find_without_corners(TrackedFrame& frame,
                                                   const ExpectedLandmarks& expected,
                                                   std::span<const LandmarkMatch> matches) const;
-  /// Counts the expected landmarks that the frame has.
+  /// Counts which of the expected landmarks the frame observes.
   void note_found(const TrackedFrame& frame, const ExpectedLandmarks& expected);
 
-  /// Adds a keyframe with the frame's observations, and new landmarks at unmatched corners with depth;
-  /// merges new ones that turn out to exist. Its images stay until drop_images() of its features.
+  /// Adds a keyframe with the frame's observations, and new landmarks at unmatched corners with depth. Merges new
+  /// landmarks that turn out to be known. The keyframe's images stay until drop_images() of its features.
   /// @return its index
   std::uint32_t add_keyframe(const TrackedFrame& frame);
-  /// Corrects a keyframe for the motion during its readout: its pose, to what others saw, too, and the landmarks that
-  /// it alone saw. The first keyframe, which fixes the map in the world, keeps its pose.
+  /// Corrects a keyframe for the motion during its readout: its pose, which is fitted to the landmarks that other
+  /// keyframes observe too, and the landmarks that it alone observes. The first keyframe keeps its pose, because it
+  /// fixes the map in the world.
   void correct_keyframe(std::uint32_t index, const RowMotion& motion);
   /// Removes landmarks that should have been observed again but were not.
   void cull(std::uint32_t newest);
-  /// Replaces the sensor's noise by the estimate from the residuals, within its limits about the configured
-  /// noise however often it is called.
+  /// Replaces the sensor's noise by the estimate from the residuals. However often this is called, the estimate stays
+  /// within its limits about the configured noise.
   void adopt_estimated_noise();
   /// Removes all keyframes and landmarks, and returns to the configured noise: estimates from successive maps
   /// must not compound.

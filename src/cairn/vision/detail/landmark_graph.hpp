@@ -28,8 +28,8 @@ struct Keyframe {
   /// One entry per keypoint.
   std::vector<std::optional<LandmarkIndex>> landmarks;
   std::vector<bool> depth_disagrees;
-  /// Of the keypoints that are no corners, whose `features` descriptors are copies of their landmarks':
-  /// what the image shows there; std::nullopt if unknown.
+  /// For keypoints that are no corners: descriptor of what the image shows there; std::nullopt if unknown.
+  /// Their descriptors in `features` are copies of their landmarks' descriptors.
   std::vector<std::optional<Descriptor>> shown = {};
 };
 
@@ -41,7 +41,7 @@ struct KeypointReference {
   friend bool operator==(const KeypointReference&, const KeypointReference&) = default;
 };
 
-/// A landmark's appearance in one keyframe, with which all its observations are aligned.
+/// A landmark's appearance in one keyframe, to which all its observations are aligned.
 struct LandmarkAppearance {
   KeypointReference seen_at;
   ReferencePatch patch;
@@ -53,12 +53,13 @@ struct TrackedLandmark {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   std::vector<KeypointReference> observations;  ///< oldest first; empty: the landmark was removed
   std::optional<LandmarkAppearance> appearance;
-  Descriptor descriptor{};  ///< the one nearest to those of all observations
+  Descriptor descriptor{};  ///< of all observations' descriptors, the one nearest to the others
   Eigen::Vector3d viewing_direction = Eigen::Vector3d::UnitZ();  ///< mean, camera to landmark
-  double reference_distance_m = 1.0;  ///< distance at which it appears on the finest pyramid level
-  std::uint32_t expected = 0;         ///< frames that should have observed it
-  std::uint32_t found = 0;            ///< frames that observed it
-  std::size_t last_seen = 0;          ///< frame
+  /// Distance at which the landmark appears on the finest pyramid level.
+  double reference_distance_m = 1.0;
+  std::uint32_t expected = 0;  ///< frames that should have observed it
+  std::uint32_t found = 0;     ///< frames that observed it
+  std::size_t last_seen = 0;   ///< frame
 
   bool gone() const { return observations.empty(); }
 };
@@ -87,7 +88,7 @@ class LandmarkGraph {
   LandmarkIndex add_landmark(KeypointReference reference);
   /// The keypoint must be free, and the keyframe must not observe the landmark yet.
   void observe(LandmarkIndex index, KeypointReference reference);
-  /// Also removes the patch of a landmark that was taken there.
+  /// Removes an observation, and the patch of its landmark if the patch was taken there.
   void forget(KeypointReference reference);
   void remove(LandmarkIndex index);
   /// Moves `from`'s observations to `into`, except those of keyframes that `into` already has.
@@ -97,7 +98,7 @@ class LandmarkGraph {
 
   bool observes(std::uint32_t keyframe, LandmarkIndex index) const;
   PointMeasurement measurement(KeypointReference reference) const;
-  /// Keyframes that share landmarks with this one, and the numbers of these; most first.
+  /// Keyframes that share landmarks with this one, with the number of shared landmarks; most first.
   std::vector<std::pair<std::uint32_t, std::size_t>> covisible(std::uint32_t keyframe) const;
 
  private:

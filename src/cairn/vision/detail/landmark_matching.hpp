@@ -14,14 +14,14 @@ namespace cairn::detail {
 struct LandmarkMatch {
   std::uint32_t keypoint = 0;
   LandmarkIndex landmark;
-  int distance = 0;  ///< of the descriptors, bits
+  int distance = 0;  ///< distance of the descriptors, bits
 };
 
 /// Expected place and appearance of a landmark in a frame.
 struct ExpectedAppearance {
   Eigen::Vector2d pixel;
   double octave = 0.0;    ///< not rounded
-  double cos_view = 1.0;  ///< of the angle to its mean viewing direction
+  double cos_view = 1.0;  ///< cosine of the angle to the landmark's mean viewing direction
 };
 
 /// std::nullopt if the landmark is outside the image, behind the camera, seen from the side, or much too

@@ -33,7 +33,8 @@ class ReferencePatch {
 /// pixels, up to a common offset (inverse compositional Lucas-Kanade; Baker and Matthews, IJCV 2004).
 /// @param reference_from_image linear part of the patch's warp: rotation, scale, shear
 /// @param start pixel of the image near which the patch should be
-/// @return std::nullopt if it moves by more than `most_away`, leaves the image, or does not match there
+/// @return std::nullopt if the patch moves by more than `most_away`, leaves the image, or does not match
+///         there
 std::optional<Eigen::Vector2d> align_patch(const ReferencePatch& patch, const cv::Mat& image,
                                            const Eigen::Matrix2d& reference_from_image,
                                            const Eigen::Vector2d& start, double most_away);

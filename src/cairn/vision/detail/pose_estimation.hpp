@@ -38,9 +38,9 @@ struct RowMotionPrior {
   double sigma_rad_s = 0.0;  ///< per axis of the turn; positive
 };
 
-/// The motion during the readout that explains best, together with the pose, where the rows see the landmarks.
+/// The motion during the readout that, together with the pose, best explains where the rows see the landmarks.
 /// @param matches measured pixels and depths, corrected for the prior motion
-/// @param rows    of the original image, one per match
+/// @param rows    row of each match in the original image
 RowMotion refined_row_motion(const Pinhole& pinhole, std::span<const PointMatch> matches,
                              std::span<const double> rows, const RowMotionPrior& prior,
                              const Rigid3& world_from_camera);

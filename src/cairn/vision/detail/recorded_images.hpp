@@ -14,22 +14,22 @@
 
 namespace cairn::detail {
 
-/// The images of an RGB-D or stereo camera in a recording of ROS. Knows where they are; reads them one by one.
+/// The images of an RGB-D or stereo camera in a recording of ROS. Knows where the images are, and reads them one by
+/// one.
 class RecordedImages {
  public:
   static bool is_at(const std::filesystem::path& path);
 
   /// @param topics see choose_topics()
-  /// @throws Error (input) as Recording and choose_topics(), and for depth by another camera than the images' if nothing
-  ///         says where that is; (misuse) if this build reads no
-  ///         recordings
+  /// @throws Error (input) as Recording and choose_topics(), and if another camera than that of the images took the
+  ///         depth and the recording does not state where it is; (misuse) if this build reads no recordings
   RecordedImages(const std::filesystem::path& path, const std::string& topics, const LogSink& log);
   ~RecordedImages();
 
-  /// Times are those of the messages' headers. Of several images at one time keeps the first.
-  /// @param needs_rig whether the calibration of a stereo camera is read, and must be there
+  /// Times are those of the messages' headers. Of several images at one time, the first is kept.
+  /// @param needs_rig whether the calibration of a stereo camera is read, and must exist
   SequenceLists lists(bool needs_rig) const;
-  /// Of the images of an RGB-D camera.
+  /// The camera of the images of an RGB-D camera.
   /// @throws Error (input) if it is not recorded or not calibrated
   Camera camera() const;
 
@@ -40,7 +40,7 @@ class RecordedImages {
   template <class ImageOf>  // GrayImage or ColorImage
   ImageOf image(std::size_t i, const std::filesystem::path& name) const;
   GrayImage right(std::size_t i, const std::filesystem::path& name) const;
-  /// For the pixels of the image, also if another camera took it.
+  /// Depth for the pixels of the image, even if another camera measured the depth.
   DepthImage depth(std::size_t i, const std::filesystem::path& name, double units_per_metre) const;
 
  private:

@@ -13,18 +13,18 @@
 namespace cairn::detail {
 
 /// Resamples the images of a rig to those of two equal pinhole cameras that differ by a translation along their rows.
-/// Both turn by half of what lies between the rig's optical axes, so that little is lost at the edges.
+/// Each camera is rotated by half of what lies between the rig's optical axes, so that little is lost at the edges.
 class Rectification {
  public:
-  /// @param source of the rig's calibration, for messages
+  /// @param source source of the rig's calibration, for messages
   /// @throws Error (input) for cameras with a defect, of different sizes, a baseline that is not 5 mm to 10 m or not to
   ///        the right, or more than 30 degrees between the axes or the rows
   Rectification(const StereoRig& rig, const std::string& source);
 
-  /// Of both images.
+  /// The camera of both rectified images.
   const Camera& camera() const { return camera_; }
   double baseline_m() const { return baseline_m_; }
-  /// A rotation.
+  /// A pure rotation.
   const Rigid3& left_from_rectified() const { return left_from_rectified_; }
 
   /// @param image of the rig's size
@@ -38,7 +38,7 @@ class Rectification {
   }
 
  private:
-  // For each pixel where the original image has it; empty: at the same place.
+  // For each pixel, its position in the original image; empty: the same position.
   using Places = std::vector<Eigen::Vector2f>;
 
   Places places_in(const Camera& original, const Eigen::Matrix3d& original_from_rectified) const;

@@ -13,17 +13,17 @@ struct RowMotion {
   double readout_s = 0.0;  ///< from the first row to the last; 0: all rows at once
   double rows = 1.0;       ///< of the image
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< of the camera, in its axes
-  Eigen::Vector3d turn_rad_s = Eigen::Vector3d::Zero();    ///< the same
+  Eigen::Vector3d turn_rad_s = Eigen::Vector3d::Zero();    ///< angular velocity, in its axes
 
-  /// Whether rows see the same.
+  /// Whether all rows see the same, as without motion.
   bool none() const {
     return !(readout_s > 0.0) || (velocity_m_s.isZero(0.0) && turn_rad_s.isZero(0.0));
   }
-  /// When row `v` was read out, after the middle row.
+  /// Time at which row `v` was read out, relative to the middle row.
   double time_of_row(double v) const { return readout_s * ((v + 0.5) / rows - 0.5); }
   /// Where the middle row would have seen a point that row `v` saw at `x_in_camera`.
   Eigen::Vector3d at_middle(const Eigen::Vector3d& x_in_camera, double v) const;
-  /// The inverse.
+  /// The inverse of at_middle().
   Eigen::Vector3d at_row(const Eigen::Vector3d& x_in_camera, double v) const;
 };
 

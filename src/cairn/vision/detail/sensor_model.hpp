@@ -18,14 +18,15 @@ struct PointMeasurement {
   double depth_m = 0.0;                             ///< 0: not measured
   double sigma_pixel = 1.0;
   double sigma_depth_m = 1.0;
-  /// The error is normal in the inverse of the depth, as a disparity is; else in the depth.
+  /// Whether the error is normal in the inverse of the depth, as that of a disparity; otherwise it is
+  /// normal in the depth.
   bool inverse_depth = false;
 
   bool has_depth() const { return depth_m > 0.0; }
 };
 
 /// Residuals (u, v, depth), each divided by its standard deviation, with the derivative with respect to the
-/// point in camera coordinates. The third is zero if depth is not measured.
+/// point in camera coordinates. The third residual is zero if depth is not measured.
 struct PointResidual {
   Eigen::Vector3d value = Eigen::Vector3d::Zero();
   Eigen::Matrix3d by_x_in_camera = Eigen::Matrix3d::Zero();
@@ -71,7 +72,7 @@ inline double huber_weight(double squared, double quadratic_up_to) {
 class SensorModel {
  public:
   /// @throws Error (misuse) naming the field of the noise
-  /// @param baseline_m of a stereo pair; 0: depth images
+  /// @param baseline_m baseline of a stereo pair; 0 with depth images
   SensorModel(const SensorNoise& noise, const Pinhole& pinhole, std::vector<double> octave_scales,
               double baseline_m = 0.0)
       : noise_(noise),
@@ -97,7 +98,7 @@ class SensorModel {
                                                                        : kReference;
     return of_octave * scale(keypoint.octave);
   }
-  /// @param octave on which the disparity of a stereo pair was measured
+  /// @param octave octave on which the disparity of a stereo pair was measured
   double sigma_depth_m(double depth_m, int octave) const {
     if (baseline_m_ > 0.0) {
       return depth_m * depth_m / (pinhole_.fx * baseline_m_) * noise_.disparity * scale(octave);

@@ -12,15 +12,15 @@
 
 namespace cairn::detail {
 
-/// A map that was completed when another was begun.
+/// A map that was completed when the next map was begun.
 struct FinishedMap {
   LandmarkMap map;
   Trajectory trajectory;
-  Link to_next;  ///< of odometry, without nodes: pose of the next map
+  Link to_next;  ///< link of odometry, without nodes: pose of the next map
 };
 
-/// Implementation of Odometry, which extracts the features of a frame apart: the costly part, independent of other
-/// frames.
+/// Implementation of Odometry. The features of a frame are extracted outside of it, because this is costly and
+/// independent of other frames.
 class Tracker {
  public:
   Tracker(const Camera& camera, const OdometryOptions& options);
@@ -35,13 +35,13 @@ class Tracker {
   std::optional<Rigid3> last_pose() const;
   /// Whether a map can begin at the last frame: it was tracked, and has enough depth and texture.
   bool can_begin_new_map() const;
-  /// Ends the map with the last frame as its last keyframe, and begins another with it as the first
-  /// keyframe, in the frame of that camera. The two maps share no landmark.
+  /// Ends the map with the last frame as its last keyframe, and begins the next map with the same frame as its
+  /// first keyframe. The camera of this keyframe is the frame of the next map. The two maps share no landmark.
   /// @throws Error (misuse) unless can_begin_new_map()
   FinishedMap begin_new_map(const MapOptions& options);
 
  private:
-  // Pose of a frame relative to a keyframe, so that it moves with it.
+  // Pose of a frame relative to a keyframe, so that the frame moves with the keyframe.
   struct RecordedPose {
     double timestamp_s = 0.0;
     std::uint32_t keyframe = 0;
@@ -60,28 +60,28 @@ class Tracker {
   PoseEstimate locate_in_map(TrackedFrame& frame, double radius);
   std::vector<PointMatch> points_of(const TrackedFrame& frame,
                                     std::span<const LandmarkMatch> matches) const;
-  // Those that the frame has, of landmarks that are still there.
+  // The frame's matches with landmarks that still exist.
   std::vector<LandmarkMatch> matches_of(const TrackedFrame& frame) const;
   // Refines the frame's pose and keeps the matches that fit.
   PoseEstimate solve(TrackedFrame& frame, std::span<const LandmarkMatch> matches) const;
   static void take(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
                    const PoseEstimate& estimate);
-  // Whether the last tracked frame tells how the camera moves: it is the one before, or a short time ago.
+  // Whether the last tracked frame shows how the camera moves: it is the frame before, or from a short time ago.
   bool bridges(const TrackedFrame& frame) const;
-  // The velocity at a frame from its pose and the preceding ones; the one assumed by its features if none
-  // bridges().
+  // The velocity at a frame, from its pose and the preceding poses; if no frame bridges(), the velocity that its
+  // features assume.
   RowMotionPrior row_motion(const TrackedFrame& frame) const;
   // Estimates the motion during the readout, corrects the frame for it, and solves again.
   PoseEstimate solve_with_motion(TrackedFrame& frame, std::span<const LandmarkMatch> matches,
                                  RowMotionPrior prior) const;
   void note_motion(const TrackedFrame& frame);
-  // Corrects the last tracked frame for the motion during its readout, which the next one tells better; moves its
-  // keyframe, if it is one, and the next frame's pose.
+  // Corrects the last tracked frame for the motion during its readout, which is known better with the next frame.
+  // Also moves its keyframe, if it is one, and the next frame's pose.
   void settle_previous(TrackedFrame& next);
   Rigid3 predicted_pose(const TrackedFrame& frame) const;
   bool wants_keyframe(const TrackedFrame& frame, std::size_t found) const;
   void make_keyframe(TrackedFrame& frame);
-  // The last keyframe with those that share most with it.
+  // Adjusts the last keyframe and the keyframes that share most landmarks with it.
   void adjust_newest();
   void end_at_last_frame();
   MapCovariances map_covariances(LandmarkCovariance kind) const;
@@ -92,12 +92,13 @@ class Tracker {
   LandmarkGraph& graph_;  // of map_
   std::size_t frames_ = 0;
   bool lost_ = false;
-  std::optional<TrackedFrame> previous_;  // the last tracked one
+  std::optional<TrackedFrame> previous_;  // the last tracked frame
   std::optional<Rigid3> motion_;          // previous_from_next, assumed constant
   std::optional<RowMotion> between_;      // mean velocity from the last frame but one to the last
   double between_s_ = 0.0;                // the time between them
-  bool motion_is_certain_ = true;         // of previous_
-  // At previous_, so that its velocity is known without the next frame.
+  // Whether the motion during the readout of previous_ is certain.
+  bool motion_is_certain_ = true;
+  // Whether the motion is steady at previous_, so that its velocity is known without the next frame.
   bool motion_is_steady_ = true;
   std::optional<RowMotion> velocity_;  // at the last frame
   std::uint32_t reference_ = 0;  // keyframe that shares most landmarks with the last tracked frame
