@@ -5,7 +5,7 @@
 
 namespace cairn::cli {
 
-// Each adds its verb.
+// Each function adds its verb.
 void add_align(const Command& program);
 void add_convert(const Command& program);
 void add_demo(const Command& program);
@@ -19,17 +19,17 @@ void add_report(const Command& program);
 void add_simulate(const Command& program);
 void add_atlas(const Command& program);
 
-// The verbs below evaluate.
+// Verbs of `evaluate`.
 void add_evaluate_alignment(const Command& evaluate);
 void add_evaluate_map(const Command& evaluate);
 void add_evaluate_trajectory(const Command& evaluate);
 
-// The verbs below experiment.
+// Verbs of `experiment`.
 void add_experiment_merge(const Command& experiment);
 void add_experiment_paper(const Command& experiment);
 void add_experiment_sweep(const Command& experiment);
 
-// The verbs below atlas.
+// Verbs of `atlas`.
 void add_atlas_changes(const Command& atlas);
 void add_atlas_maps(const Command& atlas);
 void add_atlas_queries(const Command& atlas);

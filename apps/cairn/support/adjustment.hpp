@@ -10,19 +10,20 @@
 
 namespace cairn::cli {
 
-/// --straighten, --thin-splats, --adjust, their negations and --refine-intrinsics, of a command that writes a merged map.
+/// Adds --straighten, --thin-splats, --adjust, their negations and --refine-intrinsics to a command that writes a
+/// merged map.
 void add_adjustment_to(const Command& command, FusionOptions& options);
 
-/// null where the map was not straightened
+/// The bend in documents; null if the map was not straightened.
 Json bend_json(const std::optional<MapBend>& bend);
 
-/// "; NAME was bent by 2.1 deg, mended"; empty where the map was not straightened.
+/// "; NAME was bent by 2.1 deg, mended"; empty if the map was not straightened.
 std::string bend_text(const std::optional<MapBend>& bend, const std::string& name);
 
-/// null where the map was not adjusted
+/// The adjustment in documents; null if the map was not adjusted.
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment);
 
-/// One line; empty where the map was not adjusted.
+/// The adjustment in one line; empty if the map was not adjusted.
 std::string adjustment_text(const std::optional<MergeAdjustment>& adjustment);
 
 }  // namespace cairn::cli

@@ -16,24 +16,26 @@ namespace cairn::cli {
 
 /// One pair of maps aligned by one strategy.
 struct StrategyResult : AlignmentRecord {
-  std::optional<PoseError> error;  ///< of the estimate, where the truth is known
-  bool fits_inverse = false;       ///< of the truth, see cairn::fits_inverse()
+  std::optional<PoseError> error;  ///< error of the estimate, if the truth is known
+  /// Whether the inverse of the truth fits, see cairn::fits_inverse().
+  bool fits_inverse = false;
 };
 
-/// What a truth is likely to be whose inverse fits `what`, such as "the pose".
+/// States what the truth probably is if its inverse fits `what`, e.g. "the pose".
 std::string swapped_truth_text(std::string_view what);
 
-/// "aligned: REASON"; if that is more than a line, a line for each clause of the reason. Ends with a newline.
+/// "aligned: REASON"; if this is longer than a line, one line for each clause of the reason. Ends with a newline.
 std::string verdict_text(std::string_view verdict, std::string_view reason);
 
-/// Whether there is a pose to go on with: judged aligned, or, where none is judged, what the method came to.
+/// Whether there is a pose to use: an aligned pose or, if the pose was not judged, the method's pose.
 bool has_answer(const Alignment& alignment);
 
-/// By the paper's ICP from the initial pose, which the caller holds against a truth: without a verdict.
+/// Options for the paper's ICP from the initial pose, without a verdict, because the caller compares the pose with a
+/// truth.
 AlignOptions by_icp_alone(const IcpOptions& options, const PointSetOptions& points);
 
 /// Aligns two maps by each strategy in turn, with progress and until interrupted.
-/// @param options of all; the confidence is each strategy's
+/// @param options options of all alignments; the confidence is replaced by that of each strategy
 /// @throws Error (cancelled)
 std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const LandmarkMap& target,
                                          const std::vector<Strategy>& strategies,
@@ -41,15 +43,15 @@ std::vector<StrategyResult> align_by_all(const LandmarkMap& source, const Landma
                                          const std::optional<Similarity3>& truth,
                                          const CommonArguments& common);
 
-/// One row a strategy, and what the columns mean.
+/// One row per strategy, and an explanation of the columns.
 std::string alignment_table(const std::vector<StrategyResult>& results, LengthUnit unit);
 
-/// The verdict and reason of one result, its pose if that is an answer, the directions that are open, and candidates.
+/// The verdict and reason of one result, its pose if has_answer(), the open directions, and the candidates.
 /// @param with_parts also the poses of the maps' parts
 std::string alignment_text(const StrategyResult& result, LengthUnit unit, bool with_scale,
                            bool with_parts);
 
-/// Of the two quaternions of a rotation the one with qw >= 0.
+/// The quaternion of the pose's rotation that has qw >= 0.
 Eigen::Quaterniond shown_quaternion(const Rigid3& pose);
 
 /// One entry of a document's `results`.

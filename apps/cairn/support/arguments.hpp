@@ -36,7 +36,7 @@ enum ExitCode {
   kNoTrustworthyAlignment = 4,
 };
 
-/// Options of names in the library.
+/// Names in the library, each with its option of the command line.
 struct OptionNames {
   OptionNames(std::string name, std::string option)
       : options{{std::move(name), std::move(option)}} {}
@@ -46,11 +46,12 @@ struct OptionNames {
   std::vector<std::pair<std::string, std::string>> options;
 };
 
-/// The library names its own parameters and fields; people know the options. Calls `call`; of an
-/// Error about one of the library's names the message names its option instead.
+/// Calls `call`. If it throws an Error about one of the library's names, the message names the option instead,
+/// because users know only the options.
 void with_option_names(const std::vector<OptionNames>& names, const std::function<void()>& call);
 
-/// Number from a word of the command line; `option` is for the message.
+/// Number from a word of the command line.
+/// @param option option's name for the message
 /// @throws Error (misuse)
 double parse_real(const std::string& word, const std::string& option);
 std::uint64_t parse_whole(const std::string& word, const std::string& option,
@@ -97,76 +98,76 @@ Option add_number(const Command& command, const std::string& name, Number& numbe
 /// Adds the flags of an options struct, which must live as long as the program; in the table's order.
 std::vector<Option> add_options(const Command& command, const OptionTable& table, void* options);
 
-/// What every verb takes.
+/// Arguments that every verb takes.
 struct CommonArguments {
   std::string json_path;    ///< empty: none; "-": stdout
-  std::string csv_path;     ///< the same; only of verbs that add_csv_to
-  std::string report_path;  ///< empty: none; only of verbs that add_report_to
+  std::string csv_path;     ///< the same; only for verbs that call add_csv_to()
+  std::string report_path;  ///< empty: none; only for verbs that call add_report_to()
   bool quiet = false;
-  bool stdout_is_taken = false;  ///< by a map or a pose: set by the verb that writes it
+  bool stdout_is_taken = false;  ///< whether a map or a pose goes to stdout; set by the verb
   unsigned threads = 0;
   std::uint64_t seed = 0;
 
   void add_to(const Command& command);
-  /// Adds --threads; of verbs whose work several threads share.
+  /// Adds --threads, for verbs whose work several threads share.
   void add_threads_to(const Command& command);
-  /// Adds --seed; of verbs whose work draws random numbers.
+  /// Adds --seed, for verbs whose work draws random numbers.
   void add_seed_to(const Command& command);
-  /// Adds --csv; `row` says what each row is, e.g. "landmark".
+  /// Adds --csv; `row` states what each row is, e.g. "landmark".
   void add_csv_to(const Command& command, const std::string& row);
-  /// Adds --report; `what` says what the page shows.
+  /// Adds --report; `what` states what the page shows.
   void add_report_to(const Command& command, const std::string& what);
-  /// Answers for people go to stdout unless a file goes there.
+  /// Answers for people go to stdout, unless a file goes to stdout.
   Console console() const {
     if (json_path == "-" || csv_path == "-") return {quiet, Console::Answer::kNowhere};
     return {quiet, stdout_is_taken ? Console::Answer::kToStderr : Console::Answer::kToStdout};
   }
   Executor executor() const { return Executor(threads); }
-  /// With the seed, until an interrupt, and with a progress bar of this name; empty: none.
+  /// The Execution with the seed, a stop on interrupt, and a progress bar of this name; empty: no bar.
   Execution execution(const std::string& work = {}) const;
 };
 
 /// "x y z roll pitch yaw": metres and degrees, R = Rz(yaw)·Ry(pitch)·Rx(roll).
-/// @param option for the message
+/// @param option option's name for the message
 Rigid3 parse_pose(const std::string& text, std::string_view option);
 
-/// 16 numbers, row-major, from a text file; the first result of an `align --json` document; "FILE#MAP": where a
-/// merge or an atlas placed that map, by the JSON of `merge`, `atlas merge` or `atlas show`; or the
-/// dataparser_transforms.json of nerfstudio.
+/// Reads a pose from one of these files: a text file with 16 numbers, row-major; an `align --json` document, of
+/// which the first result counts; "FILE#MAP", the pose of that map in the JSON of `merge`, `atlas merge` or
+/// `atlas show`; or the dataparser_transforms.json of nerfstudio.
 /// @throws Error (input) naming the file and what is wrong with it
 Rigid3 read_pose_file(const std::string& path);
-/// The same with a scale: of the matrix, whose upper left part is s·R, or the result's.
+/// The same with a scale: that of the matrix, whose upper left part is s·R, or that of the result.
 Similarity3 read_similarity_file(const std::string& path);
 
-/// A pose given as an option of either kind.
+/// A pose that is given by one of two options, as text or as a file.
 struct PoseArguments {
   std::string text;
   std::string file;
 
-  /// Adds --NAME and --NAME-matrix; `what` says what the pose is.
+  /// Adds --NAME and --NAME-matrix; `what` states what the pose is.
   void add_to(const Command& command, const std::string& name, const std::string& what);
   bool given() const { return !text.empty() || !file.empty(); }
   /// @throws Error for the JSON of an alignment that was rejected, or whose pose has a scale
   Rigid3 pose() const;
-  /// The same of a pose that is only where to start from: a rejected alignment's will do.
+  /// The same for an initial pose, which may be that of a rejected alignment.
   Similarity3 guess(bool with_scale) const;
 
  private:
   std::string name_;
 };
 
-/// Strategies from text such as "base,covariance"; no two alike.
+/// Strategies from text such as "base,covariance"; all different.
 std::vector<Strategy> parse_strategies(const std::string& text);
 
 /// Help text that lists the metrics.
 std::string confidence_help();
 
-/// What `--camera` takes, for help and messages.
+/// Values of `--camera`, for help and messages.
 inline constexpr const char* kCameraHelp =
     "fr1, fr2 or fr3 of the TUM benchmark, a camera file, or \"MODEL width height parameters\"";
 
 /// The camera that `--camera` names: any of kCameraHelp.
-/// @param names of other words that the verb takes, for its suggestion
+/// @param names other words that the verb accepts, for the suggestion in the message
 CameraFile load_camera(const std::string& text, std::vector<std::string> names = {});
 /// The same, or a stereo pair: one file, or two as LEFT,RIGHT.
 CameraFile load_calibration(const std::string& text, std::vector<std::string> names = {});

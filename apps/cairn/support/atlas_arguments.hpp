@@ -12,7 +12,7 @@
 
 namespace cairn::cli {
 
-/// What every verb of atlas takes.
+/// Arguments that every verb of atlas takes.
 struct AtlasArguments {
   CommonArguments common;
   std::string location;
@@ -21,7 +21,7 @@ struct AtlasArguments {
   std::optional<std::uint64_t> at;
 
   void add_to(const Command& command);
-  /// Adds --at; of verbs that only read.
+  /// Adds --at, for verbs that only read.
   void add_at_to(const Command& command);
   /// @throws Error (misuse) if --atlas was not given
   AtlasStoreOptions store_options(bool read_only) const;
@@ -30,19 +30,19 @@ struct AtlasArguments {
   Atlas open() const;
   Atlas open_to_read() const;
   std::optional<CommitId> commit() const;
-  /// The head of a document.
+  /// The head of a document of this verb.
   Json head(const std::string& verb, Json options = Json::object()) const;
 };
 
-/// The map that people call so: by its name, or "#" and its id.
-/// @throws Error (misuse) naming what was asked for and what there is
+/// The map of this name; "#" and an id also name a map.
+/// @throws Error (misuse) naming the requested name and the existing maps
 const AtlasNode& node_named(const AtlasState& state, const std::string& name,
                             const AtlasArguments& arguments);
 
 /// "2026-11-25 09:30:12", UTC.
 std::string time_text(std::int64_t time_ms);
 
-/// A link as documents have it.
+/// A link in documents.
 Json to_json(const Link& link, const AtlasState& state);
 
 }  // namespace cairn::cli

@@ -14,24 +14,24 @@ class Option;
 
 namespace cairn::cli {
 
-/// The heading of what every verb takes. `--help` lists the options under it and those under no heading of their own;
-/// the others wait for `--help-all`.
+/// Heading of the options that every verb takes. `--help` lists the options under this heading and those without a
+/// heading of their own; only `--help-all` lists the others.
 inline constexpr const char* kCommonOptions = "Common options";
 
-/// Keeps the words that the program was called with. To be called once, first of all.
+/// Stores the words that the program was called with. Call once, before anything else.
 void keep_command_line(int argc, char** argv);
 
 /// "cairn" and the words after it.
 const std::vector<std::string>& command_line();
 
-/// "; did you mean NAME?" if one of the names is likely meant by a mistyped word, or "".
+/// "; did you mean NAME?" if a mistyped word probably means one of the names; otherwise "".
 std::string did_you_mean(const std::string& word, std::span<const std::string> names);
 
 /// "--name" of "-n,--name".
 std::string long_name(const std::string& name);
 
-/// An option or argument of a verb. Lives as long as the Program, whose parts Option and Command name; CLI11, which
-/// parses, is included by the source of this header alone.
+/// An option or argument of a verb. Option and Command refer to parts of the Program and are valid as long as it
+/// lives. Only the source of this header includes the parser, CLI11.
 class Option {
  public:
   Option() = default;
@@ -40,11 +40,11 @@ class Option {
   Option required() const;
   Option excludes(Option other) const;
   Option needs(Option other) const;
-  /// Takes exactly so many words.
+  /// Requires exactly this number of words.
   Option words(int count) const;
-  /// The heading under which the help lists it.
+  /// Lists the option under this heading of the help.
   Option under(const std::string& heading) const;
-  /// What the help shows as the default.
+  /// Shows this text as the default in the help.
   Option shows(const std::string& text) const;
 
   bool given() const;
@@ -61,30 +61,30 @@ class Command {
  public:
   Command(Program& program, CLI::App& app) : program_(&program), app_(&app) {}
 
-  /// Adds a verb that `run` runs once its words are parsed; its exit code is the program's.
+  /// Adds a verb. `run` is called after the verb's words are parsed, and returns the program's exit code.
   Command add_verb(const std::string& name, const std::string& what,
                    std::function<int()> run) const;
   /// Adds a verb that has verbs of its own, one of which must be given.
   Command add_group(const std::string& name, const std::string& what) const;
-  /// Ends the help.
+  /// Sets the text at the end of the help.
   void footer(const std::string& text) const;
 
   Option add_flag(const std::string& name, bool& given, const std::string& what) const;
-  /// Adds an argument or option that takes text. Refused is empty text, as of an unset shell variable, and what must
-  /// be the next option. Text that is not empty is shown as the default.
+  /// Adds an argument or option that takes text. Refuses empty text, e.g. of an unset shell variable, and a word that
+  /// must be the next option. If `text` is not empty, the help shows it as the default.
   Option add_text(const std::string& name, std::string& text, const std::string& what,
                   const std::string& type = "") const;
   /// The same for any number of words.
   Option add_words(const std::string& name, std::vector<std::string>& words,
                    const std::string& what, const std::string& type = "") const;
-  /// Adds an option that takes one word, of which the last given counts; `read` may throw.
+  /// Adds an option that takes one word. If it is given several times, the last word counts. `read` may throw.
   Option add_value(const std::string& name, const std::string& what, const std::string& type,
                    std::function<void(const std::string&)> read) const;
 
   /// The option or argument of this name, which must exist.
   Option option(const std::string& name) const;
   bool has_option(const std::string& name) const;
-  /// Lists options of this verb under a heading of their own: for what few callers need.
+  /// Lists options of this verb under a heading of their own, for options that few callers need.
   void list_under(const std::string& heading, const std::vector<std::string>& names) const;
 
  private:
@@ -92,7 +92,7 @@ class Command {
   CLI::App* app_;
 };
 
-/// Adds a verb whose arguments Arguments::add_to(const Command&) adds and Arguments::run() runs.
+/// Adds a verb: Arguments::add_to(const Command&) adds its arguments, and Arguments::run() runs it.
 template <class Arguments>
 Command add_verb(const Command& parent, const std::string& name, const std::string& what) {
   auto arguments = std::make_shared<Arguments>();
@@ -112,8 +112,8 @@ class Program {
 
   Command root();
 
-  /// Parses the words and runs the verb that they name, or prints the help that they ask for, or what is wrong with
-  /// them.
+  /// Parses the words. Then runs the verb that they name, prints the requested help, or prints what is wrong with the
+  /// words.
   /// @return the exit code
   int run(int argc, char** argv);
 

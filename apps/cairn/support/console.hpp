@@ -15,7 +15,7 @@
 
 namespace cairn::cli {
 
-/// Writes to stdout. A failure shows at the end of the program, which checks the stream.
+/// Writes to stdout. The end of the program checks the stream and reports a failure.
 void print_raw(std::string_view text);
 /// Writes to stderr as far as that is possible.
 void print_error(std::string_view text);
@@ -23,23 +23,24 @@ void print_error(std::string_view text);
 /// Where output goes: answers to stdout, remarks and progress to stderr.
 class Console {
  public:
-  /// @param quiet  no remarks, no progress
-  /// @param answer where text for people goes
+  /// Where text for people goes.
   enum class Answer {
     kToStdout,
     kToStderr,  ///< stdout carries a map or a pose
     kNowhere,   ///< stdout carries a document, which says the same
   };
+  /// @param quiet  no remarks, no progress
+  /// @param answer where text for people goes
   Console(bool quiet, Answer answer);
 
-  /// Part of the answer, as is.
+  /// Prints a part of the answer, unchanged.
   void print(std::string_view text) const;
   template <class... Args>
     requires(sizeof...(Args) > 0)
   void print(fmt::format_string<Args...> text, Args&&... args) const {
     print(fmt::format(text, std::forward<Args>(args)...));
   }
-  /// A remark, one line.
+  /// Prints a remark of one line.
   void remark(std::string_view text) const;
   template <class... Args>
     requires(sizeof...(Args) > 0)
@@ -48,9 +49,10 @@ class Console {
   }
   LogSink log() const;
 
-  /// A bar on a terminal, once the work has taken over a second; it clears itself.
+  /// A progress bar on a terminal, shown when the work has taken more than a second. The bar clears
+  /// itself.
   Progress progress(const std::string& label) const;
-  /// The same, with words behind the bar.
+  /// The same, with text after the bar.
   std::function<void(double share, const std::string& detail)> detailed_progress(
       const std::string& label) const;
 
@@ -59,7 +61,7 @@ class Console {
   Answer answer_;
 };
 
-/// Time since it was made.
+/// Measures the time since its construction.
 class Stopwatch {
  public:
   double seconds() const {
@@ -70,7 +72,7 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// With so many digits behind the point; never "-0.000".
+/// The number with `digits` digits after the point; never "-0.000".
 std::string fixed(double value, int digits);
 
 /// A table for people: the first column flush left, all others flush right.
@@ -78,7 +80,7 @@ class Table {
  public:
   explicit Table(std::vector<std::string> header);
 
-  /// One cell a column.
+  /// Adds a row with one cell per column.
   void add_row(std::vector<std::string> cells);
   std::string text() const;
 

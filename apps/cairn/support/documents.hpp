@@ -22,7 +22,7 @@
 
 namespace cairn::cli {
 
-/// A map with what a document says of where it came from.
+/// A map and its description in documents.
 struct LoadedMap {
   std::string path;
   LandmarkMap map;
@@ -31,9 +31,10 @@ struct LoadedMap {
 
 /// How `load_map` treats a file.
 struct MapLoading {
-  /// Whose conventions hold where a file breaks those of its format: "data" or "format".
+  /// Which conventions apply if a file breaks those of its format: those of its "data", or those of the
+  /// "format".
   std::string convention = "data";
-  /// What is left out is an error, not a remark.
+  /// Whether it is an error, not a remark, if something is left out.
   bool strict = false;
 
   /// Adds --convention.
@@ -42,53 +43,55 @@ struct MapLoading {
   void validate() const;
 };
 
-/// @param path of a file, or "-" for stdin
-/// @param with_hash even where no document or report was asked for
+/// @param path path of a file, or "-" for stdin
+/// @param with_hash whether to compute the hash even if no document or report was requested
 LoadedMap load_map(const std::string& path, const CommonArguments& common,
                    const MapLoading& loading = {}, bool with_hash = false);
 
-/// A log that throws the first loss as an Error (input) if `strict`, and hands on all else.
+/// A log that throws the first loss as an Error (input) if `strict`, and passes on everything else.
 LogSink strict_log(LogSink log, bool strict);
 
-/// The first bytes of a file, by which it is told what it is; empty if there is none, or for "-".
+/// The first bytes of a file, from which its kind is recognised; empty if there is no such file, or for
+/// "-".
 std::string beginning_of(const std::string& path);
 
-/// @throws Error (input) for a map of free scale, whose displacements in metres mean nothing
+/// @throws Error (input) for a map of free scale, for which displacements in metres mean nothing
 void require_metres(const LandmarkMap& map, const std::string& path);
 
-/// Fails before long work, rather than after it, where a file could not be written.
-/// @throws Error (storage) if `path` is a folder, or in none that exists
+/// Fails before long work, rather than after it, if a file could not be written.
+/// @throws Error (storage) if `path` is a folder, or if its folder does not exist
 void require_folder_of(const std::string& path);
 
-/// Checks --json, --csv and --report as require_folder_of does, that not two go to stdout, and that
-/// this tool can write reports.
+/// Checks --json, --csv and --report as require_folder_of() does. Also checks that at most one output
+/// goes to stdout, and that this tool can write reports.
 /// @throws Error (storage), (misuse)
 void require_outputs(const CommonArguments& common);
 
-/// As require_folder_of; and the extension must name a map format.
+/// Same as require_folder_of(). The extension must also name a map format.
 /// @throws Error (misuse) naming `option`
 void require_map_path(const std::string& path, const std::string& option);
 
 /// Names of the map formats of a single file, which can go to stdout, for help and messages.
 std::string stdout_formats_text();
 
-/// As require_map_path, or "-" for stdout with the format's name; a name with a file is refused.
+/// Same as require_map_path(), or "-" for stdout with the name of the format. A format's name with a
+/// file is refused.
 void require_map_output(const std::string& path, const std::string& format,
                         const std::string& option);
 
-/// At most one of these paths may be "-".
+/// Checks that at most one of these paths is "-".
 /// @throws Error (misuse) naming both options
 void require_one_stdout(std::initializer_list<std::pair<const char*, const std::string*>> outputs);
 
 /// Writes to a file, whole or not at all, or to stdout for "-".
 void write_text(const std::string& text, const std::string& path);
 
-/// Fails before long work if a map in this format could not be written at `path`: as require_folder_of;
-/// a format that is a folder takes a new or an empty one.
+/// Fails before long work if a map in this format could not be written at `path`: same as
+/// require_folder_of(). If the format is a folder, it must be new or empty.
 /// @throws Error (storage), (misuse)
 void require_place_of(const std::string& path, const MapFormat& format);
 
-/// Writes a map and remarks what its format does not hold.
+/// Writes a map, and logs what its format does not hold.
 /// @param log empty: the console
 void save_map(const LandmarkMap& map, const std::string& path, const CommonArguments& common,
               const MapWriteOptions& options = {}, LogSink log = {});
@@ -100,20 +103,21 @@ Json document(const std::string& schema, const CommonArguments& common, Json inp
 /// The fields of an options struct, by name; null for a number that is not given or not finite.
 Json options_of(const OptionTable& table, const void* options);
 
-/// A document as files hold it; what is no UTF-8 in it is replaced.
+/// A document as the text of a file; bytes that are not UTF-8 are replaced.
 std::string to_text(const Json& json);
 
-/// Writes a document where --json says; nothing if it was not given.
+/// Writes a document to the path of --json; does nothing if it was not given.
 void write_document(const Json& json, const CommonArguments& common);
 
-/// Writes a table where --csv says; nothing if it was not given.
+/// Writes a table to the path of --csv; does nothing if it was not given.
 void write_rows(const detail::Csv& rows, const CommonArguments& common);
 
-/// What a document says of any input file: path and, where there will be a document or report, hash.
-/// @param with_hash even where there will be none
+/// Description of an input file in documents: its path, and its hash if there will be a document or
+/// report.
+/// @param with_hash whether to compute the hash even if there will be none
 Json describe_file(const std::string& path, const CommonArguments& common, bool with_hash = false);
 
-/// 16 numbers, row-major, four a line, that parse back exactly.
+/// 16 numbers, row-major, four per line, that parse back exactly.
 std::string matrix_text(const Similarity3& pose);
 void write_pose(const std::filesystem::path& path, const Similarity3& pose);
 
@@ -124,7 +128,7 @@ Json to_json(const Eigen::Vector3d& vector);
 Json to_json(const Matrix6d& matrix);
 Json to_json(const Matrix7d& matrix);
 Json to_json(const PoseError& error);
-/// @param map whose frames those of the fold are
+/// @param map map to whose frames the fold refers
 /// @param other name of the map that shows the fold
 Json fold_json(const MapFold& fold, const LandmarkMap& map, const std::string& other);
 /// Count, rmse, mean, median, std, min, percentile_95, max.

@@ -16,8 +16,9 @@
 
 namespace cairn::cli {
 
-/// A JSON value to write, whose objects keep the order in which their members were set. Written as with nlohmann-json,
-/// which costs seconds in every source that includes it: {{"name", value}, ...} is an object, {value, ...} an array.
+/// A JSON value to write. Its objects keep the order in which their members were set. The notation is that of
+/// nlohmann-json, which would cost seconds in every source that includes it: {{"name", value}, ...} is an object,
+/// {value, ...} an array.
 class Json {
  public:
   using Array = std::vector<Json>;
@@ -51,7 +52,7 @@ class Json {
   /// @throws Error (input) naming `name` if it is nested too deep; see parse_json()
   static std::optional<Json> parse(std::string_view text, std::string_view name);
 
-  /// The member of this name of an object, or of null, which becomes one; null where there was none.
+  /// The member of this name; null if it did not exist. The value must be an object, or null, which becomes an object.
   Json& operator[](std::string_view name);
   /// The member, or null.
   const Json& at(std::string_view name) const;
@@ -62,19 +63,19 @@ class Json {
   /// Appends to an array.
   void push_back(Json value);
 
-  /// The last value of an array that has one.
+  /// The last value of an array that is not empty.
   Json& back();
 
   bool is_null() const { return std::holds_alternative<std::nullptr_t>(value_); }
-  /// Members of an object; none of another value.
+  /// Members of an object; empty for another value.
   const Object& members() const;
-  /// Number of members, or of values of an array.
+  /// Number of members of an object, or of values of an array.
   std::size_t size() const;
   bool empty() const { return size() == 0; }
   /// Text; nullptr for other values.
   const std::string* text() const { return std::get_if<std::string>(&value_); }
 
-  /// As text. Bytes that are no UTF-8 are replaced.
+  /// The value as text. Bytes that are not UTF-8 are replaced.
   /// @param indent of each level; negative: all on one line
   std::string dump(int indent) const;
 

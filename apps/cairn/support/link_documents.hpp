@@ -7,7 +7,7 @@
 
 namespace cairn::cli {
 
-/// Adds the pose of a link, its scale and its covariance, each null where there is none.
+/// Adds the pose of a link, its scale and its covariance; each is null if the link has none.
 inline void add_pose(const Link& link, Json& json) {
   json["target_from_source"] = nullptr;
   json["scale"] = nullptr;

@@ -8,10 +8,11 @@
 
 namespace cairn::cli {
 
-/// As hints(), for an image that was not located: what to do about each way in which ImageLocator refuses.
-/// @param map where it was searched
+/// Same as hints(), for an image that was not located: what to do about each way in which ImageLocator
+/// refuses.
+/// @param map map in which the image was searched
 /// @param lens whether the image's lens was known
-/// @param options that it was searched with
+/// @param options options of the search
 std::string location_hints(const ImageLocation& found, const LandmarkMap& map, FocalLength lens,
                            const LocateOptions& options);
 

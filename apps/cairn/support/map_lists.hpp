@@ -9,14 +9,14 @@
 
 namespace cairn::cli {
 
-/// Whether a path is a folder of .map and .cairn files, and no map itself as a COLMAP model is.
+/// Whether a path is a folder of .map and .cairn files, and is not itself a map, as a COLMAP model is.
 bool is_folder_of_maps(const std::string& path);
 
-/// A map of a list, as a file or one of a folder's.
+/// A map in a list: a file, or a file in a folder of the list.
 struct ListedMap {
   std::string file;
-  std::string name;     ///< map_names(), or "folder/file" of a folder's; unique
-  std::string session;  ///< the folder's name; empty for a file
+  std::string name;     ///< by map_names(), or "folder/file" in a folder; unique
+  std::string session;  ///< the folder's name; empty without a folder
 };
 
 /// The maps that the arguments of a command name: files, and the .map and .cairn files in folders, by name.
@@ -24,25 +24,25 @@ struct ListedMap {
 std::vector<ListedMap> listed_maps(const std::vector<std::string>& paths);
 
 /// The links in the pose_graph.json of each folder among the paths, which 'cairn map --mini-map-length' writes; none
-/// where there is no such file. Links of maps that are not in the folder any more are left out.
-/// @return links of which the nodes are indices of `maps`
+/// for a folder without this file. Links of maps that are no longer in the folder are left out.
+/// @return links whose nodes are indices of `maps`
 /// @throws Error (input) if a file cannot be read
 std::vector<Link> links_of_folders(const std::vector<std::string>& paths,
                                    const std::vector<ListedMap>& maps);
 
-/// What a thing may be called. Those of one group are called by names of one index.
+/// Possible names of a thing. All things of one group take their names at the same index.
 struct PossibleNames {
   std::string group;
-  std::vector<std::string> names;  ///< the shortest first; as many for all of the group
+  std::vector<std::string> names;  ///< shortest first; equally many for all things of the group
 };
 
-/// The shortest names that tell things apart, as far as there are any.
-/// @param taken names of others
+/// For each thing, the shortest name that differs from all other names, if there is one.
+/// @param taken names that are already in use
 std::vector<std::string> told_apart(const std::vector<PossibleNames>& possible,
                                     const std::vector<std::string>& taken = {});
 
-/// What maps are called: file names without extension, or for one/sparse/0 the name of the project's folder, one; with
-/// further folders where several are alike.
+/// Names of maps: file names without extension, or for one/sparse/0 the name of the project's folder, one. Names that
+/// would be equal get further folders.
 std::vector<std::string> map_names(const std::vector<std::string>& files);
 
 /// 61204 as "61,204".

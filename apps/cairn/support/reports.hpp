@@ -22,34 +22,34 @@ struct ReportedPair : report::ShownPair {
 report::Report begin_report(std::string title, const CommonArguments& common);
 
 /// Adds the scene, the table of strategies and the curves of convergence.
-/// @param prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
+/// @param prefix prefix of the ids, e.g. "r2-", for several pairs in one report; may be empty
 /// @throws Error (misuse) if a match names a landmark that is not there
 void add_pair(report::Report& report, const ReportedPair& pair, const std::string& prefix = {});
 
-/// A sentence or some: the verdicts, or which strategy did best, and by what.
+/// One or more sentences: the verdicts, or which strategy was best, and by which measure.
 std::string subtitle_of(const std::vector<StrategyResult>& results, LengthUnit unit);
 
-/// Inputs and options as a document has them.
+/// Sets the inputs and options as a document has them.
 void set_provenance(report::Report& report, const Json& document);
 
-/// An input as the report's provenance has it, from what a document says of it: path, hash, counts.
+/// An input for the report's provenance, from its description in a document: path, hash, counts.
 report::Input reported_input(const std::string& role, Json description);
 
-/// What a page calls a path: its last part, or for a folder map_names().
+/// Name of a path on a page: its last part, or for a folder the name by map_names().
 std::string file_name(const std::string& path);
 
 /// Adds an option that names the folder of the sequence that a map was built from, if this build reads
-/// images. Needs --report, if the verb has that.
+/// images. The option needs --report, if the verb has --report.
 /// @param whose e.g. "the source map"
 void add_sequence_to(const Command& command, const std::string& option, std::string& folder,
                      const std::string& whose);
 
-/// Images of a map's frames, read from its sequence; empty if `folder` is.
+/// Images of a map's frames, read from its sequence; empty if `folder` is empty.
 /// @throws Error (input) as report::frame_images()
 std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
                                           const CommonArguments& common);
 
-/// Writes the report where --report says, and tells people so; nothing if it was not given.
+/// Writes the report to the path of --report, and prints this; does nothing if it was not given.
 void write_report(const report::Report& report, const CommonArguments& common);
 
 }  // namespace cairn::cli

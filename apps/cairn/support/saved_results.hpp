@@ -16,33 +16,33 @@
 
 namespace cairn::cli {
 
-/// A map as a document names it.
+/// A map as named in a document.
 struct SavedMap {
-  std::optional<std::string> path;  ///< as it was given then
+  std::optional<std::string> path;  ///< as given to the run that wrote the document
   std::optional<std::string> hash;
 };
 
 /// What `cairn align --json` or `cairn demo --json` wrote, read back with its whole history.
 struct SavedResult {
-  std::string file;  ///< the document's
+  std::string file;  ///< path of the document
   SavedMap source;
   SavedMap target;
-  std::vector<std::pair<std::string, Json>> inputs;  ///< role and what is said of it
+  std::vector<std::pair<std::string, Json>> inputs;  ///< role and description
   Json options;
   std::size_t min_observations = 2;
-  std::string camera;  ///< that all frames were said to be taken by; empty: none
+  std::string camera;  ///< camera stated for all frames; empty: none
   Rigid3 initial;
   std::optional<Similarity3> truth;
   LengthUnit unit = LengthUnit::kMetres;
   bool with_scale = false;    ///< whether the scale was estimated
-  bool with_gravity = false;  ///< whether both maps' vertical was used
+  bool with_gravity = false;  ///< whether the vertical of both maps was used
   /// Options that the verdict depends on: min_probability, prior_odds, effort, parts, deformation.
   AlignOptions judging;
   std::uint64_t seed = 0;
   std::vector<StrategyResult> results;
 };
 
-/// @param text of a document of one of these schemas, which lies in `file`
+/// @param text text of a document of one of these schemas, which is in `file`
 /// @throws Error (input) naming file, field, value and what was expected
 SavedResult saved_result(const std::string& text, const std::string& file);
 

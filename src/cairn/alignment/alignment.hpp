@@ -126,9 +126,8 @@ struct PlacementCandidate {
   Rigid3 target_from_source;
   double scale = 1.0;  ///< s in x_target = R·(s·x_source) + t
   Support support = {};
-  /// Share of the compared lines of sight of both maps' keyframes with a landmark of the other map
-  /// in front of the observed landmark. std::nullopt if too few lines were compared. See
-  /// SightCounts.
+  /// Of the compared lines of sight of both maps' keyframes, the share with a landmark of the other map in
+  /// front of the observed landmark. std::nullopt if too few lines were compared. See SightCounts.
   std::optional<double> contradicted = {};
   /// Probability that this pose is right. 1 minus the sum over all candidates: probability that
   /// none is right.
