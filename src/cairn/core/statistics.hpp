@@ -54,9 +54,10 @@ auto lower_quantile(Values&& values, double share) {
                     static_cast<std::size_t>(share * static_cast<double>(values.size() - 1)));
 }
 
-/// Quantisation step of values that are rounded or lie on a grid; 0 if none. At least 95 % of the
-/// values deviate by less than 5 % of the step from a grid with arbitrary offset. At least half of
-/// the values repeat. 0 also for fewer than eight distinct values.
+/// Quantisation step of values that are rounded or lie on a grid; 0 if there is none. A step
+/// requires that at least 95 % of the values deviate by less than 5 % of the step from a grid with
+/// arbitrary offset, that at least half of the values repeat, and that there are at least eight
+/// distinct values.
 double common_step(std::span<const double> values);
 
 }  // namespace cairn

@@ -55,8 +55,8 @@ std::string plain_text(std::string_view text, std::string_view kept = {});
 bool is_utf8(std::string_view text);
 
 /// A URL for display: "***" replaces the password before the host and the passwords in parameters.
-/// The former ends at the last '@', because passwords may be unescaped. Returns other text
-/// unchanged.
+/// The password before the host ends at the last '@', because passwords may be unescaped. Returns
+/// other text unchanged.
 std::string without_password(std::string_view url);
 
 }  // namespace cairn

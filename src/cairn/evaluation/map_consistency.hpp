@@ -19,7 +19,8 @@ inline constexpr double kInlierPx = 2.0;
 /// Reprojection errors of the observations.
 struct ReprojectionStatistics {
   ErrorStatistics px;  ///< distances in the image, pixels
-  /// Inliers among all observations in frames with a camera; landmarks behind it count too.
+  /// Inliers among all observations in frames with a camera, including those of landmarks behind
+  /// the camera.
   double inlier_share = 0.0;
 };
 

@@ -22,10 +22,11 @@ struct PoseError {
 PoseError pose_error(const Similarity3& estimate, const Similarity3& truth,
                      std::span<const Eigen::Vector3d> source);
 
-/// Whether `truth` seems to be source_from_target, as if the maps had been swapped. The root mean
-/// square distance of the landmarks moved by `estimate` and by the inverse of `truth` must be less
-/// than a tenth of the landmarks' extent. The distance for `estimate` and `truth` must exceed this
-/// tenth, and five times the first distance. Arguments as for pose_error().
+/// Whether `truth` seems to be source_from_target, as if the maps had been swapped. Compares two
+/// root mean square distances of the landmarks: between their positions under `estimate` and under
+/// the inverse of `truth`, and between their positions under `estimate` and under `truth`. The
+/// first must be less than a tenth of the landmarks' extent. The second must exceed this tenth, and
+/// five times the first. Arguments as for pose_error().
 bool fits_inverse(const Similarity3& estimate, const Similarity3& truth,
                   std::span<const Eigen::Vector3d> source);
 

@@ -60,8 +60,8 @@ std::span<const PublishedExperiment> published_experiments();
 /// 2a).
 double published_reference_score();
 
-/// A success threshold for another pair of maps: 1.078 times the score of a good alignment, the ratio of
-/// the published threshold to published_reference_score().
+/// A success threshold for another pair of maps: 1.078 times the score of a good alignment. 1.078 is the
+/// ratio of the published threshold to published_reference_score().
 double success_score_above(double good_score);
 
 struct PaperOptions {

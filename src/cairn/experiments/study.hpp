@@ -214,8 +214,8 @@ struct SuccessCount {
   std::optional<double> share() const;  ///< std::nullopt for no trials
 };
 
-/// Success count with a confidence interval of the share, at the study's confidence level. Runs of
-/// one pair of maps are correlated, so the pairs count as independent, not the runs. [0, 1] for
+/// Success count with a confidence interval of the share, at the study's confidence level. Runs of one pair
+/// of maps are correlated, so the pairs count as independent, not the runs. The interval is [0, 1] for
 /// fewer than two pairs.
 struct SuccessRate : SuccessCount {
   double low = 0.0;
