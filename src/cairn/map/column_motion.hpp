@@ -22,7 +22,7 @@ namespace cairn {
 /// not transform positions.
 class ColumnMotion {
  public:
-  /// @param names of the properties
+  /// @param names  names of the properties
   /// @param where  prefix of the error message
   /// @throws Error (input) for splats in no known layout, unless the motion is a pure translation
   ColumnMotion(std::span<const std::string_view> names, const Similarity3& new_from_old,

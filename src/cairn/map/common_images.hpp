@@ -54,15 +54,16 @@ struct CommonImages {
 /// Finds images that two maps have in common, e.g. two models of overlapping photo sets, or a map
 /// and its copy, part or extension.
 ///
-/// Images with timestamps match if the timestamps are equal and at least half of the observations
-/// of the image with fewer, and at least 4, are at exactly the same pixels (to 1e-3). Timestamps
-/// alone do not suffice, because many clocks start at 0. Names are ignored, because sessions number
-/// their images alike.
+/// Images with timestamps match if the timestamps are equal, and enough observations of both are at
+/// exactly the same pixels (to 1e-3): at least half of those of the image with fewer observations,
+/// and at least 4. Timestamps alone do not suffice, because many clocks start at 0. Names are
+/// ignored, because sessions number their images alike.
 /// Other images with the same name, or the same base name that is unique in both maps, match if
-/// they have the same size and at least 4 observations at exactly the same pixels; or a tenth of
-/// the observations of the image with fewer, and at least 3, within half a pixel. Images with
-/// different names match if a quarter, and at least 20, of these observations are at exactly the
-/// same pixels; without a name, nine in ten, because keypoints of a stationary camera may repeat.
+/// they have the same size and at least 4 observations at exactly the same pixels; or if a tenth of
+/// the observations of the image with fewer observations, and at least 3, are within half a pixel.
+/// Images with different names match if a quarter of the observations of the image with fewer
+/// observations, and at least 20, are at exactly the same pixels; without a name, nine in ten must
+/// be, because keypoints of a stationary camera may repeat.
 CommonImages common_images(const MapImages& first, const MapImages& second);
 
 }  // namespace cairn

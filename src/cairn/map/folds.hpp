@@ -30,11 +30,13 @@ struct MapFold {
   double turned_deg = 0.0;
 };
 
-/// Frames that view the same landmarks as others from similar viewpoints, but share few of them.
+/// Frames that view the same landmarks as other frames from similar viewpoints, but share few of
+/// them.
 struct SeparateFrames {
   std::vector<FrameIndex> frames;  ///< ascending
   double shared = 0.0;             ///< share observed by both among landmarks in view of both
-  double usual = 0.0;              ///< the lower share within the group or within the other frames
+  /// The lower of the shares within the group and within the other frames.
+  double usual = 0.0;
 };
 
 /// Pose differences of two maps' common images in the world (`apart` in its unit), in the order of

@@ -56,7 +56,7 @@ LandmarkMap cut_frames(const LandmarkMap& map, FrameId begin, FrameId end);
 
 /// The map without some frames and their observations. Drops landmarks that lose observations and
 /// keep fewer than two.
-/// @param frames to drop; at least one frame must remain
+/// @param frames frames to drop; at least one frame must remain
 LandmarkMap without_frames(const LandmarkMap& map, std::span<const FrameIndex> frames);
 
 /// The map in another world frame. Transforms positions, covariances, poses, gravity, georeference

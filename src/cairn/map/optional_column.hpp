@@ -130,7 +130,7 @@ class OptionalColumn {
     values_.assign(size, value.value_or(placeholder()));
     known_.assign(size, value ? 1 : 0);
   }
-  /// @param value of new rows
+  /// @param value value of the new rows
   void resize(std::size_t size, const value_type& value = std::nullopt) {
     values_.resize(size, value.value_or(placeholder()));
     known_.resize(size, value ? 1 : 0);

@@ -133,13 +133,13 @@ namespace detail {
 class Connection;
 }
 
-/// All statements from construction to commit() take effect atomically. One at a time per
-/// connection.
+/// All statements from construction to commit() take effect atomically. One transaction at a time
+/// per connection.
 class Transaction {
  public:
   enum class Kind {
     kRead,   ///< reads one snapshot of the database throughout
-    kWrite,  ///< waits for other writers when it begins, so that they cannot fail it later
+    kWrite,  ///< waits for other writers when it begins, so that they cannot make it fail later
     kRows,   ///< PostgreSQL: only the row locks of its statements; SQLite: as kWrite
   };
 

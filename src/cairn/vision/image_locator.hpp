@@ -93,9 +93,9 @@ class ImageLocator {
   ImageLocator& operator=(ImageLocator&&) noexcept;
 
   /// Locator for images of another camera; both share the prepared map.
-  /// @param focal_length if unknown, the search for the focal length begins at the camera's; besides,
-  ///                     only the camera's size and principal point are used. The result's camera
-  ///                     then has the model RADIAL
+  /// @param focal_length if unknown, the search for the focal length begins at that of the camera; apart
+  ///        from it, only the camera's size and principal point are used. The result's camera then has
+  ///        the model RADIAL
   /// @throws Error (misuse) for a defective camera
   ImageLocator with_camera(const Camera& camera,
                            FocalLength focal_length = FocalLength::kKnown) const;

@@ -102,7 +102,7 @@ extern template PoseUncertainty pose_uncertainty(const Similarity3&, const PoseE
 /// therefore a lower bound. It does not reflect convergence to a wrong optimum.
 ///
 /// @param moved_source  source points in the target frame, at the pose
-/// @param matches       at the pose
+/// @param matches       matches at the pose
 /// @param source_weights weights of the estimate, one per source point; empty: equal weights
 PoseUncertainty pose_uncertainty(const Rigid3& target_from_source,
                                  std::span<const Eigen::Vector3d> moved_source,
