@@ -75,7 +75,7 @@ RegistrationResult refined(const PreparedMap& source, const PreparedMap& target,
   return refine(source, target, refinement, execution);
 }
 
-// Joins the result of the path from the prior pose with that at its end.
+// Joins the result of the refinement from the prior pose with that of the refinement at its end.
 RegistrationResult joined(RegistrationResult way, RegistrationResult end) {
   end.initial_score = way.initial_score;
   end.iterations += way.iterations;
@@ -108,7 +108,7 @@ bool is_final(const RegistrationResult& found, const AlignOptions& options) {
   return !options.judge || found.status == RegistrationStatus::kCancelled || !found.has_pose();
 }
 
-// @param found by the method, from the prior pose; std::nullopt: search for the pose
+// @param found result of the method from the prior pose; std::nullopt: search for the pose
 Alignment concluded(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, const Execution& execution,
                     std::optional<RegistrationResult> found) {
@@ -159,7 +159,7 @@ Alignment aligned_as_a_whole(const PreparedMap& source, const PreparedMap& targe
   return concluded(source, target, options, execution, std::move(found));
 }
 
-// The estimate without a verdict: a stopped stage may have missed what decides.
+// Keeps the estimate without a verdict, because a stopped stage may have missed decisive evidence.
 Alignment cancelled(Alignment stopped) {
   Alignment alignment;
   alignment.estimate = stopped.estimate;
@@ -172,7 +172,7 @@ Alignment cancelled(Alignment stopped) {
   return alignment;
 }
 
-// Result of work() with its duration; cancelled if the caller asked to stop, whichever stage that cut short.
+// Result of work() with its duration; cancelled if the caller asked to stop, at whatever stage.
 template <class Work>
 Alignment timed(const AlignOptions& options, const Execution& execution, const Work& work) {
   const auto start = std::chrono::steady_clock::now();
@@ -193,7 +193,7 @@ std::string bend_text(const MapBend& bend, LengthUnit unit) {
       bend.displacement, unit == LengthUnit::kMetres ? " m" : "");
 }
 
-// Number of separately aligned parts, of all.
+// Number of separately aligned parts, and of all parts.
 std::string parts_text(const PartsAlignment& parts) {
   return fmt::format("{} of {} parts are aligned separately", parts.aligned, parts.parts.size());
 }
@@ -233,7 +233,7 @@ RegistrationResult held(const PreparedMap& source, const PreparedMap& target,
   return result;
 }
 
-// Makes a pose the aligned one. The candidates for the maps as they are share the remaining probability.
+// Makes a pose the aligned one. The candidates of the unchanged maps share the remaining probability.
 void take_aligned(const Similarity3& pose, double probability, Alignment& alignment) {
   alignment.verdict = Verdict::kAligned;
   alignment.probability = probability;
@@ -248,7 +248,7 @@ void take_aligned(const Similarity3& pose, double probability, Alignment& alignm
   alignment.estimate = alignment.target_from_source = pose;
 }
 
-// Makes the pose that the parts agree on the result.
+// Makes the consensus pose of the parts the result.
 void take_consensus(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, const Execution& execution, Alignment& alignment) {
   const PartsAlignment& parts = *alignment.parts;
@@ -291,7 +291,8 @@ void take_deformed(const PreparedMap& source, const PreparedMap& target,
   take_aligned(pose.target_from_source, *placed.probability, alignment);
 }
 
-// Maps of free scale, as from images alone, may be deformed: states by how much, and judges them as deformed.
+// Maps of free scale, e.g. from images alone, may be deformed. States the deformation, and judges the maps as
+// deformed.
 // @return whether a single pose may fit
 bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, const Execution& execution, Alignment& alignment) {
@@ -332,7 +333,7 @@ bool judge_deformed(const PreparedMap& source, const PreparedMap& target,
 }
 
 // Judges a result by placing the maps' parts separately.
-// @param may_align false: the parts only state how they lie
+// @param may_align false: the parts' poses are reported, but cannot align the maps
 void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
                     const AlignOptions& options, const Execution& execution, bool may_align,
                     Alignment& alignment) {
@@ -373,7 +374,7 @@ void judge_by_parts(const PreparedMap& source, const PreparedMap& target,
   }
 }
 
-// Of maps that are refused at one scale: the scale of the source at which their descriptors decide.
+// For maps that are refused at one scale: finds the scale of the source at which their descriptors decide.
 void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
                       const AlignOptions& options, const Execution& execution,
                       Alignment& alignment) {
@@ -397,7 +398,7 @@ void seek_other_scale(const PreparedMap& source, const PreparedMap& target,
       fmt::format("; the descriptors agree on a pose that scales the source by {:.3g}", scale);
 }
 
-// Says that many descriptors agree on another pose than the aligned one.
+// Adds to the reason that many descriptors agree on another pose than the aligned one.
 void note_second_pose(Alignment& alignment) {
   constexpr std::size_t kFewest = 20;
   constexpr double kLeastShare = 0.15;  // of those that agree with the pose
@@ -440,8 +441,9 @@ void note_one_map(std::span<const Eigen::Vector3d> source, std::span<const Eigen
   }
 }
 
-// Maps can also be aligned up to a deformation, and by their parts. These can refuse a given pose, but not replace it.
-// @param pose to judge; std::nullopt: to find
+// Aligns or judges maps, also up to a deformation and by their parts. Deformation and parts can refuse a given pose,
+// but not replace it.
+// @param pose pose to judge; std::nullopt: find the pose
 Alignment aligned(const PreparedMap& source, const PreparedMap& target, const AlignOptions& given,
                   const Execution& execution, const std::optional<Similarity3>& pose = {}) {
   AlignOptions options = given;

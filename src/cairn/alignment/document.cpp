@@ -172,7 +172,8 @@ Similarity3 pose_of(const JsonField& parent, const char* name, unsigned version,
   return exact;
 }
 
-// The angle that is written as these degrees again, if there is one beside radians().
+// The angle that converts back to exactly these degrees, if radians() or a neighbouring double
+// does.
 double angle_of_degrees(double deg) {
   const double nearest = radians(deg);
   for (const double angle :
@@ -411,7 +412,7 @@ Json deviations_json(const Alignment& alignment) {
           {"log_scale", json_of(deviations->log_scale)}};
 }
 
-// All but verdict, status, poses, covariance and history.
+// All fields except verdict, status, poses, covariance and history.
 constexpr auto kRecordFields = [](auto& io, auto& record) {
   auto& alignment = record.alignment;
   auto& result = alignment.registration;

@@ -24,7 +24,7 @@ namespace {
 constexpr std::size_t kViews = 24;         // of a map; more add little information
 constexpr std::size_t kFewestInView = 20;  // landmarks; fewer do not show what a camera saw
 
-// Keyframes evenly spread over those that see enough.
+// Views of keyframes that are evenly spread over the keyframes with enough landmarks.
 std::vector<LandmarkView> views_of(const LandmarkMap& map, std::span<const LandmarkIndex> kept) {
   if (!map.has_observations()) return {};
   std::vector<LandmarkView> all(map.frame_count());
@@ -48,7 +48,7 @@ std::vector<LandmarkView> views_of(const LandmarkMap& map, std::span<const Landm
   return views;
 }
 
-// After the other columns.
+// Validates the further descriptors, after the other columns.
 void validate_further(const DescriptorColumn& descriptors, std::string_view name) {
   const auto& offsets = descriptors.further_offsets;
   const auto require = [&](bool valid, std::string_view what, std::string_view expected) {

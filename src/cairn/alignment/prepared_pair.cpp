@@ -35,8 +35,8 @@ bool are_told_by_descriptors(const Finalist& pose) {
   return agreement_evidence(pose.support) > kClear;
 }
 
-// How closely the maps agree at a candidate, in fine scales, if known. A much finer kernel would fit the
-// errors of single landmarks.
+// How closely the maps agree at a candidate, in fine scales; 1 if unknown. A much finer kernel would fit the errors
+// of single landmarks.
 double precision(const Finalist& pose) {
   constexpr double kPerDeviation = 2.0;
   const Support& support = pose.support;
@@ -54,7 +54,7 @@ double precision(const Finalist& pose) {
 // A placement of the caller's clouds, with the source scaled or the two exchanged if necessary.
 class PreparedPair::Work {
  public:
-  // @param even whether evenly spread landmarks stand for dense clouds in the search and for the verdict
+  // @param even whether evenly spread landmarks represent dense clouds in the search and for the verdict
   Work(const PreparedMap& source, const PreparedMap& target, const AlignOptions& options,
        const Execution& execution, bool even)
       : Work(source, target, options, execution,
@@ -147,7 +147,7 @@ class PreparedPair::Work {
   RegistrationResult refined(const Finalist& best, bool hold, const TimeLimit& time,
                              Alignment& result, KnownMatches known = {}) const;
   KnownMatches known_matches(const Finalist& best) const;
-  // In the caller's order.
+  // The matches with source and target in the caller's order.
   std::vector<Match> turned(std::vector<Match> matches) const {
     if (inverted_) {
       for (Match& match : matches) std::swap(match.source, match.target);
@@ -211,8 +211,8 @@ RegistrationResult PreparedPair::Work::refined(const Finalist& best, bool hold,
   return alignment;
 }
 
-// The landmarks that descriptors show to be the same, if these decide alone. Of maps that are deformed against each
-// other, only those agree that happen to fit; then many more agree nearly.
+// The landmarks that descriptors show to be the same, if descriptors decide alone. None if the maps are deformed
+// against each other: only landmarks that happen to fit then agree, and many more agree nearly.
 KnownMatches PreparedPair::Work::known_matches(const Finalist& best) const {
   constexpr double kMostBeside = 0.2;  // of those that agree, beside chance
   if (!is_decisive(best.support)) return {};
@@ -298,8 +298,9 @@ void PreparedPair::Work::judge_best(const Finalist& best, Alignment& result) con
   }
 }
 
-// How the mirror image of the source fits better than the source; std::nullopt if it does not. Positions alone do not
-// tell a nearly symmetric thing from its mirror image; descriptors do, because an image has no mirrored corners.
+// Why the mirror image of the source fits better than the source; std::nullopt if it does not. Positions alone do not
+// distinguish a nearly symmetric thing from its mirror image; descriptors do, because an image has no mirrored
+// corners.
 std::optional<std::string> PreparedPair::Work::fits_mirrored(const Finalist& best) const {
   constexpr double kClearlyMore = 1.5;
   constexpr double kBeyondChance = 20.0;  // matches
@@ -322,7 +323,7 @@ std::optional<std::string> PreparedPair::Work::fits_mirrored(const Finalist& bes
   return std::nullopt;
 }
 
-// Places a given pose among the poses found; it replaces those that a user would call the same.
+// Adds a given pose to the poses found. It replaces the poses that a user would consider the same.
 PreparedPair::Work::Placed PreparedPair::Work::beside(Candidates found,
                                                       const Finalist& pose) const {
   std::erase_if(found.poses, [&](const Finalist& other) { return placement_->near(other, pose); });

@@ -30,12 +30,13 @@ constexpr double kChanceFound = 0.04;  // that a landmark that is gone has a cou
 constexpr double kSeenThroughIfGone = 0.5;
 constexpr double kDependence = 0.5;    // because evidence of neighbours is correlated
 constexpr double kPrior = 0.05;        // that a group is a change, before its evidence
-constexpr double kLeastMean = 0.35;    // evidence a landmark, about a landmark that is gone
+constexpr double kLeastMean = 0.35;    // evidence per landmark around a landmark that is gone
 constexpr std::size_t kMotions = 400;  // rigid motions tried for a thing that may have moved
-constexpr double kMovedShare = 0.12;   // of the lesser side's landmarks that a motion explains
+// Share of the smaller place's landmarks that a motion explains.
+constexpr double kMovedShare = 0.12;
 constexpr std::size_t kMovedLeast = 5;
 
-// Points by cubes of a grid.
+// Points, sorted into the cubes of a grid.
 class PointGrid {
  public:
   PointGrid(std::span<const Eigen::Vector3d> points, double size) : points_(points), size_(size) {
@@ -81,7 +82,7 @@ class PointGrid {
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells_;
 };
 
-// How far the keyframes of a map saw, by direction.
+// Ranges at which the keyframes of a map saw landmarks, by direction.
 class MapSights {
  public:
   enum class Sight { kNone, kHidden, kOpen, kAgrees, kThrough };
@@ -122,7 +123,8 @@ class MapSights {
     std::size_t through = 0;  // the view sees something behind the point, but not at it
   };
 
-  // Of a point in the world that was seen from `directions`, unit vectors to its cameras, at ranges.
+  // Counts for a point in the world that was seen from `directions` (unit vectors to its cameras),
+  // at ranges from `nearest` to `farthest`.
   Count count(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> directions,
               double nearest, double farthest) const {
     Count count;
@@ -161,7 +163,7 @@ class MapSights {
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     std::uint32_t camera = 0;
     Intrinsics intrinsics;
-    double unit = 1.0;  // of the world, a unit of the camera
+    double unit = 1.0;  // units of the world per unit of the camera
     std::unordered_map<std::int64_t, std::vector<double>> ranges;
 
     // In focal lengths from the principal point.
@@ -248,7 +250,7 @@ struct Comparable {
   std::uint32_t landmark = 0;
   bool found = false;     // the other map has it
   bool through = false;   // the other map saw through where it would be
-  std::size_t bin = 0;    // of how often it was seen and could be seen again
+  std::size_t bin = 0;    // by how often it was seen, and how often it could be seen again
   double evidence = 0.0;  // log-likelihood ratio that it is gone
 };
 
@@ -350,7 +352,7 @@ class OneSide {
   }
 
  private:
-  // Without `found`; std::nullopt if the other map could hardly see the landmark.
+  // Compares all but `found`; std::nullopt if the other map could hardly see the landmark.
   std::optional<Comparable> compare_landmark(const PlacedMap& own, std::uint32_t i,
                                              const MapSights& sights) const {
     const LandmarkMap& map = *own.map;
@@ -418,7 +420,7 @@ Rigid3 rigid_fit(const std::vector<Eigen::Vector3d>& from, const std::vector<Eig
   return Rigid3::from_matrix(least_squares_similarity(from, to, false), 1e-6);
 }
 
-// Positions of the landmarks of two places that are each other's most similar.
+// Positions of the landmarks of two places that are mutually most similar.
 struct SimilarLandmarks {
   std::vector<Eigen::Vector3d> from;
   std::vector<Eigen::Vector3d> to;
@@ -502,7 +504,7 @@ struct PlacePair {
   Motion motion;
 };
 
-// Places that one motion explains: first the pairs with the most landmarks that it explains.
+// Pairs of places that one motion explains, those with the most explained landmarks first.
 std::vector<PlacePair> moved_pairs(const std::vector<OneSide::Group>& before,
                                    const std::vector<OneSide::Group>& after, const Looks& looks,
                                    const PlacedMap& first, const PlacedMap& second,

@@ -25,7 +25,7 @@ bool is_of(const Link& link, std::size_t map) {
   return link.target.value == map || link.source.value == map;
 }
 
-// Says why a map is not placed.
+// States why a map is not placed.
 void explain(std::size_t map, std::span<const MergeInput> maps, MergeResult& result) {
   MergedMap& merged = result.maps[map];
   std::size_t aligned = 0;
@@ -62,7 +62,7 @@ bool is_same_map(const LandmarkMap& a, const LandmarkMap& b) {
   return are_one_map(a.landmarks().positions, b.landmarks().positions);
 }
 
-// A model and what was made of it show the same surfaces.
+// Checks that a map is in the frame of its model: both show the same surfaces.
 void require_one_frame(const MergeInput& input) {
   constexpr double kNear = 0.02;  // of the model's radius
   constexpr double kLeastShare = 0.5;

@@ -12,15 +12,15 @@ namespace {
 
 constexpr std::size_t kSampled = 4096;  // enough for medians
 constexpr double kLeastFine = 1e-3;     // of the coarse scale; maps may hold copies of one landmark
-// Largest noise that is believed, of an extent. Maps that state more state placeholders, e.g. the identity, by which all
-// poses in a room would be one.
+// Largest credible noise, as a share of the extent. Larger covariances are placeholders, e.g. the identity, with which
+// all poses in a room would count as one.
 constexpr double kMostNoise = 0.1;
 
 std::size_t stride(const LandmarkCloud& cloud) {
   return 1 + cloud.size() / kSampled;
 }
 
-// 0 if there are no values.
+// The median; 0 if there are no values.
 double median(std::vector<double> values) {
   return values.empty() ? 0.0 : upper_median(values);
 }

@@ -19,7 +19,8 @@
 namespace cairn::detail {
 namespace {
 
-// Makes the samples of two maps independent, even if their landmarks have the same order.
+// Random numbers that depend on the landmarks. They make the samples of two maps independent, even if their landmarks
+// have the same order.
 Random random_of(const LandmarkCloud& cloud, std::uint64_t seed) {
   const std::string_view bytes(reinterpret_cast<const char*>(cloud.positions.data()),
                                cloud.size() * sizeof(Eigen::Vector3d));
@@ -111,12 +112,13 @@ LandmarkCloud moved(LandmarkCloud cloud, const Eigen::Vector3d& by) {
   return cloud;
 }
 
-// In spacings: a smaller step needs no dithering; a larger one is of shelves or storeys, not of the positions.
+// Limits of a step, in spacings. A smaller step needs no dithering. A larger step is that of shelves or storeys, not
+// of the positions.
 constexpr double kLeastStep = 0.1;
 constexpr double kMostStep = 2.0;
 
-// Positions that are rounded, or the centres of voxels, are known to within a step only: spreads them evenly over it.
-// Else two grids would match to the last digit whatever the maps show.
+// Rounded positions and voxel centres are known only to within a step; this spreads them evenly over the step.
+// Otherwise, two grids would match to the last digit, whatever the maps show.
 void dither(std::vector<Eigen::Vector3d>& positions, Random random, const Executor& executor) {
   Eigen::Vector3d steps = grid_steps(positions);
   if (steps.isZero(0.0)) return;

@@ -27,7 +27,7 @@ constexpr int kRounds = 12;
 constexpr double kAlikeByChance = 0.02;  // share of random pairs whose descriptors count as alike
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-// Distances of best pairs of descriptors, and the largest of one landmark's.
+// Distance of two landmarks, by their best pair of descriptors, and its largest value for one landmark.
 class Likeness {
  public:
   Likeness(const DescriptorColumn& first, const DescriptorColumn& second, std::uint64_t seed)

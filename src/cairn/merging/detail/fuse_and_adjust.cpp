@@ -16,8 +16,8 @@ namespace {
 // Iterations of the solver in all rounds but the last.
 constexpr int kIterationsBetween = 15;
 
-// Covariances relative to the first frames of groups become those in the world: each of these frames is as
-// uncertain as its map states, and as the pose of that map.
+// Converts covariances relative to the first frames of groups to covariances in the world. Each of these frames has the
+// uncertainty that its map states, and that of the map's pose.
 LandmarkMap with_uncertain_references(LandmarkMap map,
                                       std::span<const std::optional<FrameIndex>> references,
                                       std::span<const PlacedMap> maps,
@@ -79,8 +79,8 @@ std::vector<Camera> adjusted_cameras(const LandmarkMap& map, const LandmarkMap& 
   return cameras;
 }
 
-// Where a landmark's lines of sight meet: the least-squares point, with the weights of angles. std::nullopt where depths
-// were measured, which say more, and where the lines are nearly parallel.
+// Where a landmark's lines of sight meet: the least-squares point, with the weights of angles. std::nullopt if depths
+// were measured, which are more accurate, or if the lines are nearly parallel.
 std::optional<Eigen::Vector3d> where_sights_meet(const LandmarkMap& map, LandmarkIndex landmark,
                                                  const Eigen::Vector3d& about) {
   constexpr double kLeastParallax = 1e-4;  // mean squared sine of the angles between them

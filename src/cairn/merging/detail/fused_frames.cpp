@@ -19,7 +19,7 @@
 namespace cairn::detail {
 namespace {
 
-// Of a keyframe in the world: of its pose in its map, and of the map's.
+// Covariance of a keyframe's pose in the world: that of its pose in its map, and that of the map's pose.
 std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex frame) {
   const auto& in_map = placed.map->frames().pose_covariances;
   if (in_map.empty() || !in_map[frame.value]) return std::nullopt;
@@ -43,8 +43,8 @@ CameraIndex Fusion::add_camera(Camera camera, bool is_mounted) {
   return index;
 }
 
-// The cameras of a map among those of the fused one. Those of a rig are known with the whole rig only: a stereo rig's may
-// be alike, and a rig of another map may have another baseline.
+// The camera of the fused map for each camera of a map. Cameras of a rig are recognised only with the whole rig: the
+// cameras of a stereo rig may be equal, and a rig of another map may have another baseline.
 std::vector<CameraIndex> Fusion::add_cameras(std::size_t m) {
   const LandmarkMap& map = *maps_[m].map;
   const auto is_same = [&](CameraIndex fused, const Camera& camera) {
@@ -142,7 +142,8 @@ void Fusion::add_frames(std::size_t m) {
   }
 }
 
-// Of an image that several maps have, one camera is left; of what is folded, none. Rigs stay whole.
+// Drops cameras without frames: an image that several maps contain keeps one camera, a folded part none. Rigs stay
+// whole.
 void Fusion::drop_unused_cameras() {
   OptionalColumn<CameraIndex>& of_frames = tables_.frames.cameras;
   std::vector<bool> is_used = is_mounted_;
@@ -179,8 +180,9 @@ std::vector<Pixel> pixels_in(const LandmarkMap& map, FrameIndex frame) {
   return pixels;
 }
 
-// Whether two lists of pixels are of one image: a quarter of the shorter list is within a pixel of the other. Each map
-// tracks its own features, to tenths of a pixel; among those of two images a few in a hundred coincide.
+// Whether two lists of pixels are of one image: a quarter of the shorter list is within a pixel of the other list. Each
+// map tracks its own features, to tenths of a pixel. Of the pixels of two different images, a few in a hundred
+// coincide.
 bool show_one_image(std::vector<Pixel> few, std::vector<Pixel> many) {
   constexpr double kWithin = 1.0;
   if (few.size() > many.size()) std::swap(few, many);
@@ -260,8 +262,8 @@ std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
   return std::nullopt;
 }
 
-// Captures number their images alike, and programs find an image by its name: images of different maps that share one
-// are told apart by the names of their maps.
+// Sessions number their images alike, but programs find an image by its name. If images of different maps have the same
+// name, the names of their maps distinguish them.
 void Fusion::tell_images_apart() {
   std::vector<std::string>& names = tables_.frames.image_names;
   std::vector<std::size_t> map_of(names.size());  // the first map of each frame
@@ -308,6 +310,8 @@ void Fusion::tell_images_apart() {
   }
 }
 
+// By map and observation: whether the landmark already has an observation in the same frame, because two maps share the
+// frame. Empty for a map without such observations.
 std::vector<std::vector<bool>> Fusion::repeated_observations() const {
   std::vector<std::vector<bool>> repeated(maps_.size());
   if (std::find(is_shared_.begin(), is_shared_.end(), true) == is_shared_.end()) return repeated;
@@ -401,7 +405,7 @@ void Fusion::set_observations() {
 
 namespace {
 
-// A point of one name and place is the same one.
+// Adds control points; points with the same name and place are the same.
 void add_control_points(const std::vector<ControlPoint>& more, std::vector<ControlPoint>& all) {
   for (const ControlPoint& point : more) {
     const auto same = std::find_if(all.begin(), all.end(), [&](const ControlPoint& other) {
@@ -422,7 +426,7 @@ void add_control_points(const std::vector<ControlPoint>& more, std::vector<Contr
 
 }  // namespace
 
-// Which frames are a map's: consecutive ones, and those that an earlier map has too.
+// States which frames belong to a map: consecutive ones, and those that belong to an earlier map too.
 std::string Fusion::frames_line(std::size_t m) const {
   constexpr std::size_t kNamed = 2;  // frames that mini-maps share
   // New frames come behind all others.

@@ -33,7 +33,8 @@ struct WorldSplats {
   std::size_t rank = 0;  // in the order of largest_first()
 };
 
-// A disc is as thick as this share of its width, for its thickness is less than the error of the surface.
+// Makes a disc at least as thick as a share of its width, because its own thickness is less than the
+// error of the surface.
 Matrix3d thickened(const Matrix3d& covariance) {
   constexpr double kLeastShare = 0.3;
   SymmetricEigen<3> eigen = symmetric_eigen<3>(covariance);
@@ -70,7 +71,7 @@ double overlap_coefficient(const Vector3d& apart, const Matrix3d& a, const Matri
   return std::exp(-distance);
 }
 
-// Marks the splats of a map of which another one has a duplicate of higher opacity.
+// Marks the splats of a map that have a duplicate of higher opacity in another map.
 void mark_duplicates(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
                      const Executor& executor, std::vector<std::uint8_t>& thinned) {
   constexpr std::size_t kNearest = 4;
@@ -114,7 +115,7 @@ std::vector<std::vector<std::uint8_t>> thinned_splats(std::span<const PlacedMap>
   return thinned;
 }
 
-// A column of the joined splats: where each map has it.
+// A column of the joined splats, and its index in each map.
 struct JoinedColumn {
   std::string name;
   double missing = std::numeric_limits<double>::quiet_NaN();

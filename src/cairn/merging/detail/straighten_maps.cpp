@@ -15,7 +15,7 @@
 namespace cairn::detail {
 namespace {
 
-// Least growth of the number of fused landmarks: a smaller bend is within the uncertainty of the parts.
+// Least growth of the number of fused landmarks. With less, the bend is within the uncertainty of the parts.
 constexpr double kLeastGain = 1.02;
 // Parts of a straight mini-map may seem bent by 1.6 degrees.
 constexpr double kLeastBend = radians(2.0);
@@ -30,7 +30,7 @@ double fused(const LandmarkMap& target, const LandmarkMap& source, const Link& l
   return static_cast<double>(fuse_maps(both, options, execution).maps[1].fused);
 }
 
-// In the frame in which the link's pose holds, not that of the parts.
+// The straightened map, in the frame in which the link's pose holds instead of that of the parts.
 LandmarkMap straightened_for(const LandmarkMap& map, const PartsAlignment& parts,
                              const Similarity3& target_from_source) {
   const Similarity3 own_from_straight =
@@ -40,7 +40,8 @@ LandmarkMap straightened_for(const LandmarkMap& map, const PartsAlignment& parts
   return transformed(straightened(map, parts), own_from_straight);
 }
 
-// The source of a link with a free scale, deformed as the target shows; std::nullopt if it clearly is not.
+// The source of a link with a free scale, without its deformation against the target; std::nullopt if it is not
+// clearly deformed.
 std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const PreparedMap& source,
                                           const PreparedMap& target, const Link& link) {
   const auto pose = DeformablePair(source, target).fit(std::array{*link.target_from_source});
@@ -63,7 +64,7 @@ std::optional<StraightenedMap> undeformed(const LandmarkMap& map, const Prepared
   return StraightenedMap{transformed(straightened(map, *pose), own_from_deformed), bend};
 }
 
-// Positions of the links, the most certain first, then those of the largest maps: whatever order they are given in.
+// Indices of the links, the most certain first, then those of the largest maps, whatever the order of the input.
 std::vector<std::size_t> order_of(std::span<const Link> links, std::span<const PlacedMap> maps) {
   const std::vector<std::size_t> by_size = largest_first(maps);
   std::vector<std::size_t> rank(maps.size());

@@ -49,7 +49,7 @@ WorldLandmarks in_world(const PlacedMap& placed, const Executor& executor) {
   return world;
 }
 
-// How uncertain a point of a map is in the world because the map's pose is.
+// Covariance of a point of a map in the world, from the covariance of the map's pose.
 Matrix3d covariance_by_pose(const PlacedMap& placed, const Matrix7d& of_pose,
                             const Vector3d& in_world) {
   const Eigen::Matrix<double, 3, 7> by_pose =
@@ -65,8 +65,8 @@ const Matrix7d& relative_covariance(const PlacedMap& placed) {
   return placed.relative_covariance ? *placed.relative_covariance : placed.covariance;
 }
 
-// The information-weighted mean of all of `measured`. Its covariance is that of a mixture: with probability 1 - wrong all
-// are one landmark, otherwise any of them is another. Zero if one of them is exact.
+// The information-weighted mean of all of `measured`. Its covariance is that of a mixture: with probability 1 - wrong,
+// all are one landmark; otherwise, any one of them is another landmark. If one of them is exact, it is the result.
 Estimate combined(std::span<const Estimate> measured, double wrong) {
   const std::size_t count = measured.size();
   // Sums of information and of its products with the positions, before and from each measurement.
@@ -244,8 +244,8 @@ void Fusion::add(std::size_t m) {
   if (has_further_) set_further();
 }
 
-// Pairs of a map's landmarks and fused ones that keypoints of common images show replace what the association says of
-// these. A few are wrong, where a track jumps to another point.
+// Replaces the associations of landmarks that keypoints of common images identify by these identities. A few identities
+// are wrong, where a track jumps to another point; they are dropped.
 AssociationResult Fusion::with_identities(std::size_t m, AssociationResult association) const {
   constexpr double kTimesMedian = 4.0;           // largest distance
   constexpr double kRounding = 1e-6;             // of the poses of one map's copies
@@ -289,8 +289,8 @@ AssociationResult Fusion::with_identities(std::size_t m, AssociationResult assoc
   return association;
 }
 
-// Whether most of the landmarks that a map shares with an earlier one come from the same observations. Such landmarks have
-// the same errors, so their distances cannot show the variance.
+// Whether most of the landmarks that a map shares with earlier maps come from the same observations. Such landmarks
+// have the same errors, so their distances cannot show the variance.
 bool Fusion::repeats_another(std::size_t m, const AssociationResult& association) {
   std::size_t repeated = 0;
   for (const Association& pair : association.pairs) {
@@ -302,8 +302,8 @@ bool Fusion::repeats_another(std::size_t m, const AssociationResult& association
   return true;
 }
 
-// Share of a landmark's observations that are in none of the frames in which `earlier` and the members before it observe
-// the same landmark; 1 if it has none.
+// Share of a landmark's observations that are in none of the frames in which `earlier` and the members before it
+// observe the same landmark; 1 if the landmark has no observations.
 double Fusion::share_of_own(std::uint32_t map, std::uint32_t landmark,
                             std::uint32_t earlier) const {
   const auto frames_of = [&](std::uint32_t m, std::uint32_t i) {
@@ -328,9 +328,9 @@ double Fusion::share_of_own(std::uint32_t map, std::uint32_t landmark,
   return static_cast<double>(own) / static_cast<double>(frames.size());
 }
 
-// The association finds by how much the landmarks of a map and those of the earlier ones are farther apart than their
-// covariances say. Earlier maps whose variance is known already have their part of it in the covariances; the others are
-// taken for as good as this one.
+// The association estimates by how much the landmarks of a map are farther from those of earlier maps than the
+// covariances explain. The covariances of earlier maps with a known variance already include it. Earlier maps with an
+// unknown variance are assumed to be as good as this map.
 void Fusion::estimate_variances(std::size_t m, const AssociationResult& association) {
   if (association.pairs.empty() || original_[m] != m || repeats_another(m, association)) return;
   std::vector<bool> unknown(maps_.size());
@@ -394,7 +394,7 @@ void Fusion::count_fused() {
   }
 }
 
-// What only one map has stays as it is there.
+// Landmarks of only one map keep their position and covariance; the uncertainty of the map's pose is added.
 void Fusion::set_positions() {
   LandmarkTable& landmarks = tables_.landmarks;
   const std::size_t count = last_member_.size();
@@ -451,8 +451,8 @@ void Fusion::append(std::size_t m, std::uint32_t i) {
   take_looks(m, i, landmark);
 }
 
-// Colour: the first known one. Descriptor: that of the part with the most observations; if a map has several
-// of a landmark, also the most distinct of all parts.
+// Takes the first known colour, and the descriptor of the member with the most observations. If a map has several
+// descriptors of a landmark, also keeps the most distinct ones of all members.
 void Fusion::take_looks(std::size_t m, std::uint32_t i, std::uint32_t landmark) {
   const LandmarkMap& map = *maps_[m].map;
   LandmarkTable& landmarks = tables_.landmarks;
@@ -497,7 +497,7 @@ void Fusion::take_further(const DescriptorColumn& theirs, std::uint32_t i, std::
   all = std::move(kept);
 }
 
-// Of all landmarks so far; the first of each is its representative.
+// Sets the further descriptors of all landmarks so far. The first descriptor of each is its representative.
 void Fusion::set_further() {
   DescriptorColumn& ours = *tables_.landmarks.descriptors;
   ours.further_offsets.assign(1, 0);
@@ -549,8 +549,6 @@ void Fusion::set_columns() {
   }
 }
 
-// By map and observation: whether its landmark has one in the same frame already, because two maps share the
-// frame. Empty for a map without any.
 }  // namespace detail
 
 std::vector<std::size_t> largest_first(std::span<const PlacedMap> maps) {

@@ -148,7 +148,7 @@ std::vector<IndexPair> pairs_to_link(MapStore& maps, const LinkOptions& options,
   return pairs;
 }
 
-// The last maps used, prepared, for any number of threads.
+// The prepared maps that were used last, for any number of threads.
 class PairLinker::PreparedMaps {
  public:
   explicit PreparedMaps(MapStore& maps) : maps_(maps) {}
@@ -166,7 +166,7 @@ class PairLinker::PreparedMaps {
     return prepared_.front().second;
   }
 
-  // Target and source: whichever is given first, the result is the same.
+  // Target and source, whatever the order of the pair.
   IndexPair larger_first(const IndexPair& pair) {
     const auto [first, second] = pair;
     bool swap = maps_.landmark_count(first) < maps_.landmark_count(second);

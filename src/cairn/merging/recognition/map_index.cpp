@@ -22,7 +22,8 @@ constexpr std::size_t kLandmarks = 600;    // of a map, the most observed ones
 constexpr double kMaxDifference = 0.1953;  // share of differing bits of one landmark's descriptors
 constexpr std::size_t kTables = 3;
 constexpr std::size_t kComparisons = 256;  // bits of descriptors that are not binary
-constexpr std::size_t kLeastBytes = 8;     // of these, or there are hardly different comparisons
+// Of such descriptors; with fewer, comparisons hardly differ.
+constexpr std::size_t kLeastBytes = 8;
 
 }  // namespace
 
@@ -54,7 +55,7 @@ std::vector<std::uint8_t> MapIndex::bytes_of(const LandmarkMap& map) const {
   return bytes;
 }
 
-// Bits of descriptors that are given by their bytes.
+// Bits of descriptors, from their bytes.
 std::vector<std::uint64_t> MapIndex::words_of(std::span<const std::uint8_t> bytes) const {
   const std::size_t count = bytes_each_ == 0 ? 0 : bytes.size() / bytes_each_;
   std::vector<std::uint64_t> words(count * words_each_, 0);

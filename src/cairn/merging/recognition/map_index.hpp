@@ -29,7 +29,7 @@ struct RecognitionCandidate {
 /// at random from bits that are balanced and uncorrelated in these maps. Other bits would map most
 /// descriptors to few keys. A query looks up its key and the keys that differ in one bit (Lv et al.
 /// 2007), skips overfull keys, and keeps descriptors with few differing bits. Each query landmark
-/// votes for the maps in which it is found, with weight log(number of maps / number of maps in
+/// votes for the maps in which it is found, with weight log((number of maps + 1) / number of maps in
 /// which it is found), so that ubiquitous landmarks hardly count. The same maps, order and seed
 /// give the same result.
 class MapIndex {

@@ -22,20 +22,26 @@ namespace {
 
 using namespace detail;
 
-constexpr std::size_t kFewestParts = 2;                             // that must agree
-constexpr double kStepRotation = 8.0 * std::numbers::pi / 180.0;    // of two aligned parts in a row
-constexpr double kWholeRotation = 20.0 * std::numbers::pi / 180.0;  // of any two
-constexpr double kStepDistance = 0.15;                              // times the map's radius
-constexpr double kStepScale = 0.08;                                 // logarithm
-// Largest deviation of an undecided part from the poses between its neighbours, in units of these steps.
+// Number of parts that must agree.
+constexpr std::size_t kFewestParts = 2;
+// Limit for two consecutive aligned parts.
+constexpr double kStepRotation = 8.0 * std::numbers::pi / 180.0;
+// Limit for any two aligned parts.
+constexpr double kWholeRotation = 20.0 * std::numbers::pi / 180.0;
+// Limit for consecutive parts, times the map's radius.
+constexpr double kStepDistance = 0.15;
+// Limit for consecutive parts, for the logarithm of the scale.
+constexpr double kStepScale = 0.08;
+// Largest deviation of an undecided part from the pose between its neighbours, as a share of these
+// limits.
 constexpr double kBetween = 0.5;
 constexpr double kLeastProbability = 0.1;  // of such a pose
-constexpr std::size_t kFitPoints = 200;    // of a part
+constexpr std::size_t kFitPoints = 200;    // landmarks of a part that a pose is fitted to
 constexpr double kMostOfBend = 0.8;
 constexpr double kOwnShare =
-    0.2;  // of a part's matches, that makes a part of the other map its partner
+    0.2;  // least share of a part's matches that makes a part of the other map its partner
 
-// The landmarks of a prepared map, each moved, in their order.
+// The landmarks of a prepared map, each moved by the field, in their order.
 LandmarkCloud straightened(const PreparedCloud& prepared, const MotionField& field) {
   LandmarkCloud cloud = prepared.landmarks();
   for (std::uint32_t i = 0; i < cloud.size(); ++i) {
@@ -60,13 +66,13 @@ struct Trial {
   PartPose pose;
   Similarity3 own;  // found, other_from_own
   bool decisive = false;
-  // Of target_from_source; without an estimated scale, the last row and column are zero.
+  // Covariance of target_from_source; without an estimated scale, the last row and column are zero.
   std::optional<Matrix7d> covariance = {};
   std::vector<Similarity3> candidates;  // other_from_own, with at least kLeastProbability
-  std::vector<double> shares;           // of its matches in each part of the other map
+  std::vector<double> shares;           // shares of its matches in each part of the other map
 };
 
-// A map whose parts are placed on the other one.
+// A map whose parts are placed in the other map.
 struct Side {
   MapRole role = MapRole::kSource;
   const PreparedMap* map = nullptr;
@@ -143,7 +149,7 @@ class Agreement {
       distances_.push_back(PoseDistance::of(side.points(i)));
     }
   }
-  // @param share largest difference, in steps
+  // @param share largest difference, as a share of the limits
   bool operator()(std::size_t part, const Similarity3& a, const Similarity3& b,
                   double share = 1.0) const {
     const double scale = std::sqrt(a.scale() * b.scale());
@@ -264,8 +270,8 @@ void spread_consensus(Side& side, const Agreement& agree) {
   }
 }
 
-// A curve of rotations along the parts: a polynomial of the degree, up to 3, that explains most for its
-// number of coefficients (Schwarz 1978), so that noise is no bend.
+// Smooths the rotations along the parts by a polynomial. Its degree, up to 3, has the best Bayesian
+// information criterion (Schwarz 1978), so that noise does not count as a bend.
 std::vector<Eigen::Vector3d> smoothed(const std::vector<Eigen::Vector3d>& values,
                                       const std::vector<double>& at,
                                       const std::vector<double>& weights) {
@@ -359,7 +365,8 @@ Similarity3 single_pose(const Side& side, bool free_scale) {
   return Similarity3::from_matrix(least_squares_similarity(here, there, free_scale));
 }
 
-// Covariance within the parts and between them, with the scale.
+// Covariance of the single pose, with the scale: the mean covariance within the parts, and the scatter
+// of the parts' poses about the single pose.
 std::optional<Matrix7d> spread_of(const Side& side, const Similarity3& whole) {
   Matrix7d sum = Matrix7d::Zero();
   double count = 0.0;

@@ -25,10 +25,11 @@ constexpr double kNarrowing = 0.7;  // of the width, from step to step
 constexpr double kWidth = 4.0;      // last width, in deviations
 constexpr int kSteps = 20;
 constexpr double kLeastDeviation = 1e-4;  // in radii
-constexpr double kFewest = 20.0;          // pairs, by weight
+constexpr double kFewest = 20.0;          // least sum of weights
 constexpr double kInlier = 0.25;          // least weight
 
-// Coordinates in radii, drawn back to the end of the region.
+// Coordinates in radii; those beyond the end of the region are moved back to it, along the ray from
+// the centre.
 Eigen::Vector3d within(const Eigen::Vector3d& x) {
   const double length = x.norm();
   return length <= kFarthest ? x : Eigen::Vector3d(kFarthest / length * x);
@@ -67,7 +68,7 @@ Eigen::Matrix<double, kTerms, 3> derivative_of_terms(const Eigen::Vector3d& x) {
   return result;
 }
 
-// Inverse variances of the coefficients. Nothing is known of the translation.
+// Inverse variances of the coefficients in the prior. The translation has no prior.
 Terms prior_information() {
   constexpr Eigen::Index kCubic = 10;
   Terms result = Terms::Constant(1.0 / (kPrior * kPrior));

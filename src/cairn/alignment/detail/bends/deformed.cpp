@@ -33,8 +33,8 @@ std::size_t fold_of(std::size_t landmark) {
   return landmark % kFolds;
 }
 
-// The deformation around a match, as the matches around it show it. Its derivative would also state what no match
-// shows: across a surface, the polynomial is determined by the prior alone.
+// The deformation around a match, fitted to the matches around it. The derivative of the polynomial is not used,
+// because across a surface only the prior determines it.
 struct LocalDeformation {
   Similarity3 target_from_source;
   double strain =
@@ -91,7 +91,8 @@ void measure(const std::vector<Similarity3>& local, MapDeformation& figures) {
       lower_quantile(scales, 1.0 - kOutermost) / lower_quantile(scales, kOutermost);
 }
 
-// The source's landmarks, each moved as the other folds' matches show, in the source's frame.
+// The source's landmarks in the source's frame, each moved by the deformation fitted to the matches of the other
+// folds.
 LandmarkCloud deformed_by_folds(const PreparedCloud& source, const CrossFittedDeformation& pose) {
   const Eigen::Vector3d& centre = source.centre();
   const Similarity3 back = pose.start.inverse();

@@ -12,10 +12,11 @@
 namespace cairn::detail {
 namespace {
 
-constexpr double kCutWithin = 0.25;        // of a part, from an even division
+// Largest distance of a cut from an even division, in parts.
+constexpr double kCutWithin = 0.25;
 constexpr std::size_t kMostPlaced = 1500;  // landmarks of a part: the most observed ones
 
-// Of each keyframe.
+// Rank of each keyframe in the order.
 std::vector<std::uint32_t> ranks_of(const std::vector<FrameIndex>& order) {
   std::vector<std::uint32_t> rank(order.size());
   for (std::uint32_t i = 0; i < order.size(); ++i) rank[order[i].value] = i;
@@ -38,7 +39,7 @@ std::optional<Observed> observed_by(const LandmarkMap& map, LandmarkIndex landma
   return Observed{ranks.front(), ranks[(ranks.size() - 1) / 2], ranks.back()};
 }
 
-// The most observed of some landmarks, in their order.
+// The landmarks with the most observations, at most `count`, in their order.
 std::vector<LandmarkIndex> most_observed(const LandmarkMap& map,
                                          const std::vector<LandmarkIndex>& landmarks,
                                          std::size_t count) {
@@ -92,7 +93,7 @@ std::vector<MapPart> cut_into_parts(const LandmarkMap& map, const PointSetOption
   const std::vector<FrameIndex> order = keyframes_in_order(map);
   const std::vector<std::uint32_t> rank = ranks_of(order);
   std::vector<std::optional<Observed>> observed(kept.size());
-  std::vector<std::size_t> middles(order.size());  // landmarks whose middle keyframe it is
+  std::vector<std::size_t> middles(order.size());  // number of landmarks per middle keyframe
   std::vector<std::ptrdiff_t> across(order.size() +
                                      1);  // observed before a keyframe and from it on
   std::size_t total = 0;

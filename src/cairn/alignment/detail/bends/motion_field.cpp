@@ -16,7 +16,8 @@ namespace {
 
 constexpr int kPoseSteps = 20;
 
-// @param poses of the parts, in order
+// The motion at a position along the map, interpolated between the poses of the parts.
+// @param poses poses of the parts, in order
 // @param along position along the map, in parts; NaN: unknown
 Similarity3 motion_at(std::span<const Similarity3> poses, double along,
                       const Eigen::Vector3d& centre) {

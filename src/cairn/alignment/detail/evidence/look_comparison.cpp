@@ -15,8 +15,8 @@ namespace {
 
 constexpr std::size_t kOthers = Likeness::kOthers;
 
-// Difference of the best pair of two landmarks' descriptors, by bits or else by bytes.
-// @param a of one sample @param i a landmark of it; b and j alike
+// Difference of the best pair of descriptors of landmark i in `a` and landmark j in `b`, by bits or
+// else by bytes.
 std::uint32_t least_difference(const Descriptors& a, std::size_t i, const Descriptors& b,
                                std::size_t j) {
   const auto norm =

@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kBinsPerOctave = 4.0;
 constexpr double kLeastOctave = -6.0;
-// Weight of the prior, in pairs: the distribution for points on surfaces, added to that of the other poses.
+// Weight of the prior, in pairs. The prior is the distribution for points on surfaces; it is added to that
+// of the other poses.
 constexpr double kPriorPairs = 40.0;
 // For mutual nearest neighbours, the circles around both are empty. Their union is larger than one circle by
 // this factor, (4·π/3 + √3/2) / π.
@@ -37,14 +38,14 @@ Counts shares(const Distribution& cumulative) {
   return result;
 }
 
-// For independent points on one surface that are mutual nearest neighbours.
+// Shares for mutual nearest neighbours among independent points on one surface.
 const Counts& shares_on_surface() {
   static const Counts result =
       shares([](double ratio) { return chance_on_surface(ratio * ratio); });
   return result;
 }
 
-// For the distance of two points whose difference is Gaussian with this standard deviation per axis
+// Shares for the distance of two points whose difference is Gaussian with this standard deviation per axis
 // (Maxwell's distribution).
 Counts shares_of_same(double deviation) {
   return shares([deviation](double ratio) {
@@ -54,7 +55,7 @@ Counts shares_of_same(double deviation) {
   });
 }
 
-// Larger deviations would also explain the fit of surfaces, which wrong poses share.
+// Standard deviations to try. Larger ones would also explain the fit of surfaces, which wrong poses share.
 constexpr std::array<double, 8> kDeviations = {0.015, 0.02,  0.03, 0.04,
                                                0.055, 0.075, 0.1,  ProximityEvidence::kWidest};
 constexpr std::array<double, 11> kShares = {0.01, 0.02, 0.05, 0.1, 0.15, 0.2,

@@ -9,8 +9,8 @@ namespace {
 
 // Cells along an edge of the map of directions, 1.1 degrees each. Their total number fits 16 bits.
 constexpr std::ptrdiff_t kCells = 180;
-// Relative to a distance. Between the two, a line of sight counts neither way, because surfaces slant and
-// cells have a width.
+// Differences of depth, relative to the distance. Between both limits, a line of sight is not counted,
+// because surfaces slant and cells have a width.
 constexpr float kAgrees = 0.04F;
 constexpr float kContradicts = 0.10F;
 

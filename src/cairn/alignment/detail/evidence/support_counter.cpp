@@ -59,9 +59,9 @@ std::vector<Neighbor> nearest_of_each(std::span<const Eigen::Vector3d> moved,
 }
 
 constexpr std::size_t kNeighbourhood = 24;  // landmarks of the sample
-constexpr double kDense = 0.5;              // times the median of the matches about a match
+constexpr double kDense = 0.5;              // least matches around a match, times their median
 constexpr double kInside = 0.97;            // quantile of the dense matches' distances
-constexpr double kMargin = 1.15;            // times that
+constexpr double kMargin = 1.15;            // factor of this distance
 constexpr int kMedianSteps = 30;
 
 // The point with the least sum of distances (Weiszfeld 1937).

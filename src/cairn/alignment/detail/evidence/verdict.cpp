@@ -28,7 +28,8 @@ constexpr Weights kWithNeither = {-9.655, 6.621, 2.127, 2.220, 0.0, 0.0};
 // Added to numbers of matches, so that few matches have little effect.
 constexpr double kMatchesMore = 20.0;
 constexpr double kLeadingMore = 3.0;
-// Images that both maps contain prove that they show one place, and identify landmarks without doubt.
+// Added to the log odds of a proven pose. Images that both maps contain prove that the maps show one place, and
+// identify landmarks without doubt.
 constexpr double kProven = 30.0;
 
 const Weights& weights_for(const PlacementCandidate& candidate) {
@@ -47,7 +48,8 @@ double leading_matches(const PlacementCandidate& candidate) {
                                                : support.within[Support::kFine]);
 }
 
-// The largest number of any other candidate; for a single candidate, that of an assumed, clearly worse one.
+// Largest number of leading matches of any other candidate. For a single candidate, the number of an assumed, clearly
+// worse one.
 double leading_matches_of_others(std::span<const PlacementCandidate> candidates, std::size_t but) {
   if (candidates.size() == 1) return 0.5 * leading_matches(candidates[but]);
   double most = 0.0;
@@ -57,38 +59,38 @@ double leading_matches_of_others(std::span<const PlacementCandidate> candidates,
   return most;
 }
 
-// Assumes that distances, descriptor similarity and descriptor matches are independent.
+// All evidence for a pose. Assumes that distances, descriptor similarity and descriptor matches are independent.
 double evidence(const Support& support) {
   return support.spread_evidence + support.proximity.spread + support.spread_likeness +
          agreement_evidence(support);
 }
 
-// Share of the best pose's probability that makes another a rival.
+// Share of the best pose's probability that makes another pose a rival.
 constexpr double kRival = 0.05;
 // For the surroundings of the matches; docs/evidence.md explains the choice.
 constexpr std::size_t kFewestAround = 12;  // least number of landmarks for a decision
 constexpr std::size_t kFewestIfAllAgree = 4;
-constexpr double kLeastAgreeing = 0.4;  // of them
-// Matching radii. Matches in a smaller ball may be of one object if both maps have surroundings of which nothing is known.
-// In a larger one, surroundings may also be hidden by each other, but then hardly contradict.
+constexpr double kLeastAgreeing = 0.4;  // share of these that must agree
+// Radius of a ball, in matching radii. Matches in a smaller ball may belong to one object if nothing is known about the
+// surroundings in either map. In a larger ball, surroundings may also hide each other, but then they hardly contradict.
 constexpr double kLargestObject = 17.5;
-// If all matches are in a ball that may be one object: least number of agreeing descriptor matches outside their largest
-// cluster, or most contradicted lines of sight. The walls around one of several equal doors agree wherever it is, but not
-// all that is in front of them.
+// If all matches are in a ball that may be one object, one of these limits must hold: the least number of agreeing
+// descriptor matches outside their largest cluster, or the largest share of contradicted lines of sight. The walls
+// around several equal doors agree at each door, but not everything in front of the walls.
 constexpr std::size_t kFewestOfObject = 20;
 constexpr double kMostContradictedOfObject = 0.03;
 constexpr double kMuchAround = 0.2;          // of each map's landmarks
 constexpr double kLeastNotHidden = 0.07;     // share of landmarks that agree
 constexpr double kHardlyContradicted = 0.1;  // of those that agree or are contradicted
 
-// Of the best pose's evidence, of each kind: another pose with so much cannot be told from it. docs/evidence.md explains
-// the choice.
+// Share of the best pose's evidence, of each kind. Another pose with so much evidence cannot be distinguished from the
+// best pose. docs/evidence.md explains the choice.
 constexpr double kAsWell = 0.5;
-// Of the best pose's agreeing descriptor matches outside their largest cluster, and least number: with so many, another
-// pose is no chance, even if fewer landmarks match.
+// Share of the best pose's agreeing descriptor matches outside their largest cluster, and their least number. Another
+// pose with so many is not due to chance, even if fewer landmarks match.
 constexpr double kAlsoAgreeing = 1.0 / 3.0;
 constexpr std::size_t kFewestAlsoAgreeing = 5;
-// Smaller differences of the share of contradicted lines of sight tell nothing.
+// Smaller differences of the share of contradicted lines of sight are not significant.
 constexpr double kSameContradicted = 0.1;
 
 std::string percent(double share) {
@@ -152,8 +154,9 @@ std::string other_surroundings(const Surroundings& around, const PlacementCandid
       percent(share(agree, compared)), compared, 100.0 * kLeastAgreeing);
 }
 
-// Whether the landmarks match at another pose as well as at the best. The probability does not tell: it compares how
-// close the matches of each pose are with those of all other poses, and along a fence many poses match equally well.
+// Whether the landmarks match at another pose as well as at the best pose. The probability does not show this: it
+// compares the match distances at each pose with those at all other poses, and along a fence many poses match equally
+// well.
 bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
   const auto looks = [](const Support& support) {
     return support.spread_likeness + agreement_evidence(support);
@@ -170,7 +173,7 @@ bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& bes
          other.contradicted.value_or(0.0) <= best.contradicted.value_or(0.0) + kSameContradicted;
 }
 
-// Whether descriptors in several spots also agree with another pose, as where a thing stands twice.
+// Whether descriptors in several spots also agree with another pose, e.g. because a thing stands in two places.
 bool looks_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
   const std::size_t there = agreement_spread(other.support);
   const std::size_t here = agreement_spread(best.support);

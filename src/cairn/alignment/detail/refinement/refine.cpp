@@ -26,8 +26,8 @@ namespace {
 
 using namespace detail;
 
-// ICP's pose replaces the guess only if its objective is this many times larger, because with little overlap
-// most poses have some, and the guess is more reliable.
+// ICP's pose replaces the guess only if its objective is this many times larger. With little overlap, most poses have
+// some matches, and the guess is more reliable.
 constexpr double kClearlyBetter = 2.0;
 
 // @param icp_iterations before the refinement; 0: it started at the initial pose
@@ -151,7 +151,8 @@ class Refinement {
   }
   IterationRecord record(RobustAlignment::Iteration iteration, std::size_t match_count) const;
   PoseUncertainty uncertainty_of_fit(const Similarity3& pose) const;
-  // What the maps' drift adds to the covariance of an uncentred pose from these matches, without indices as given.
+  // What the maps' drift adds to the covariance of an uncentred pose from these matches. The matches have indices of
+  // the clouds, not of the caller.
   Matrix7d by_drift(const Similarity3& pose, double error_scale,
                     std::span<const Match> matches) const;
 
@@ -278,7 +279,7 @@ void Refinement::run(RegistrationResult& result) const {
   conclude(alignment, scales, std::move(path), result);
 }
 
-// Of the least-squares fit to the known matches, whose errors are independent and of one size.
+// Uncertainty of the least-squares fit to the known matches, whose errors are independent and of one size.
 PoseUncertainty Refinement::uncertainty_of_fit(const Similarity3& pose) const {
   // The variance is that of few residuals; so many fewer make the 95 % ellipsoid hold 95 % of the errors.
   constexpr double kFewer = 4.0;

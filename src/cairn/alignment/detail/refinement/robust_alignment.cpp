@@ -99,8 +99,8 @@ Similarity3 moved_about(const Similarity3& pose, const Vector<kFreedoms>& delta,
   return Similarity3(scale, about_pivot) * pose;
 }
 
-// Derivative of a point at the end of the arm by the degrees of freedom after the translation, by which it is the
-// identity.
+// Derivative of a point at the end of the arm with respect to the degrees of freedom after the translation. The
+// derivative with respect to the translation is the identity.
 template <int kFreedoms>
 Eigen::Matrix<double, 3, kFreedoms - 3> lever_at(const Eigen::Vector3d& arm, double length) {
   Eigen::Matrix<double, 3, kFreedoms - 3> lever;

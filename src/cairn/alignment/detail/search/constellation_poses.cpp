@@ -117,7 +117,7 @@ class Occupancy {
   std::vector<std::uint64_t> bits_;
 };
 
-// For each point, those at the distance of a constellation's side, by distance.
+// For each point, the points at the distance of a constellation's side, by distance.
 class Partners {
  public:
   Partners(const PointsF& points, float fine)
@@ -188,7 +188,7 @@ Eigen::Matrix3f axes(const Vector3f& a, const Vector3f& b, const Vector3f& c) {
   return result;
 }
 
-// Three source points, and the surrounding points in their axes.
+// Three source points, and the points around them in the axes of the three.
 struct Constellation {
   float ab = 0.0F;
   float ac = 0.0F;
@@ -198,7 +198,7 @@ struct Constellation {
   PointsF patch;
 };
 
-// Points by coordinate.
+// Points, stored by coordinate.
 struct NearPoints {
   std::size_t count = 0;
   std::array<std::array<float, kMostPartners>, 3> at;
@@ -210,8 +210,8 @@ struct NearPoints {
       at[axis][count] = point[static_cast<Eigen::Index>(axis)];
     }
   }
-  // Sets which of them are at such squared distances from a point.
-  // @return how many
+  // Selects the points whose squared distance from `from` is within the limits.
+  // @return number of selected points
   std::size_t select(const Vector3f& from, float low, float high,
                      std::array<std::uint32_t, kMostPartners>& selected) const {
     std::array<float, kMostPartners> squares;

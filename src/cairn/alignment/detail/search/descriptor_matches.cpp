@@ -16,11 +16,13 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::size_t kMostPairs = std::size_t{1} << 26;     // of landmarks that are compared
-constexpr std::size_t kMostRowPairs = std::size_t{1} << 28;  // the same, if landmarks have several
+// Number of compared pairs of landmarks.
+constexpr std::size_t kMostPairs = std::size_t{1} << 26;
+// The same of rows, if landmarks have several.
+constexpr std::size_t kMostRowPairs = std::size_t{1} << 28;
 constexpr std::uint32_t kNone = detail::descriptor_kernel::Nearest::kNone;
 constexpr double kThing = 0.25;  // radius of an object that may occur twice, in extents of a map
-constexpr std::uint32_t kMostDifferingBits = 4;  // a match differs in at most one of so many bits
+constexpr std::uint32_t kMostDifferingBits = 4;  // a match differs in at most one bit of so many
 // Square of Lowe's ratio.
 constexpr double kMostRatio = 0.85 * 0.85;
 // Landmarks within this radius, in extents of a map, count as one thing.
@@ -31,11 +33,11 @@ constexpr std::size_t kOnSpot = 8;  // nearest landmarks among which a spot's ar
 struct Rows {
   std::vector<std::uint32_t> landmarks;
   std::vector<std::uint8_t> bytes;
-  bool has_several = false;  // rows of one landmark
+  bool has_several = false;  // whether a landmark has several rows
 };
 
-// A number for each of the first landmarks, the same for those on one spot: a map often holds one thing as several
-// landmarks, because tracks end.
+// A number for each of the first landmarks, equal for the landmarks on one spot. A map often contains one thing as
+// several landmarks, because tracks end.
 std::vector<std::uint32_t> spots_of(const LandmarkCloud& cloud, std::size_t first) {
   const auto positions = std::span(cloud.positions).first(std::min(first, cloud.size()));
   const BatchTree tree(positions);
@@ -54,7 +56,7 @@ std::vector<std::uint32_t> spots_of(const LandmarkCloud& cloud, std::size_t firs
   return spots;
 }
 
-// @param most number of descriptors of a landmark
+// @param most largest number of descriptors per landmark
 Rows rows_of(const LandmarkCloud& cloud, std::size_t first, std::size_t most) {
   const DescriptorColumn& column = *cloud.descriptors;
   Rows rows;
@@ -84,13 +86,13 @@ std::pair<Rows, Rows> affordable_rows(const LandmarkCloud& source, std::size_t s
 // A landmark's nearest landmark in the other cloud, by its best row.
 struct NearestLandmark {
   std::uint32_t landmark = kNone;
-  std::uint32_t owner = kNone;   // of its rows
+  std::uint32_t owner = kNone;   // owner of that landmark's rows
   std::uint32_t first = kNone;   // difference
   std::uint32_t second = kNone;  // of the nearest row of another owner
 };
 
-// One per landmark of the cloud, of which `rows` are the rows.
-// @param owners of the other rows, as for nearest_both_ways()
+// The nearest landmark of each of the `count` landmarks of the cloud with these rows.
+// @param owners owners of the other rows, as for nearest_both_ways()
 std::vector<NearestLandmark> by_landmark(
     std::span<const detail::descriptor_kernel::Nearest> nearest, const Rows& rows,
     const Rows& others, std::span<const std::uint32_t> owners, std::size_t count) {

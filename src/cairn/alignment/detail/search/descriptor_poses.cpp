@@ -38,7 +38,7 @@ class Bits {
     for (const std::uint64_t word : words_) result += static_cast<std::size_t>(std::popcount(word));
     return result;
   }
-  // The number with n lower ones in the set, which has more than n.
+  // The n-th lowest number of the set, from 0; the set has more than n numbers.
   std::size_t nth(std::size_t n) const {
     std::size_t at = 0;
     for (; n >= static_cast<std::size_t>(std::popcount(words_[at])); ++at) {

@@ -19,7 +19,7 @@ constexpr int kFinalIterations = 60;
 constexpr double kEqual = 0.35;    // largest distance of equal optima
 constexpr double kDistinct = 3.0;  // least distance of poses that a user would call different
 
-// Shuffles them, so that the first ones are spread evenly.
+// Shuffles the rotations, so that the first ones are spread evenly.
 void shuffle(std::vector<Eigen::Quaterniond>& rotations, Random& random) {
   for (std::size_t i = rotations.size(); i > 1; --i) {
     std::swap(rotations[i - 1], rotations[random.index(i)]);

@@ -30,17 +30,19 @@ constexpr double kLeastQuadHeight = 0.15;  // of the third corner above the long
 constexpr float kMostUnlike = 0.03F;       // difference of two shapes
 constexpr double kSides = 64.0;            // cells of the index in a unit of a proportion
 constexpr std::size_t kMostMatches = 20'000;
-// Largest distance of equal points, in spacings of the patch: at first, and of the pose that its first points correct.
+// Largest distance of equal points, in spacings of the patch: for the first pose, and for the pose corrected by its
+// first points.
 constexpr double kFirstQuadReach = 0.3;
 constexpr double kQuadReach = 0.2;
 constexpr std::size_t kQuadGlance = 12;
 constexpr std::size_t kQuadGlanceHits = 6;
 constexpr double kLeastEvidence = 6.0;
-constexpr double kMostStretch = 6.0;   // of a patch beside that of the target's points, either way
+// Ratio of the radii of a patch and of the target's points, either way.
+constexpr double kMostStretch = 6.0;
 constexpr double kSameQuadPose = 0.5;  // fine scales: largest distance of equal poses
 
-// Corners in an order that depends on proportions only: the longest side first, from its end nearer to the others, then
-// the corner nearer to it.
+// The order of the corners depends only on proportions. The ends of the longest side come first, beginning with the end
+// that is nearer to the other corners; then, of these, the corner that is nearer to this end.
 struct Quad {
   std::array<std::uint32_t, 4> corners{};
   std::uint32_t centre = 0;
@@ -50,7 +52,7 @@ struct Quad {
 // Proportions of the other sides to the longest, and of the volume, which tells a quad from its mirror image.
 using Shape = std::array<float, 6>;
 
-// The points of a cloud and the nearest of some of them.
+// The points of a cloud, and the nearest neighbours of some of them.
 class Surroundings {
  public:
   Surroundings(const PreparedCloud& cloud, std::size_t centres, const Executor& executor)
@@ -72,9 +74,9 @@ class Surroundings {
   std::span<const std::uint32_t> near(std::size_t i) const {
     return std::span(near_).subspan(i * size, size);
   }
-  /// Distance of the last of them.
+  /// Distance of the last neighbour.
   double radius(std::size_t i) const { return radius_[i]; }
-  /// Of the points around a point, if they lie on a surface.
+  /// Spacing of the points around a point, if they lie on a surface.
   double spacing(std::size_t i) const {
     return radius_[i] * std::sqrt(std::numbers::pi / static_cast<double>(size - 1));
   }

@@ -94,8 +94,8 @@ struct Matched {
   Eigen::ArrayXf trusts;
 };
 
-// The least-squares motion (δt, δφ) of the places about the pivot, x moves by δt + δφ × x, slightly damped, so that
-// undetermined directions do not move.
+// The least-squares motion (δt, δφ) of the places about the pivot; a place x moves by δt + δφ × x. Slightly damped,
+// so that undetermined directions do not move.
 Vector6d small_motion(const Matched& matched, const Eigen::ArrayXf& weights, double weight) {
   constexpr double kSearchDamping = 1e-6;
   const Eigen::MatrixX3f weighted = matched.places.array().colwise() * weights;
@@ -202,7 +202,7 @@ class Search {
     return poses;
   }
 
-  // What the points from each on can add to a score at most.
+  // Entry i: the most that the points from i on can add to a score.
   std::vector<float> most_from_each(std::size_t count) const {
     const double most = target_weights_.empty()
                             ? 1.0
