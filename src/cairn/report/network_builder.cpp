@@ -210,6 +210,7 @@ std::vector<std::optional<std::string>> add_maps(Report& report, std::span<const
     Map map = detail::make_map(*maps[i].map, options);
     map.columns.clear();  // colours identify the map; keeps pages of many maps small
     map.colors.clear();
+    map.ellipsoids.reset();
     ids.emplace_back(map.id);
     report.maps.push_back(std::move(map));
   }
