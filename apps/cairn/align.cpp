@@ -223,6 +223,12 @@ bool any_given(const std::vector<Option>& options) {
   return std::any_of(options.begin(), options.end(), [](Option option) { return option.given(); });
 }
 
+bool have_descriptors_of_one_kind(const LandmarkMap& a, const LandmarkMap& b) {
+  const auto& of_a = a.landmarks().descriptors;
+  const auto& of_b = b.landmarks().descriptors;
+  return of_a && of_b && of_a->kind == of_b->kind;
+}
+
 std::string_view unit_text(LengthUnit unit) {
   return unit == LengthUnit::kMetres ? "in metres" : "of free scale";
 }
@@ -632,6 +638,12 @@ struct AlignArguments {
     for (const StrategyResult& each : results) {
       console.print(results.size() > 1 ? fmt::format("\nconfidence {}:", each.confidence) : "");
       console.print(alignment_text(each, unit, with_scale, by_parts));
+      if (has_answer(each.alignment) && with_scale &&
+          !have_descriptors_of_one_kind(source_map.map, target_map.map)) {
+        console.print(
+            "  not in these standard deviations: a deformation of the maps, which only descriptors "
+            "show\n");
+      }
       if (!has_answer(each.alignment)) {
         console.print(hints(each.alignment, source_map.map, target_map.map, options, with_scale));
       }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
@@ -139,6 +140,12 @@ struct PaperArguments {
            });
   }
 
+  static bool agree_rarely(const PaperResults& results) {
+    return !results.has_truth && results.agreement &&
+           2 * std::ranges::count(results.agreement->agrees, true) <
+               std::ssize(results.agreement->agrees);
+  }
+
   std::string success_text(const PaperResults& results) const {
     std::string text = fmt::format(
         "\nA run succeeds by its score below {:.6g} m^2 (the paper's, on its own pair: {:g}), by "
@@ -201,6 +208,11 @@ struct PaperArguments {
       console.print(
           "  hint: No run ends at the true pose, even without displacement. Where the maps overlap "
           "in part, --max-distance keeps landmarks of one map alone from pulling.\n");
+    } else if (agree_rarely(results)) {
+      console.print(
+          "  hint: Fewer than half of the runs agree on a pose, so the maps may not lie in one "
+          "frame: 'cairn align {} {} --json truth.json' finds a pose for --truth truth.json.\n",
+          source, target);
     }
   }
 };

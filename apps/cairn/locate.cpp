@@ -84,7 +84,7 @@ std::string text_of(const std::string& image, const ImageLocation& found,
       fmt::format("  {}tx ty tz qx qy qz qw  {:.4f} {:.4f} {:.4f} {:.6f} {:.6f} {:.6f} {:.6f}\n",
                   found.located ? "" : "not trusted: ", at.x(), at.y(), at.z(), turn.x(), turn.y(),
                   turn.z(), turn.w());
-  if (found.located && found.covariance) {
+  if (found.covariance) {
     const Vector6d deviations = found.covariance->diagonal().cwiseSqrt();
     text +=
         fmt::format("  standard deviations   {:.2g} {:.2g} {:.2g} {}, {:.2g} {:.2g} {:.2g} deg\n",
@@ -267,7 +267,11 @@ struct LocateArguments {
         "  cairn locate sparse/0 photo1.jpg photo2.jpg\n"
         "Example: add them to the model\n"
         "  cairn locate sparse/0 photo1.jpg photo2.jpg -o bigger/\n"
-        "The exit code is 0 if every image is located, else 4.");
+        "The exit code is 0 if every image is located, 3 if a file is no image, else 4. A pose is "
+        "right if\n"
+        "it is within 5 degrees and 5 cm; in a map of free scale, 5 cm are a sixtieth of the "
+        "median distance\n"
+        "of the landmarks from their centre.");
   }
 
   int run() {
@@ -297,9 +301,21 @@ struct LocateArguments {
     Json json = describe(loaded);
     json["results"] = Json::array();
     bool all = true;
+    bool all_read = true;
     const Console console = common.console();
+    warn_of_assumed_lens(found);
     for (std::size_t i = 0; i < images.size(); ++i) {
-      const auto& [location, lens, stated] = found[i];
+      const auto& [location, lens, stated, defect] = found[i];
+      if (!defect.empty()) {
+        all_read = false;
+        Json result = json_of(images[i], location);
+        result["verdict"] = "unreadable";
+        result["probability"] = nullptr;
+        result["reason"] = defect;
+        json["results"].push_back(std::move(result));
+        console.print("{}: unreadable: {}\n", fs::path(images[i]).filename().string(), defect);
+        continue;
+      }
       json["results"].push_back(json_of(images[i], location));
       if (stated) json["results"].back()["exif_focal_length"] = *stated;
       console.print(text_of(images[i], location, stated, loaded.map.info().length_unit));
@@ -309,6 +325,7 @@ struct LocateArguments {
     write_document(json, common);
     if (!trajectory.empty()) write_trajectory(found);
     if (!output.empty()) write_bigger_map(loaded.map, found);
+    if (!all_read) return ExitCode::kBadInput;
     return all ? ExitCode::kDone : ExitCode::kNoTrustworthyAlignment;
   }
 
@@ -317,6 +334,7 @@ struct LocateArguments {
     ImageLocation location;
     FocalLength lens = FocalLength::kKnown;
     std::optional<double> stated;
+    std::string defect;  // of a file that is no image; empty for an image
   };
 
   // The map; or the maps of an atlas that have poses, as one.
@@ -344,16 +362,40 @@ struct LocateArguments {
     std::vector<Located> found(images.size());
     common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        const std::string bytes = read_file(images[i]);
-        const GrayImage image = decode_image<GrayImage>(bytes, images[i]);
+        std::string bytes;
+        GrayImage image;
+        try {
+          bytes = read_file(images[i]);
+          image = decode_image<GrayImage>(bytes, images[i]);
+        } catch (const Error& error) {
+          // One file costs no other image its answer.
+          if (error.kind() != ErrorKind::kInput || images.size() == 1) throw;
+          found[i].defect = error.what();
+          continue;
+        }
         const Locators::OfCamera& own = locators->of(image, bytes);
         with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
-          found[i] = {own.locator.locate(image, depth_m, {.seed = common.seed}), own.lens,
-                      own.stated};
+          found[i] = {
+              own.locator.locate(image, depth_m, {.seed = common.seed}), own.lens, own.stated, {}};
         });
       }
     });
     return found;
+  }
+
+  // Nothing but the size says that the map's camera took an image.
+  void warn_of_assumed_lens(const std::vector<Located>& found) const {
+    if (!camera.empty()) return;
+    const auto assumed = std::ranges::find_if(found, [](const Located& one) {
+      return one.defect.empty() && one.lens == FocalLength::kKnown;
+    });
+    if (assumed == found.end()) return;
+    const Camera& lens = assumed->location.camera;
+    common.console().remark(
+        "the map's camera of that size is assumed: {} {} x {}, focal length {:.1f} px. If another "
+        "camera took the images, state --camera: poses would be off by more than their standard "
+        "deviations",
+        lens.model, lens.width, lens.height, intrinsics(lens).fx);
   }
 
   // A wrong focal length moves a pose without lowering its probability.

@@ -241,7 +241,7 @@ struct MergeMapsArguments {
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
-    command.list_under("Pairs", {"--models", "--min-probability", "--prior-odds", "--effort",
+    command.list_under("Pairs", {"--min-probability", "--prior-odds", "--effort",
                                  "--min-observations", "--candidates"});
     command.list_under("Merged map", {"--straighten", "--thin-splats", "--refine-intrinsics"});
     command.footer(

@@ -16,6 +16,7 @@ namespace cairn::testing {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -212,6 +213,21 @@ TEST_F(LocateCliTest, GivesTheSameBytesWhateverTheNumberOfThreads) {
 
 TEST_F(LocateCliTest, NamesWhatIsWrong) {
   expect_refusal({"locate", "desk.map", "nothing.png"}, kBadInput, {"nothing.png"});
+  // Among others, a file that is no image costs them nothing.
+  write("text.png", "no image");
+  const CommandResult batch =
+      cairn({"locate", "desk.map", "nothing.png", kImage, "text.png", "--json", "r.json"});
+  EXPECT_EQ(batch.exit_code, kBadInput);
+  EXPECT_THAT(batch.output,
+              AllOf(HasSubstr("nothing.png: unreadable: "), HasSubstr("2.000000.jpg: located: "),
+                    HasSubstr("text.png: unreadable: ")));
+  EXPECT_THAT(batch.errors,
+              HasSubstr("the map's camera of that size is assumed: PINHOLE 640 x 480, "
+                        "focal length 525.0 px"));
+  const Json results = Json::parse(content("r.json")).at("results");
+  EXPECT_EQ(results.at(0).at("verdict"), "unreadable");
+  EXPECT_TRUE(results.at(0).at("probability").is_null());
+  EXPECT_EQ(results.at(1).at("verdict"), "located");
   expect_refusal({"locate", "desk.map", kImage, "--camera", "PINHOLE 320 240 262 262 159.5 119.5"},
                  kBadInput, {"2.000000.jpg", "640 x 480 pixels", "320 x 240"});
   expect_refusal({"locate", "desk.map", kImage, kImage, "--depth", "s/depth/2.000000.png"},

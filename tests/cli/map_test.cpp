@@ -627,7 +627,7 @@ TEST_F(MapCliTest, AStartThatTheTrajectoryDoesNotCoverIsRefused) {
 
 TEST_F(MapCliTest, ASequenceThatIsNoneIsRefused) {
   expect_refusal({"map", "missing", "-o", "out.map", "--camera", "fr1"}, kBadInput,
-                 {"missing", "neither a folder nor a recording"});
+                 {"missing", "does not exist"});
   fs::create_directory(path("empty"));
   expect_refusal({"map", "empty", "-o", "out.map", "--camera", "fr1"}, kBadInput, {"rgb.txt"});
   expect_refusal({"map", "s/rgb", "-o", "out.map"}, kBadInput, {"s/rgb", "the sequence, s/"});

@@ -309,7 +309,7 @@ TEST_F(WrittenReportTest, RefusesASequenceThatFitsNoMap) {
   expect_refusal(align({"--report", "r.html", "--target-sequence", "later"}), kBadInput,
                  {"later", "from 5000.500 to 5001.000 s", "keyframe"});
   expect_refusal({"report", "source.map", "--sequence", "nowhere", "-o", "r.html"}, kBadInput,
-                 {"nowhere", "neither a folder nor a recording"});
+                 {"nowhere", "does not exist"});
   expect_refusal(align({"--source-sequence", "later"}), kWrongUsage,
                  {"--source-sequence", "--report"});
   expect_refusal({"report", "source.map", "target.map", "--sequence", "later", "-o", "r.html"},

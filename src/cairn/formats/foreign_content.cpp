@@ -88,6 +88,12 @@ constexpr Sign kSigns[] = {
     {"FIX ", 0, "is a pose graph in g2o format", kGraph},
     {"VERTEX2 ", 0, "is a pose graph in TORO format", kGraph},
     {"VERTEX3 ", 0, "is a pose graph in TORO format", kGraph},
+    {"Ogawa", 0, "is an Alembic scene, as Meshroom's sfm.abc",
+     "the scene as .sfm in JSON, which Meshroom's node ConvertSfMFormat writes"},
+    {"\x01\x03\0\0\0\0\0\0\0"
+     "0."sv,
+     0, "is OpenMVG's sfm_data.bin",
+     "sfm_data.json, which openMVG_main_ConvertSfM_DataFormat writes of it"},
     {"serialization::archive", 8, "is an atlas of ORB-SLAM3 (.osa)", kOrbslam3},
     {"22 serialization::archive", 0, "is an atlas of ORB-SLAM3 (.osa)", kOrbslam3},
     {"#name,x,y,alt,heading", 0, "is a table of camera poses by RealityCapture", kExported},

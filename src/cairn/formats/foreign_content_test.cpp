@@ -38,6 +38,10 @@ TEST(ForeignContent, NamesFilesByTheirFirstBytes) {
       {"2\r\n1 2 3 0 1 2 3\r\n4 5 6 0 1 2 3\r\n", "PTS point cloud"},
       {"VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n", "pose graph in g2o"},
       {"\x16\0\0\0\0\0\0\0serialization::archive"sv, "ORB-SLAM3"},
+      {"Ogawa\xff\0\1"sv, "Alembic scene"},
+      {"\x01\x03\0\0\0\0\0\0\0"
+       "0.3"sv,
+       "OpenMVG's sfm_data.bin"},
       {"<?xml version=\"1.0\"?>\n<document>\n <chunk label=\"1\">", "Metashape"},
       {"<? xml version=\"1.0\" ?>\n<cameras>", "an XML document"},
       {"<!DOCTYPE html>\n<html>", "web page"},

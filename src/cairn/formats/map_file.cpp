@@ -209,7 +209,7 @@ void FormatRegistry::refuse_folder(const std::filesystem::path& path) const {
     throw Error(ErrorKind::kInput, path.string(),
                 fmt::format("is a folder; it holds {} file{} with the ending of a map", maps,
                             maps == 1 ? "" : "s"),
-                "one map, such as " + first.string());
+                "the path of one map, such as " + first.string());
   }
   if (this == &native_formats()) {
     throw Error(

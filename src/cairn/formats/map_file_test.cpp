@@ -191,11 +191,9 @@ TEST(FormatRegistry, SaysWhatAFolderIsThatIsNoMap) {
   folder.write("a.map", "");
   folder.write("b.cairn", "");
   folder.write("notes.txt", "");
-  EXPECT_THAT(
-      message(),
-      HasSubstr(
-          "is a folder; it holds 2 files with the ending of a map; expected one map, such as " +
-          (folder / "a.map").string()));
+  EXPECT_THAT(message(), HasSubstr("is a folder; it holds 2 files with the ending of a map; "
+                                   "expected the path of one map, such as " +
+                                   (folder / "a.map").string()));
 }
 
 TEST(FormatRegistry, RefusesToWriteWhatItCannot) {

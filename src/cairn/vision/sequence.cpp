@@ -43,6 +43,8 @@ ImageSequence::ImageSequence(const std::filesystem::path& path, const SequenceOp
               "a recording");
     std::error_code ignored;
     const std::filesystem::file_type type = std::filesystem::status(path, ignored).type();
+    reject_if(type == std::filesystem::file_type::not_found, path.string(), "does not exist",
+              "the folder of a sequence, or a bag, .mcap or .db3 of ROS");
     // If the type is unknown, the reader of the list says why.
     reject_if(
         type != std::filesystem::file_type::directory && type != std::filesystem::file_type::none,

@@ -81,7 +81,7 @@ TEST(ImageSequence, CountsFramesWithoutDepthAndDepthWithoutFrames) {
 TEST(ImageSequence, NamesWhatIsMissingOrDoesNotFit) {
   const TemporaryFolder folder;
   EXPECT_THAT(message_of([&] { ImageSequence(folder / "none"); }),
-              HasSubstr("none: neither a folder nor a recording"));
+              HasSubstr("none: does not exist"));
   EXPECT_THAT(message_of([&] { ImageSequence(folder.path()); }), HasSubstr("holds no sequence"));
   folder.write("rgb.txt", "1 a.png\n2 b.png\n");
   folder.write("depth.txt", "1 d.png\n");

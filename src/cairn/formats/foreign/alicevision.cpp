@@ -56,6 +56,7 @@ class AliceVisionReader {
       each(all.at("intrinsics"), [&](const JsonValue& json) { read_camera(json); });
     }
     read_frames(all.at("poses"), all.at("views"));
+    if (!all.has("structure")) out_.lost("there is no structure: the map has no landmarks");
     if (all.has("structure")) {
       each(all.at("structure"), [&](const JsonValue& json) { read_point(json); });
     }

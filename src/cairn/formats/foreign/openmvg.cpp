@@ -31,6 +31,7 @@ class OpenMvgReader {
   LandmarkMap read(const JsonValue& all) {
     all.at("intrinsics").each([&](const JsonValue& entry) { read_camera(entry); });
     read_frames(all.at("extrinsics").array(), all.at("views").array());
+    if (!all.has("structure")) out_.lost("there is no structure: the map has no landmarks");
     if (all.has("structure")) {
       all.at("structure").each([&](const JsonValue& entry) { read_point(entry); });
       out_.lost(unposed_, "observations by views without a pose are left out");
