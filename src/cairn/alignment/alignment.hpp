@@ -73,7 +73,7 @@ struct Support {
   /// Number of mutual nearest neighbours in the sample within r, r/2, r/4, ... (r: radius).
   static constexpr std::size_t kRadii = 6;
   std::array<std::size_t, kRadii> within = {};
-  /// Index in `within` of the widest radius at which most matches are not due to chance: r/4.
+  /// Index of r/4 in `within`: the widest radius at which most matches are not due to chance.
   static constexpr std::size_t kFine = 2;
   /// One-to-one matches of all landmarks, as a share of the smaller map, estimated from the sample;
   /// at most 1. Many landmarks mapped onto one do not increase the share.

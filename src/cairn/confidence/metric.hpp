@@ -14,9 +14,9 @@ namespace cairn {
 /// A rule for the confidence of each landmark of a map.
 ///
 /// `evaluate` returns one number per landmark; higher means more confident. An alignment uses only the
-/// order of these numbers, unless it weights the matches by them. A landmark with confidence 0 (never
-/// observed, or of unknown input) is never matched. If the whole map lacks an input, `evaluate` throws
-/// Error (input) naming the metric and the input.
+/// order of these numbers, unless it weights the matches by them. A landmark that was never observed,
+/// or whose input to the metric is unknown, has confidence 0 and is never matched. If the whole map
+/// lacks an input, `evaluate` throws Error (input) naming the metric and the input.
 struct Metric {
   std::string name;
   std::function<std::vector<double>(const LandmarkMap&)> evaluate;

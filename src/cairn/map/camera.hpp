@@ -58,8 +58,8 @@ std::string camera_defect(const Camera& camera);
 /// Whether model, size and parameters are equal.
 bool is_same_lens(const Camera& a, const Camera& b);
 
-/// Affine map from the image plane to pixels: u = fx·x + cx, v = fy·y + cy. On the optical axis:
-/// focal lengths and principal point.
+/// Affine map from the image plane to pixels: u = fx·x + cx, v = fy·y + cy. fx and fy are the focal
+/// lengths on the optical axis, and (cx, cy) is the principal point.
 struct Intrinsics {
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;  ///< pixels
 };

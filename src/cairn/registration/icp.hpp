@@ -24,7 +24,7 @@ struct IcpOptions {
   double mse_change_threshold = PclCriteria().mse_change_threshold;
   /// Stop when the matches repeat, because all further iterations are then known (see
   /// MatchHistory). If false, iterate until the threshold or the iteration limit is reached, as PCL
-  /// does. In a limit cycle, the result is then the pose at the iteration limit.
+  /// does. If the matches cycle, the result is then the pose of the last iteration.
   bool stop_at_repetition = true;
   /// Align growing samples of both sets first (see align_samples). Faster, but may converge to
   /// another optimum.

@@ -59,8 +59,8 @@ inline constexpr double kErrorScale = 4.0;
 struct KernelScales {
   double coarse =
       0.0;  ///< half the extent of the smaller cloud: the largest error that one start can correct
-  /// One and a half times the smaller spacing of both clouds, or one and a half times the noise of a match if that is
-  /// larger. Noise of more than a tenth of the smaller extent is ignored.
+  /// One and a half times the smaller of the two clouds' spacings, or one and a half times the noise of a match if that
+  /// is larger. Noise of more than a tenth of the smaller cloud's extent is ignored.
   double fine = 0.0;
 };
 

@@ -20,10 +20,11 @@ struct RecognitionCandidate {
 };
 
 /// Finds maps that may show the same place as a query map, without aligning any: an inverted index
-/// over binary descriptors. Other descriptors, e.g. SIFT, are converted to 256 bits first. A bit is
-/// set if the sum of two random bytes minus the sum of two other bytes exceeds the mean difference
-/// in these maps (random projections, Charikar 2002; sparse, Achlioptas 2003). In real images, 84 %
-/// of SIFT matches and 3 of 10,000 other pairs then differ in few enough bits to count.
+/// over binary descriptors. Other descriptors, e.g. SIFT, are converted to 256 bits first. Each bit
+/// compares four of the descriptor's bytes, chosen at random once: it is set if the first two minus
+/// the other two exceed the mean of this difference over the indexed maps (random projections,
+/// Charikar 2002; sparse, Achlioptas 2003). In real images, the bits of 84 % of SIFT matches are
+/// similar enough to count as a match, and so are those of 0.03 % of other pairs.
 ///
 /// Each table stores a descriptor under a key of a few of its bits (Indyk and Motwani 1998), drawn
 /// at random from bits that are balanced and uncorrelated in these maps. Other bits would map most

@@ -24,8 +24,8 @@ struct ShownPoints {
   std::vector<std::uint32_t> landmarks = {};    ///< one per point
   std::vector<Eigen::Vector3d> positions = {};  ///< one per point
 
-  /// For a map that shows only the aligned landmarks, in the order of the PointSet: the Map is made with
-  /// MapOptions::landmarks = landmarks_to_align(map, options).
+  /// For a report that shows only the aligned landmarks. The caller makes its Map with
+  /// MapOptions::landmarks = landmarks_to_align(map, options), so that both have the PointSet's order.
   static ShownPoints only_aligned(const LandmarkMap& map, const PointSetOptions& options);
   /// For a map that shows all its landmarks.
   static ShownPoints among_all(const LandmarkMap& map, const PointSetOptions& options);

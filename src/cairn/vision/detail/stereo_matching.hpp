@@ -25,8 +25,8 @@ struct Disparity {
 /// window correlates best. The search back from this column must return to the place, and no other column may
 /// correlate nearly as well. Patch alignment refines the column within the row.
 /// @param left, right 8 bit, of one size
-/// @return std::nullopt if there is no such column within the range, or if the places beside it do not lie on one
-///         surface with it: the place may then belong to either of two surfaces
+/// @return std::nullopt if there is no such column within the range, or if the place and the places beside it do not
+///         lie on one surface, because the place may then belong to either of two surfaces
 std::optional<Disparity> disparity(const cv::Mat& left, const cv::Mat& right,
                                    const Eigen::Vector2d& at, const DisparityRange& range);
 

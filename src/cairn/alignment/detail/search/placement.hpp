@@ -143,7 +143,7 @@ class Placement {
   std::optional<std::pair<Finalist, std::vector<Match>>> fitted_to_identities(
       const Finalist& pose) const;
 
-  /// The matches whose landmarks a pose brings within this many matching radii of each other.
+  /// The matches that agree with `pose`: it brings their two landmarks within `radii` matching radii.
   std::vector<Match> agreeing(const Similarity3& pose, double radii) const;
 
   Surroundings around(const Similarity3& pose) const;

@@ -79,9 +79,9 @@ void write_opensfm(const LandmarkMap& map, const std::filesystem::path& path,
 /// proportional to the angles. In OpenMVG's other images, both coordinates are 0.
 inline constexpr double kOpenMvgPanorama = 0.5;
 
-/// Reads sfm_data.json of OpenMVG (docs/formats.md): views with a pose become frames, the structure landmarks of free
-/// scale. Descriptors come from the feature files beside sfm_data.json, in a folder "matches" there, or in a folder
-/// "matches" beside its folder.
+/// Reads sfm_data.json of OpenMVG (docs/formats.md). Views with a pose become frames, and the points of the structure
+/// become landmarks; the scale is free. Descriptors come from the feature files in the folder of sfm_data.json, in its
+/// subfolder "matches", or in a folder "matches" next to it.
 /// @throws Error (input) naming source, place, value and constraint
 LandmarkMap read_openmvg(const MapInput& input, const Execution& execution = {});
 

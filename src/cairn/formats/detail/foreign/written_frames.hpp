@@ -68,7 +68,8 @@ struct FrameObservations {
 ///         would confuse them
 std::vector<std::string> image_names(const LandmarkMap& map);
 
-/// The same for JSON. @throws Error (input) also naming a frame whose image name is not UTF-8
+/// image_names() for JSON.
+/// @throws Error (input) as image_names(), or naming a frame whose image name is not UTF-8
 std::vector<std::string> json_image_names(const LandmarkMap& map);
 
 /// A focal length and radial distortion about the optical axis, as in camera model RADIAL.
