@@ -291,7 +291,6 @@ struct LocateArguments {
     const LoadedMap loaded = load_world();
     std::optional<CameraFile> file;
     if (!camera.empty() && camera != kUnknown) file = load_camera(camera, {std::string(kUnknown)});
-    if (file) warn_of_other_lens(loaded.map, file->camera);
     const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
     const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
@@ -303,7 +302,6 @@ struct LocateArguments {
     bool all = true;
     bool all_read = true;
     const Console console = common.console();
-    warn_of_assumed_lens(found);
     for (std::size_t i = 0; i < images.size(); ++i) {
       const auto& [location, lens, stated, defect] = found[i];
       if (!defect.empty()) {
@@ -375,41 +373,19 @@ struct LocateArguments {
         }
         const Locators::OfCamera& own = locators->of(image, bytes);
         with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
-          found[i] = {
-              own.locator.locate(image, depth_m, {.seed = common.seed}), own.lens, own.stated, {}};
+          const Execution execution{.seed = common.seed};
+          found[i] = {own.locator.locate(image, depth_m, execution), own.lens, own.stated, {}};
+          const ImageLocation& location = found[i].location;
+          if (!camera.empty() || location.failure != LocationFailure::kLens) return;
+          // Of the map's size, but by another camera.
+          const ImageLocator other =
+              own.locator.with_camera(location.camera, FocalLength::kUnknown);
+          found[i].location = other.locate(image, depth_m, execution);
+          found[i].lens = FocalLength::kUnknown;
         });
       }
     });
     return found;
-  }
-
-  // Nothing but the size says that the map's camera took an image.
-  void warn_of_assumed_lens(const std::vector<Located>& found) const {
-    if (!camera.empty()) return;
-    const auto assumed = std::ranges::find_if(found, [](const Located& one) {
-      return one.defect.empty() && one.lens == FocalLength::kKnown;
-    });
-    if (assumed == found.end()) return;
-    const Camera& lens = assumed->location.camera;
-    common.console().remark(
-        "the map's camera of that size is assumed: {} {} x {}, focal length {:.1f} px. If another "
-        "camera took the images, state --camera: poses would be off by more than their standard "
-        "deviations",
-        lens.model, lens.width, lens.height, intrinsics(lens).fx);
-  }
-
-  // A wrong focal length moves a pose without lowering its probability.
-  void warn_of_other_lens(const LandmarkMap& in_map, const Camera& given) const {
-    bool is_of_size = false;
-    for (const Camera& known : in_map.cameras()) {
-      if (known.width != given.width || known.height != given.height) continue;
-      if (is_same_lens(known, given)) return;
-      is_of_size = true;
-    }
-    if (!is_of_size) return;
-    common.console().remark(
-        "--camera is not the map's camera of that size: if the images are by the map's, leave the "
-        "option out; poses would be off by more than their standard deviations");
   }
 
   DepthImage read_depth(double units) const {

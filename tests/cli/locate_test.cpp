@@ -83,13 +83,15 @@ TEST_F(LocateCliTest, TakesTheMapsOwnCamera) {
               HasSubstr("standard deviations"));
 }
 
-TEST_F(LocateCliTest, RemarksThatTheCameraIsNotTheMaps) {
-  const std::string remark = "--camera is not the map's camera of that size";
-  EXPECT_THAT(cairn({"locate", "desk.map", kImage, "--camera", "s/camera.yaml"}).errors,
-              Not(HasSubstr(remark)));
-  const CommandResult other =
-      cairn({"locate", "desk.map", kImage, "--camera", "PINHOLE 640 480 500 500 319.5 239.5"});
-  EXPECT_THAT(other.errors, HasSubstr(remark));
+TEST_F(LocateCliTest, RefusesAPoseThroughAnotherLens) {
+  const Words words = {
+      "locate", "desk.map", kImage, "--camera", "PINHOLE 640 480 480 480 319.5 239.5",
+      "--json", "r.json"};
+  const CommandResult other = cairn(words);
+  EXPECT_EQ(other.exit_code, kNoAlignment);
+  EXPECT_THAT(other.output, AllOf(HasSubstr("rejected: the matches fit another lens far better"),
+                                  HasSubstr("hint: State the image's camera by --camera")));
+  EXPECT_EQ(Json::parse(content("r.json")).at("results").at(0).at("failure"), "lens");
 }
 
 TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {
@@ -221,9 +223,6 @@ TEST_F(LocateCliTest, NamesWhatIsWrong) {
   EXPECT_THAT(batch.output,
               AllOf(HasSubstr("nothing.png: unreadable: "), HasSubstr("2.000000.jpg: located: "),
                     HasSubstr("text.png: unreadable: ")));
-  EXPECT_THAT(batch.errors,
-              HasSubstr("the map's camera of that size is assumed: PINHOLE 640 x 480, "
-                        "focal length 525.0 px"));
   const Json results = Json::parse(content("r.json")).at("results");
   EXPECT_EQ(results.at(0).at("verdict"), "unreadable");
   EXPECT_TRUE(results.at(0).at("probability").is_null());

@@ -73,6 +73,10 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
     case LocationFailure::kFocalLength:
       return {
           "Give the image's lens by --camera, or use an image that shows more than one surface."};
+    case LocationFailure::kLens:
+      return {
+          "State the image's camera by --camera, or find its lens with the pose: --camera "
+          "unknown."};
     case LocationFailure::kImprobable:
       break;
   }

@@ -73,6 +73,8 @@ std::string_view to_string(LocationFailure failure) {
       return "ambiguous";
     case LocationFailure::kFocalLength:
       return "focal_length";
+    case LocationFailure::kLens:
+      return "lens";
   }
   return "";
 }
@@ -122,7 +124,10 @@ class ImageLocator::View {
     const DescribedImage described = describer_.describe(detail::matrix_of(image), depth_m);
     const ImagePoseSearch search(landmarks_->described, describer_, described, seed);
     if (focal_length_ == FocalLength::kUnknown) return locate_with_lens(search, described);
-    return judged(search, described, search.best(sensor()));
+    const auto best = search.best(sensor());
+    ImageLocation result = judged(search, described, best);
+    if (result.located) check_lens(search, *best, result);
+    return result;
   }
 
  private:
@@ -130,6 +135,28 @@ class ImageLocator::View {
     if (width == camera_.width && height == camera_.height) return;
     throw Error(ErrorKind::kInput, what, fmt::format("{} x {} pixels", width, height),
                 fmt::format("{} x {}, as the camera has", camera_.width, camera_.height));
+  }
+
+  // A pose through the wrong lens is off by more than its covariance says, and no match need be wrong for it.
+  void check_lens(const ImagePoseSearch& search, const ImagePose& best,
+                  ImageLocation& result) const {
+    // At most 29 and 5 % for images through the right lens, at least 108 and 21 % through another (docs/evidence.md).
+    constexpr double kLeastDecrease = 30.0;
+    constexpr double kLeastShare = 0.12;
+    const auto lens =
+        search.lens_of(sensor(), detail::radial_camera(camera_, intrinsics(camera_).fx), best);
+    if (!lens) return;
+    const auto gain = search.gain_of(sensor(), best, *lens);
+    if (gain.decrease < kLeastDecrease || gain.share < kLeastShare) return;
+    result.located = false;
+    result.failure = LocationFailure::kLens;
+    result.world_from_camera.reset();
+    result.reason = fmt::format(
+        "the matches fit another lens far better: their squared residuals are {:.0f} % less with a "
+        "focal length of {:.0f} px and a radial distortion of {:.2f} than with the camera's focal "
+        "length of {:.0f} px",
+        100.0 * gain.share, lens->camera.parameters[0], lens->camera.parameters[3],
+        intrinsics(camera_).fx);
   }
 
   SensorModel sensor() const {

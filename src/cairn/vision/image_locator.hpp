@@ -39,9 +39,10 @@ enum class LocationFailure {
   kImprobable,   ///< the probability of the best pose is too low
   kAmbiguous,    ///< another pose explains other matches
   kFocalLength,  ///< the matches do not determine the focal length
+  kLens,         ///< the matches fit another lens far better than the camera's
 };
 
-/// "few_matches", "few_inliers", "improbable", "ambiguous" or "focal_length".
+/// "few_matches", "few_inliers", "improbable", "ambiguous", "focal_length" or "lens".
 std::string_view to_string(LocationFailure failure);
 
 /// Result of locating an image.

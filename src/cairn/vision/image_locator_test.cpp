@@ -333,6 +333,11 @@ TEST(ImageLocator, FindsTheDistortionWithTheFocalLength) {
   EXPECT_NEAR(found.camera.parameters[3], -0.12, 0.02);
   const Vector6d off = found.world_from_camera->difference_to(pose_at(60, 40));
   EXPECT_LT(off.head<3>().norm(), 0.02);
+  // Without it, the pose would be wrong though its matches are right.
+  const ImageLocation through_flat = ImageLocator(map, flat).locate(image_of(distorted));
+  EXPECT_FALSE(through_flat.located);
+  EXPECT_FALSE(through_flat.world_from_camera);
+  EXPECT_EQ(through_flat.failure, LocationFailure::kLens) << through_flat.reason;
 }
 
 TEST(ImageLocator, DoesNotLocateByAPlaneThatLeavesTheFocalLengthOpen) {

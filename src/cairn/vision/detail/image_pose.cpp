@@ -220,6 +220,40 @@ std::optional<LensEstimate> ImagePoseSearch::lens_of(const SensorModel& sensor,
   return estimate_lens(camera, matches, pose.pose.world_from_camera);
 }
 
+ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const SensorModel& sensor, const ImagePose& pose,
+                                                   const LensEstimate& lens) const {
+  constexpr double kFar = 1.5;  // pixels: what is farther counts less
+  const Rigid3 by_sensor = pose.pose.world_from_camera.inverse();
+  const Rigid3 by_lens = lens.world_from_camera.inverse();
+  std::vector<double> with_sensor;  // residuals, coordinate by coordinate
+  std::vector<double> with_lens;
+  const auto add = [](const Eigen::Vector2d& residual, std::vector<double>& to) {
+    to.insert(to.end(), {std::abs(residual.x()), std::abs(residual.y())});
+  };
+  for (const FeatureMatch& match : pose.matches) {
+    const auto& keypoint = image_->features.keypoints()[match.feature];
+    const Eigen::Vector3d& x = landmarks_->position(match.landmark);
+    const auto pixel = project(lens.camera, by_lens * x);
+    if (!pixel) continue;
+    add(sensor.pinhole().project(by_sensor * x) - keypoint.pixel.cast<double>(), with_sensor);
+    add({pixel->u - keypoint.raw.u, pixel->v - keypoint.raw.v}, with_lens);
+  }
+  if (with_lens.empty()) return {};
+  std::vector<double> sorted = with_lens;
+  constexpr double kSigmaOfMedian = 1.4826;  // of absolute deviations of normal ones
+  const double noise = kSigmaOfMedian * upper_median(sorted);
+  const auto cost = [&](const std::vector<double>& residuals) {
+    double sum = 0.0;
+    for (const double residual : residuals) {
+      sum += std::sqrt(1.0 + (residual / kFar) * (residual / kFar)) - 1.0;
+    }
+    return sum * kFar * kFar / (noise * noise);
+  };
+  const double before = cost(with_sensor);
+  const double decrease = before - cost(with_lens);
+  return before > 0.0 && noise > 0.0 ? LensGain{decrease, decrease / before} : LensGain{};
+}
+
 ImagePoseSearch ImagePoseSearch::seen_through(const ImageDescriber& describer,
                                               const DescribedImage& image) const {
   ImagePoseSearch search = *this;
