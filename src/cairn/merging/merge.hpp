@@ -74,7 +74,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options 
 
 /// The first half of merge(): link_maps(), then optimise_poses(). Only aligned and stated links
 /// place a map; maps without a link to the largest group are left out. The order of the maps
-/// affects only the frame and the numbering.
+/// affects only the frame and the numbering, and what rounding in another frame decides.
 /// @return result without a merged map
 /// @throws Error as merge(), (misuse) for a map that is given twice under any names, (input) for a
 ///         model that lies elsewhere than its map
