@@ -153,18 +153,14 @@ class Locators {
   const OfCamera& of(const GrayImage& image, std::string_view bytes) {
     if (is_given_) return first_;
     const Camera* const known = only_of(image.width, image.height);
-    const std::optional<double> stated =
-        known != nullptr ? std::nullopt : exif_focal_length(bytes, image.width, image.height);
-    const std::lock_guard lock(mutex_);
-    const auto [place, is_new] = locators_.try_emplace({image.width, image.height, stated});
-    if (is_new) {
-      const Camera camera =
-          known != nullptr ? *known : unknown_camera(image.width, image.height, stated);
-      const FocalLength lens = known != nullptr ? FocalLength::kKnown : FocalLength::kUnknown;
-      place->second = std::make_unique<OfCamera>(
-          OfCamera{first_.locator.with_camera(camera, lens), lens, stated});
-    }
-    return *place->second;
+    if (known == nullptr) return of_unknown(image, bytes);
+    return at({image.width, image.height, true, std::nullopt}, *known);
+  }
+  /// Where the camera is not that of the map's images of this size.
+  const OfCamera& of_unknown(const GrayImage& image, std::string_view bytes) {
+    const auto stated = exif_focal_length(bytes, image.width, image.height);
+    return at({image.width, image.height, false, stated},
+              unknown_camera(image.width, image.height, stated));
   }
 
  private:
@@ -179,6 +175,20 @@ class Locators {
             height,
             {stated.value_or(kUsual * std::max(width, height)), 0.5 * (width - 1.0),
              0.5 * (height - 1.0)}};
+  }
+
+  // Width, height, whether the camera is known, and otherwise the focal length of EXIF data.
+  using Key = std::tuple<std::uint32_t, std::uint32_t, bool, std::optional<double>>;
+
+  const OfCamera& at(const Key& key, const Camera& camera) {
+    const std::lock_guard lock(mutex_);
+    const auto [place, is_new] = locators_.try_emplace(key);
+    if (is_new) {
+      const FocalLength lens = std::get<2>(key) ? FocalLength::kKnown : FocalLength::kUnknown;
+      place->second = std::make_unique<OfCamera>(
+          OfCamera{first_.locator.with_camera(camera, lens), lens, std::get<3>(key)});
+    }
+    return *place->second;
   }
 
   // The camera of that size; null if there is none or several lenses are.
@@ -196,10 +206,7 @@ class Locators {
   std::vector<Camera> cameras_;
   OfCamera first_;
   std::mutex mutex_;
-  // By width, height and the focal length of EXIF data where the camera is unknown.
-  std::map<std::tuple<std::uint32_t, std::uint32_t, std::optional<double>>,
-           std::unique_ptr<OfCamera>>
-      locators_;
+  std::map<Key, std::unique_ptr<OfCamera>> locators_;
 };
 
 struct LocateArguments {
@@ -297,7 +304,7 @@ struct LocateArguments {
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
     const std::vector<Located> found =
         locate_all(loaded.map, file ? std::optional(file->camera) : std::nullopt, depth_m);
-    Json json = describe(loaded);
+    Json json = describe(loaded, found);
     json["results"] = Json::array();
     bool all = true;
     bool all_read = true;
@@ -360,30 +367,31 @@ struct LocateArguments {
     std::vector<Located> found(images.size());
     common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        std::string bytes;
-        GrayImage image;
         try {
-          bytes = read_file(images[i]);
-          image = decode_image<GrayImage>(bytes, images[i]);
+          found[i] = located(images[i], *locators, depth_m);
         } catch (const Error& error) {
           // One file costs no other image its answer.
-          if (error.kind() != ErrorKind::kInput || images.size() == 1) throw;
+          if (error.kind() == ErrorKind::kCancelled || images.size() == 1) throw;
           found[i].defect = error.what();
-          continue;
         }
-        const Locators::OfCamera& own = locators->of(image, bytes);
-        with_option_names({{"image", images[i]}, {"depth image", depth}}, [&] {
-          const Execution execution{.seed = common.seed};
-          found[i] = {own.locator.locate(image, depth_m, execution), own.lens, own.stated, {}};
-          const ImageLocation& location = found[i].location;
-          if (!camera.empty() || location.failure != LocationFailure::kLens) return;
-          // Of the map's size, but by another camera.
-          const ImageLocator other =
-              own.locator.with_camera(location.camera, FocalLength::kUnknown);
-          found[i].location = other.locate(image, depth_m, execution);
-          found[i].lens = FocalLength::kUnknown;
-        });
       }
+    });
+    return found;
+  }
+
+  Located located(const std::string& path, Locators& locators, const DepthImage& depth_m) const {
+    const std::string bytes = read_file(path);
+    const GrayImage image = decode_image<GrayImage>(bytes, path);
+    const Execution execution{.seed = common.seed};
+    Located found;
+    with_option_names({{"image", path}, {"depth image", depth}}, [&] {
+      const auto locate = [&](const Locators::OfCamera& own) {
+        found = {own.locator.locate(image, depth_m, execution), own.lens, own.stated, {}};
+      };
+      locate(locators.of(image, bytes));
+      // Of the map's size, but by another camera.
+      const bool by_another = camera.empty() && found.location.failure == LocationFailure::kLens;
+      if (by_another) locate(locators.of_unknown(image, bytes));
     });
     return found;
   }
@@ -397,10 +405,13 @@ struct LocateArguments {
     return metres;
   }
 
-  Json describe(const LoadedMap& loaded) const {
+  Json describe(const LoadedMap& loaded, const std::vector<Located>& found) const {
     Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
-    for (const std::string& image : images)
-      inputs["images"].push_back(describe_file(image, common));
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      inputs["images"].push_back(found[i].defect.empty()
+                                     ? describe_file(images[i], common)
+                                     : Json{{"path", images[i]}, {"hash", nullptr}});
+    }
     Json json = {
         {"camera", text_or_null(camera)}, {"depth", text_or_null(depth)}, {"adjust", adjusts}};
     json.update(options_of(LocateOptions::table, &options));

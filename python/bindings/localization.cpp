@@ -101,7 +101,7 @@ void bind_localization(py::module_& module) {
       .def_readonly("reason", &ImageLocation::reason)
       .get("failure",
            "Why it was not located: \"few_matches\", \"few_inliers\", \"improbable\", "
-           "\"ambiguous\" or \"focal_length\"; None if located.",
+           "\"ambiguous\", \"focal_length\" or \"lens\"; None if located.",
            &ImageLocation::failure, &name_or_none)
       .get("world_from_camera", "4x4; None unless located.", &ImageLocation::world_from_camera)
       .get("estimate",

@@ -333,6 +333,8 @@ class GivenFeatures {
     } else {
       numbers_ = real_array(given, place_, {-1, -1});
     }
+    refuse_if(columns() == 0, place_, "descriptors of no numbers",
+              "at least one for each keypoint");
   }
 
   std::size_t columns() const {

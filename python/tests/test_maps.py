@@ -155,6 +155,8 @@ class Columns(unittest.TestCase):
         np.testing.assert_array_equal(described.descriptors[1], cairn.LandmarkMap.descriptor_bytes(directions)[14])
         with self.assertRaisesRegex(cairn.MisuseError, "'a.png'.*14 features.*keypoint 14"):
             m.with_descriptors("USER", lambda name: features[:14])
+        with self.assertRaisesRegex(cairn.MisuseError, "descriptors of no numbers"):
+            m.with_descriptors("USER", lambda name: features if name else np.zeros((15, 0), np.uint8))
         with self.assertRaisesRegex(cairn.MisuseError, "describes no keypoint"):
             m.with_descriptors("USER", lambda name: None)
         with self.assertRaisesRegex(cairn.MisuseError, "4 as of other images"):

@@ -68,17 +68,17 @@ void require_one_frame(const MergeInput& input) {
   constexpr double kLeastShare = 0.5;
   if (input.model == nullptr) return;
   const std::vector<Eigen::Vector3d>& positions = input.model->landmarks().positions;
+  reject_if(positions.empty(), input.name, "its model has no landmarks", "a model with landmarks");
   const double limit = kNear * node_extent(positions).radius;
   const BatchTree tree(input.map->landmarks().positions);
   std::array<Neighbor, 1> nearest;
   const auto near = std::ranges::count_if(positions, [&](const Eigen::Vector3d& x) {
     return tree.nearest(x, nearest, limit * limit) > 0;
   });
-  const double share =
-      static_cast<double>(near) / static_cast<double>(std::max<std::size_t>(positions.size(), 1));
+  const double share = static_cast<double>(near) / static_cast<double>(positions.size());
   if (share >= kLeastShare) return;
   throw Error(ErrorKind::kInput, input.name,
-              fmt::format("{:.0f} % of the landmarks of its model are near its own", 100.0 * share),
+              fmt::format("{:.0f} % of its model's landmarks are near its own", 100.0 * share),
               "a model in the same frame and unit");
 }
 

@@ -126,7 +126,8 @@ class ImageLocator::View {
     if (focal_length_ == FocalLength::kUnknown) return locate_with_lens(search, described);
     const auto best = search.best(sensor());
     ImageLocation result = judged(search, described, best);
-    if (result.located) check_lens(search, *best, result);
+    // With depths, the pose fits more than pixels.
+    if (result.located && depth_m.empty()) check_lens(search, *best, result);
     return result;
   }
 
@@ -146,11 +147,12 @@ class ImageLocator::View {
     const auto lens =
         search.lens_of(sensor(), detail::radial_camera(camera_, intrinsics(camera_).fx), best);
     if (!lens) return;
-    const auto gain = search.gain_of(sensor(), best, *lens);
+    const auto gain = search.gain_of(camera_, best, *lens);
     if (gain.decrease < kLeastDecrease || gain.share < kLeastShare) return;
     result.located = false;
     result.failure = LocationFailure::kLens;
     result.world_from_camera.reset();
+    result.covariance.reset();
     result.reason = fmt::format(
         "the matches fit another lens far better: their squared residuals are {:.0f} % less with a "
         "focal length of {:.0f} px and a radial distortion of {:.2f} than with the camera's focal "

@@ -312,20 +312,30 @@ TEST(SiftFeatures, AreWhereTheImageHasABlob) {
   }
 }
 
-TEST(ImageLocator, FindsTheDistortionWithTheFocalLength) {
-  const LandmarkMap map =
-      sift_map(true, [](std::size_t i) { return 1.5 + 0.37 * static_cast<double>(i * 7 % 11); });
-  const Camera flat = TexturedWall::camera();
-  const Camera barrel{{1}, "RADIAL", 640, 480, {TexturedWall::kFocal, 319.5, 239.5, -0.12, 0.0}};
+Camera barrel_camera(double k) {
+  return {{1}, "RADIAL", 640, 480, {TexturedWall::kFocal, 319.5, 239.5, k, 0.0}};
+}
+
+// That wall as this camera sees it.
+cv::Mat posters_through(const Camera& camera) {
   cv::Mat_<cv::Point2f> from(480, 640);
   from.forEach([&](cv::Point2f& to, const int* at) {
-    const auto ray = unproject(barrel, {static_cast<double>(at[1]), static_cast<double>(at[0])});
-    const auto pixel = ray ? project(flat, *ray) : std::nullopt;
+    const auto ray = unproject(camera, {static_cast<double>(at[1]), static_cast<double>(at[0])});
+    const auto pixel = ray ? project(TexturedWall::camera(), *ray) : std::nullopt;
     to = pixel ? cv::Point2f(static_cast<float>(pixel->u), static_cast<float>(pixel->v))
                : cv::Point2f(-1.0F, -1.0F);
   });
   cv::Mat distorted;
   cv::remap(posters(60, 40), distorted, from, cv::noArray(), cv::INTER_CUBIC);
+  return distorted;
+}
+
+TEST(ImageLocator, FindsTheDistortionWithTheFocalLength) {
+  const LandmarkMap map =
+      sift_map(true, [](std::size_t i) { return 1.5 + 0.37 * static_cast<double>(i * 7 % 11); });
+  const Camera flat = TexturedWall::camera();
+  const Camera barrel = barrel_camera(-0.12);
+  const cv::Mat distorted = posters_through(barrel);
   const ImageLocation found =
       ImageLocator(map, flat).with_camera(flat, FocalLength::kUnknown).locate(image_of(distorted));
   ASSERT_TRUE(found.located) << found.reason;
@@ -338,6 +348,20 @@ TEST(ImageLocator, FindsTheDistortionWithTheFocalLength) {
   EXPECT_FALSE(through_flat.located);
   EXPECT_FALSE(through_flat.world_from_camera);
   EXPECT_EQ(through_flat.failure, LocationFailure::kLens) << through_flat.reason;
+}
+
+// Undistorted, the noise of corners at the edge is larger than in the image: no sign of another lens.
+TEST(ImageLocator, TakesTheRightLensForRightHoweverItDistorts) {
+  const LandmarkMap map =
+      sift_map(true, [](std::size_t i) { return 1.5 + 0.37 * static_cast<double>(i * 7 % 11); });
+  const ImageLocator locator(map, TexturedWall::camera());
+  for (const double k : {-0.12, -0.28, 0.15}) {
+    const Camera camera = barrel_camera(k);
+    const ImageLocation found =
+        locator.with_camera(camera).locate(image_of(posters_through(camera)));
+    ASSERT_TRUE(found.located) << k << ": " << found.reason;
+    EXPECT_LT(found.world_from_camera->difference_to(pose_at(60, 40)).head<3>().norm(), 0.02) << k;
+  }
 }
 
 TEST(ImageLocator, DoesNotLocateByAPlaneThatLeavesTheFocalLengthOpen) {

@@ -47,9 +47,10 @@ class AliceVisionReader {
   AliceVisionReader(const std::string& name, const Execution& execution) : out_(name, execution) {}
 
   LandmarkMap read(const JsonValue& all) {
-    if (all.has("featuresFolders")) {
-      each(all.at("featuresFolders"),
-           [&](const JsonValue& folder) { features_.folders.push_back(folder.text()); });
+    if (all.has("featuresFolders") && all.at("featuresFolders").json().is_array()) {
+      each(all.at("featuresFolders"), [&](const JsonValue& folder) {
+        if (folder.json().is_string()) features_.folders.push_back(folder.text());
+      });
     }
     if (all.has("version")) read_version(all.at("version"));
     if (all.has("intrinsics")) {
@@ -269,7 +270,8 @@ class AliceVisionReader {
     std::optional<Color> color;
     if (json.has("color")) color = color_of(vector3(json.at("color")));
     out_.add_landmark(id, position, color);
-    if (json.has("descType")) features_.landmarks[json.at("descType").text()].insert(id);
+    if (json.has("descType") && json.at("descType").json().is_string())
+      features_.landmarks[json.at("descType").text()].insert(id);
     if (!json.has("observations")) return;
     each(json.at("observations"), [&](const JsonValue& seen) {
       const auto frame = frame_of_view_.find(whole(seen.at("observationId")));

@@ -225,13 +225,14 @@ std::optional<Ellipsoids> ellipsoids_of(const LandmarkMap& map,
     high = std::fmax(high, value);
   }
   if (!(low <= high)) return std::nullopt;
-  const auto quantisation = Quantisation::over<std::uint8_t>(low, high);
+  constexpr double kOctaves = 24.0;  // what is smaller is no more than a point beside the largest
+  const auto quantisation = Quantisation::over<std::uint8_t>(std::max(low, high - kOctaves), high);
   Ellipsoids result;
   result.scale = quantisation.step;
   result.offset = quantisation.low;
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     constexpr double kLargest = std::numeric_limits<std::int8_t>::max();
-    const bool is_known = !std::isnan(logarithms[i]);
+    const bool is_known = logarithms[i] >= high - kOctaves;  // false if it is not a number
     const Eigen::Matrix3d c =
         is_known ? Eigen::Matrix3d(*map.covariance(landmarks[i]) * std::exp2(-2.0 * logarithms[i]))
                  : Eigen::Matrix3d::Zero();

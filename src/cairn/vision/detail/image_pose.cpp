@@ -220,23 +220,22 @@ std::optional<LensEstimate> ImagePoseSearch::lens_of(const SensorModel& sensor,
   return estimate_lens(camera, matches, pose.pose.world_from_camera);
 }
 
-ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const SensorModel& sensor, const ImagePose& pose,
+ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const Camera& camera, const ImagePose& pose,
                                                    const LensEstimate& lens) const {
   constexpr double kFar = 1.5;  // pixels: what is farther counts less
-  const Rigid3 by_sensor = pose.pose.world_from_camera.inverse();
+  const Rigid3 by_camera = pose.pose.world_from_camera.inverse();
   const Rigid3 by_lens = lens.world_from_camera.inverse();
-  std::vector<double> with_sensor;  // residuals, coordinate by coordinate
+  std::vector<double> with_camera;  // residuals, coordinate by coordinate
   std::vector<double> with_lens;
-  const auto add = [](const Eigen::Vector2d& residual, std::vector<double>& to) {
-    to.insert(to.end(), {std::abs(residual.x()), std::abs(residual.y())});
-  };
   for (const FeatureMatch& match : pose.matches) {
-    const auto& keypoint = image_->features.keypoints()[match.feature];
+    const Pixel& seen = image_->features.keypoints()[match.feature].raw;
     const Eigen::Vector3d& x = landmarks_->position(match.landmark);
-    const auto pixel = project(lens.camera, by_lens * x);
-    if (!pixel) continue;
-    add(sensor.pinhole().project(by_sensor * x) - keypoint.pixel.cast<double>(), with_sensor);
-    add({pixel->u - keypoint.raw.u, pixel->v - keypoint.raw.v}, with_lens);
+    const auto first = project(camera, by_camera * x);
+    const auto second = project(lens.camera, by_lens * x);
+    if (!first || !second) continue;
+    with_camera.insert(with_camera.end(),
+                       {std::abs(first->u - seen.u), std::abs(first->v - seen.v)});
+    with_lens.insert(with_lens.end(), {std::abs(second->u - seen.u), std::abs(second->v - seen.v)});
   }
   if (with_lens.empty()) return {};
   std::vector<double> sorted = with_lens;
@@ -249,7 +248,7 @@ ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const SensorModel& sensor, co
     }
     return sum * kFar * kFar / (noise * noise);
   };
-  const double before = cost(with_sensor);
+  const double before = cost(with_camera);
   const double decrease = before - cost(with_lens);
   return before > 0.0 && noise > 0.0 ? LensGain{decrease, decrease / before} : LensGain{};
 }

@@ -62,15 +62,14 @@ class ImagePoseSearch {
   /// @param camera where the search begins; as from radial_camera()
   std::optional<LensEstimate> lens_of(const SensorModel& sensor, const Camera& camera,
                                       const ImagePose& pose) const;
-  /// How much better the matches fit a lens of their own, fitted with the pose, than the sensor's: the decrease of half the
-  /// robust sum of squares, in units of the matches' noise, and as a share.
+  /// How much better the matches fit a lens of their own, fitted with the pose, than the camera's: the decrease of half the
+  /// robust sum of squared residuals in the original image, in units of the matches' noise, and as a share.
   struct LensGain {
     double decrease = 0.0;
     double share = 0.0;
   };
   /// @param lens result of lens_of()
-  LensGain gain_of(const SensorModel& sensor, const ImagePose& pose,
-                   const LensEstimate& lens) const;
+  LensGain gain_of(const Camera& camera, const ImagePose& pose, const LensEstimate& lens) const;
   /// The same search with the features of the image as another camera would have undistorted them.
   ImagePoseSearch seen_through(const ImageDescriber& describer, const DescribedImage& image) const;
   /// The best pose from the pairs that `pose` does not explain.
