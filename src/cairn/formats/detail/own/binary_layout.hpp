@@ -126,6 +126,10 @@ struct MapParts {
   Landmarks& landmarks;
   Observations& observations;
 };
+// Clang deduces the parameters of an aggregate from version 17 on only.
+template <class Info, class Cameras, class Rigs, class Frames, class Landmarks, class Observations>
+MapParts(Info&, Cameras&, Rigs&, Frames&, Landmarks&, Observations&)
+    -> MapParts<Info, Cameras, Rigs, Frames, Landmarks, Observations>;
 
 /// Passes the content of every section to a codec, which reads or writes it.
 template <class Codec, class Parts>
