@@ -319,12 +319,14 @@ Camera barrel_camera(double k) {
 // That wall as this camera sees it.
 cv::Mat posters_through(const Camera& camera) {
   cv::Mat_<cv::Point2f> from(480, 640);
-  from.forEach([&](cv::Point2f& to, const int* at) {
-    const auto ray = unproject(camera, {static_cast<double>(at[1]), static_cast<double>(at[0])});
-    const auto pixel = ray ? project(TexturedWall::camera(), *ray) : std::nullopt;
-    to = pixel ? cv::Point2f(static_cast<float>(pixel->u), static_cast<float>(pixel->v))
-               : cv::Point2f(-1.0F, -1.0F);
-  });
+  for (int v = 0; v < from.rows; ++v) {
+    for (int u = 0; u < from.cols; ++u) {
+      const auto ray = unproject(camera, {static_cast<double>(u), static_cast<double>(v)});
+      const auto pixel = ray ? project(TexturedWall::camera(), *ray) : std::nullopt;
+      from(v, u) = pixel ? cv::Point2f(static_cast<float>(pixel->u), static_cast<float>(pixel->v))
+                         : cv::Point2f(-1.0F, -1.0F);
+    }
+  }
   cv::Mat distorted;
   cv::remap(posters(60, 40), distorted, from, cv::noArray(), cv::INTER_CUBIC);
   return distorted;
