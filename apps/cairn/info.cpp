@@ -548,7 +548,7 @@ struct InfoArguments {
         json["pose_topics"].push_back({{"name", topic.name}, {"body", text_or_null(topic.body)}});
         console.print("  at the recorded poses{}: --poses topic:{}{}\n",
                       topic.body.empty() ? "" : " of " + plain_text(topic.body),
-                      plain_text(topic.name), topic.body.empty() ? ",FRAME" : "");
+                      plain_text(topic.name), topic.body.empty() && !topic.is_tree ? ",FRAME" : "");
       }
     } catch (const Error& error) {
       json["command"] = nullptr;

@@ -13,18 +13,18 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/text.hpp"
+#include "cairn/recording/detail/frame_tree.hpp"
+#include "cairn/recording/detail/parse_message.hpp"
 
 namespace cairn {
 namespace {
 
+using detail::is_readable;
+using detail::parse_message;
+
 constexpr std::string_view kImageType = "sensor_msgs/Image";
 constexpr std::string_view kCompressedType = "sensor_msgs/CompressedImage";
 constexpr std::string_view kInfoType = "sensor_msgs/CameraInfo";
-constexpr std::string_view kTransformType = "tf2_msgs/TFMessage";
-
-bool is_readable(const RecordedTopic& topic) {
-  return topic.encoding == "cdr" || topic.encoding == "ros1";
-}
 
 std::string up_from(const std::string& name) {
   return name.substr(0, std::min(name.rfind('/'), name.size()));
@@ -58,13 +58,6 @@ bool is_depth_image(const std::string& encoding, const std::string& topic) {
          encoding.find("compressedDepth") != std::string::npos ||
          (lower_case(topic).find("depth") != std::string::npos &&
           (encoding == "mono16" || encoding.starts_with("16UC1")));
-}
-
-template <class Parse>
-auto parse_message(const Recording& recording, const RecordedMessage& message, const Parse& parse) {
-  const RecordedTopic& topic = recording.topics()[message.topic];
-  const std::string bytes = recording.read(message);
-  return parse(MessageBytes{bytes, topic.encoding, recording.name() + ": " + topic.name});
 }
 
 std::vector<std::pair<std::string, CameraInfo>> camera_infos(
@@ -108,27 +101,6 @@ SensorTopics given_topics(const Recording& recording, const std::vector<ImageTop
   reject_if(chosen.image.is_depth, recording.name(), given.substr(0, comma) + " are depth images",
             "the topic of the images first");
   return chosen;
-}
-
-// The rigid transform between two frames of a tree of transforms.
-std::optional<Rigid3> transform_between(const std::map<std::string, FrameTransform>& parents,
-                                        const std::string& target, const std::string& source) {
-  const auto up = [&](std::string frame) {
-    std::vector<std::pair<std::string, Rigid3>> path = {{frame, Rigid3()}};
-    while (path.size() <= parents.size()) {
-      const auto found = parents.find(frame);
-      if (found == parents.end()) break;
-      frame = found->second.parent;
-      path.emplace_back(frame, found->second.parent_from_child * path.back().second);
-    }
-    return path;
-  };
-  for (const auto& [frame, from_source] : up(source)) {
-    for (const auto& [other, from_target] : up(target)) {
-      if (frame == other) return from_target.inverse() * from_source;
-    }
-  }
-  return std::nullopt;
 }
 
 // The transform of two of RealSense's streams: /device_0/sensor_1/Color_0/tf/3 is the pose of the reference stream 3 in the
@@ -257,15 +229,7 @@ std::optional<double> depth_unit_m(const Recording& recording, const ImageTopic&
 
 std::optional<Rigid3> static_transform(const Recording& recording, const std::string& target,
                                        const std::string& source) {
-  std::map<std::string, FrameTransform> parents;
-  for (const RecordedMessage& message : recording.messages()) {
-    const RecordedTopic& topic = recording.topics()[message.topic];
-    if (topic.type != kTransformType || !topic.name.ends_with("tf_static")) continue;
-    for (const FrameTransform& step : parse_message(recording, message, parse_transforms)) {
-      parents.insert_or_assign(step.child, step);
-    }
-  }
-  return transform_between(parents, target, source);
+  return detail::FrameTree(recording).between(target, source);
 }
 
 std::vector<PoseTopic> pose_topics(const Recording& recording) {
@@ -273,9 +237,11 @@ std::vector<PoseTopic> pose_topics(const Recording& recording) {
   std::vector<bool> is_known(recording.topics().size());
   for (const RecordedMessage& message : recording.messages()) {
     const RecordedTopic& topic = recording.topics()[message.topic];
-    if (is_known[message.topic] || !has_poses(topic)) continue;
+    const bool is_tree = detail::has_moving_transforms(topic);
+    if (is_known[message.topic] || !(has_poses(topic) || is_tree)) continue;
     is_known[message.topic] = true;
-    found.push_back({topic.name, ""});
+    found.push_back({topic.name, "", is_tree});
+    if (is_tree) continue;
     try {
       found.back().body = pose_of(recording, message).child;
     } catch (const Error&) {  // who uses the topic is told
@@ -289,6 +255,10 @@ Trajectory camera_poses(const Recording& recording, const std::string& given,
                         const std::string& camera_frame) {
   const std::string name = given.substr(0, given.find(','));
   std::string body = name.size() < given.size() ? given.substr(name.size() + 1) : "";
+  const bool is_tree = std::ranges::any_of(recording.topics(), [&](const RecordedTopic& topic) {
+    return topic.name == name && detail::has_moving_transforms(topic);
+  });
+  if (is_tree) return detail::FrameTree(recording, name).poses(body, camera_frame);
   const std::string place = recording.name() + ": " + name;
   std::vector<FrameTransform> poses;
   for (const RecordedMessage& message : recording.messages()) {

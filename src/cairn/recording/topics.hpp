@@ -57,22 +57,27 @@ std::optional<Rigid3> static_transform(const Recording& recording, const std::st
 /// Whether the name contains "image_rect", image_proc's name for rectified images.
 bool is_rectified_topic(const std::string& name);
 
-/// A readable pose topic: nav_msgs/Odometry, geometry_msgs/PoseStamped or
-/// PoseWithCovarianceStamped.
+/// A readable pose topic: nav_msgs/Odometry, geometry_msgs/PoseStamped, PoseWithCovarianceStamped, or
+/// tf2_msgs/TFMessage other than /tf_static.
 struct PoseTopic {
   std::string name;
-  std::string body;  ///< frame that the poses describe; empty if not in the first message
+  std::string body;      ///< frame that the poses describe; empty if not in the first message
+  bool is_tree = false;  ///< transforms of any frames, as on /tf
 };
 
 /// The readable pose topics, sorted by name.
 std::vector<PoseTopic> pose_topics(const Recording& recording);
 
-/// Poses world_from_camera from a topic of body poses and /tf_static; the world is the topic's
-/// parent frame. Timestamps come from the message headers.
-/// @param given "TOPIC", or "TOPIC,FRAME" with the body's frame
+/// Poses world_from_camera. Timestamps come from the message headers.
+/// From a topic of body poses and /tf_static: the world is the topic's parent frame.
+/// From a topic of transforms and /tf_static: the world is the topmost frame above the camera, or the
+/// given one. The poses are at the times of the most frequent transform between the two; the other
+/// transforms are interpolated.
+/// @param given "TOPIC", or "TOPIC,FRAME" with the body's frame; for transforms the world's frame
 /// @param camera_frame frame of the camera's images
 /// @throws Error (input) naming the choices for another topic; if the body's frame or its transform
-///         to the camera is unknown; for messages in several frames
+///         to the camera is unknown; for messages in several frames; if the transforms do not move
+///         the camera in the world
 Trajectory camera_poses(const Recording& recording, const std::string& given,
                         const std::string& camera_frame);
 

@@ -40,11 +40,29 @@ struct PoseTopicsTest : ::testing::TestWithParam<const char*> {
     add_pose(fields, world_from_body(1e-9 * static_cast<double>(time_ns)));
     messages.push_back({topic, type, messages.size(), fields.bytes()});
   }
-  void mount() {
+  void transform(const std::string& topic, std::uint64_t time_ns, const std::string& parent,
+                 const std::string& child, const Rigid3& pose,
+                 const std::string& type = "tf2_msgs/TFMessage") {
     MessageFields fields(GetParam());
-    fields.number(std::uint32_t{1}).header(0, "base").text("optical");
-    add_pose(fields, body_from_camera);
-    messages.push_back({"/tf_static", "tf2_msgs/TFMessage", messages.size(), fields.bytes()});
+    fields.number(std::uint32_t{1}).header(time_ns, parent).text(child);
+    add_pose(fields, pose);
+    messages.push_back({topic, type, messages.size(), fields.bytes()});
+  }
+  void mount() { transform("/tf_static", 0, "base", "optical", body_from_camera); }
+  // A localization that turns with constant speed about the map's origin, stated each second, and odometry each tenth of
+  // a second; with old names of frames and types.
+  static Rigid3 map_from_odom(double time_s) {
+    return {Eigen::Quaterniond(Eigen::AngleAxisd(0.1 * time_s, Eigen::Vector3d::UnitZ())),
+            Eigen::Vector3d::Zero()};
+  }
+  void drive() {
+    for (std::uint64_t tenth = 0; tenth <= 25; ++tenth) {
+      const std::uint64_t time_ns = 100'000'000 * tenth;
+      const double time_s = 0.1 * static_cast<double>(tenth);
+      transform("/tf", time_ns, "/odom", "/base", world_from_body(time_s), "tf/tfMessage");
+      if (tenth % 10 == 0)
+        transform("/tf", time_ns, "map", "odom", map_from_odom(time_s), "tf/tfMessage");
+    }
   }
   Recording recording() const {
     const bool is_ros1 = GetParam() == std::string("ros1");
@@ -100,6 +118,51 @@ TEST_P(PoseTopicsTest, WhatIsNotKnownIsRefused) {
   mount();
   pose("/odom", "nav_msgs/Odometry", 2, "map");
   EXPECT_THAT(refused("/odom"), HasSubstr("poses in 'odom' and in 'map'"));
+}
+
+TEST_P(PoseTopicsTest, TheCameraMovesInATreeOfTransforms) {
+  mount();
+  drive();
+  const auto topics = pose_topics(recording());
+  ASSERT_EQ(topics.size(), 1U) << "and not tf_static";
+  EXPECT_EQ(topics[0].name, "/tf");
+  EXPECT_TRUE(topics[0].is_tree);
+
+  const Trajectory in_map = camera_poses(recording(), "/tf", "/optical");
+  ASSERT_EQ(in_map.size(), 21U) << "where the localization is known, 0 to 2 s";
+  for (const TimedPose& timed : in_map.poses()) {
+    const double t = timed.timestamp_s;
+    const Rigid3 expected = map_from_odom(t) * world_from_body(t) * body_from_camera;
+    EXPECT_LT((timed.world_from_camera.matrix() - expected.matrix()).norm(), 1e-9) << t;
+  }
+  const Trajectory in_odom = camera_poses(recording(), "/tf,odom", "optical");
+  ASSERT_EQ(in_odom.size(), 26U);
+  EXPECT_LT((in_odom.poses()[25].world_from_camera.matrix() -
+             (world_from_body(2.5) * body_from_camera).matrix())
+                .norm(),
+            1e-9);
+}
+
+TEST_P(PoseTopicsTest, TransformsThatDoNotMoveTheCameraAreRefused) {
+  drive();
+  EXPECT_THAT(refused("/tf"), HasSubstr("/tf: does not move the camera's frame 'optical', above "
+                                        "which are optical"));
+  mount();
+  EXPECT_THAT(
+      refused("/tf,world"),
+      HasSubstr("/tf: the frame 'world' is not above the camera's frame 'optical'; expected "
+                "one of optical, base, odom, map"));
+  EXPECT_THAT(refused("/tf,base"), HasSubstr("does not move")) << "the mount is fixed";
+  transform("/tf", 9'000'000'000, "map", "base", {});
+  EXPECT_THAT(refused("/tf"), HasSubstr("the frame 'base' has the parents 'odom' and 'map'"));
+}
+
+TEST_P(PoseTopicsTest, ALoopOfFramesEnds) {
+  mount();
+  transform("/tf", 1, "optical", "base", {});
+  transform("/tf", 2, "optical", "base", {});
+  EXPECT_THAT(refused("/tf,world"), HasSubstr("the frame 'world' is not above"));
+  EXPECT_THAT(refused("/tf,base"), HasSubstr("does not move"));
 }
 
 // What RealSense's own recorder writes: all streams are in a frame "0", and state their cameras and poses beside them.
