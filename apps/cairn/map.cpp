@@ -226,11 +226,12 @@ struct MapArguments {
                   "With --close-loops: also adjust the camera's parameters")
         .needs(loops);
     command
-        .add_text("--poses", poses,
-                  "Use these known poses, world_from_camera: a trajectory in TUM format, or a "
-                  "recording's odometry or poses, with the camera's place by tf_static. Only the "
-                  "landmarks are estimated, in that world",
-                  "FILE|topic:NAME[,FRAME]")
+        .add_text(
+            "--poses", poses,
+            "Use these known poses, world_from_camera: a trajectory in TUM format, or a "
+            "recording's odometry, poses or /tf, with the camera's place by tf_static. Only the "
+            "landmarks are estimated, in that world",
+            "FILE|topic:NAME[,FRAME]")
         .excludes(pose)
         .excludes(from)
         .excludes(rolling)
