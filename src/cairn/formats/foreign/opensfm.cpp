@@ -22,6 +22,7 @@
 #include "cairn/formats/detail/foreign/written_frames.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/geometry/rigid3.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -518,7 +519,7 @@ std::optional<nlohmann::json> opensfm_camera(const Camera& camera) {
 class OpenSfmWriter {
  public:
   OpenSfmWriter(const LandmarkMap& map, const fs::path& path, const Execution& execution)
-      : map_(map), path_(path), execution_(execution) {
+      : map_(map), path_(path), execution_(execution), mounts_(cameras_from_rigs(map.rigs())) {
     require_cameras(map, "a shot of OpenSfM");
     names_ = image_names(map);
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
@@ -561,6 +562,7 @@ class OpenSfmWriter {
       flush(sink);
     }
     text_ += '}';
+    if (!map_.rigs().empty()) write_rigs();
     if (is_georeferenced()) {
       const GeodeticPosition& origin = map_.info().georeference->origin;
       text_ += R"(, "reference_lla": {"latitude": )";
@@ -634,6 +636,7 @@ class OpenSfmWriter {
                             .keypoints = true,
                             .georeference = is_georeferenced(),
                             .gnss = is_georeferenced(),
+                            .rigs = true,
                             .control_points = true};
     log_losses(execution_.log, map_, holdings, "OpenSfM", path_.string());
   }
@@ -662,14 +665,64 @@ class OpenSfmWriter {
     text_ += ']';
   }
 
+  // A camera of a rig; OpenSfM names rig cameras that it makes itself as their cameras.
+  std::string mount_name(CameraIndex camera) const {
+    return "rig " + camera_name(map_.cameras()[camera.value]);
+  }
+
+  // Begins an object with a pose.
+  void pose(const Rigid3& a_from_b) const {
+    text_ += "{\"rotation\": ";
+    vector(rotation_log(a_from_b.quaternion()));
+    text_ += ", \"translation\": ";
+    vector(a_from_b.translation());
+  }
+
+  void write_rigs() const {
+    text_ += ", \"rig_cameras\": {";
+    bool is_first = true;
+    for (const Rig& rig : map_.rigs()) {
+      for (const Rig::Mount& mount : rig.mounts) {
+        begin_entry(std::exchange(is_first, false), mount_name(mount.camera));
+        pose(mount.camera_from_rig());
+        text_ += '}';
+      }
+    }
+    text_ += "}, \"rig_instances\": {";
+    is_first = true;
+    for (const auto& [instant, shots] : shots_of_instants()) {
+      if (shots.size() < 2) continue;
+      begin_entry(std::exchange(is_first, false), fmt::format("{:010}", instant.value));
+      write_instance(shots);
+    }
+    text_ += '}';
+  }
+
+  std::map<InstantId, std::vector<std::uint32_t>> shots_of_instants() const {
+    std::map<InstantId, std::vector<std::uint32_t>> shots;
+    const FrameTable& frames = map_.frames();
+    for (std::uint32_t i = 0; i < map_.frame_count() && !frames.instants.empty(); ++i) {
+      if (const auto instant = frames.instants[i]) shots[*instant].push_back(i);
+    }
+    return shots;
+  }
+
+  void write_instance(const std::vector<std::uint32_t>& shots) const {
+    const auto camera_of_shot = [&](std::uint32_t shot) { return *map_.frames().cameras[shot]; };
+    const Rigid3 rig_from_camera = mounts_.at(camera_of_shot(shots.front())).inverse();
+    pose(rig_from_camera * map_.world_from_camera(FrameIndex{shots.front()}).inverse());
+    text_ += ", \"rig_camera_ids\": {";
+    for (const std::uint32_t shot : shots) {
+      begin_entry(shot == shots.front(), names_[shot]);
+      text_ += nlohmann::json(mount_name(camera_of_shot(shot))).dump();
+    }
+    text_ += "}}";
+  }
+
   void write_shot(FrameIndex frame) const {
     const FrameTable& frames = map_.frames();
-    const Rigid3 camera_from_world = map_.world_from_camera(frame).inverse();
     begin_entry(frame.value == 0, names_[frame.value]);
-    text_ += "{\"rotation\": ";
-    vector(rotation_log(camera_from_world.quaternion()));
-    text_ += ", \"translation\": ";
-    vector(camera_from_world.translation());
+    pose(map_.world_from_camera(frame).inverse());
     text_ += fmt::format(R"(, "camera": "{}")", camera_name(camera_of(map_, frame)));
     if (!frames.timestamps_s.empty() && frames.timestamps_s[frame.value]) {
       text_ += ", \"capture_time\": ";
@@ -698,6 +751,7 @@ class OpenSfmWriter {
   const fs::path& path_;
   const Execution& execution_;
   std::vector<std::string> names_;
+  std::unordered_map<CameraIndex, Rigid3> mounts_;  // camera_from_rig
   mutable std::string text_;
 };
 

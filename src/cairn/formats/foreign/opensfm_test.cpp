@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <filesystem>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -25,6 +27,7 @@ namespace {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::ElementsAreArray;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using testing::refusal;
@@ -128,8 +131,30 @@ TEST_F(OpenSfmTest, RigInstancesSayWhichShotsAreOfOneInstantAndPose) {
   EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
   EXPECT_LT(testing::off_rig(map), 1e-15);
   EXPECT_LT(testing::off_rig(ImportTest::read(write(map, "model/"))), 1e-15);
-  write(map, "again.json", {.format = "opensfm"});
-  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("no place for: 1 rigs")));
+  const LandmarkMap again = ImportTest::read(write(map, "again.json", {.format = "opensfm"}));
+  EXPECT_THAT(remarks_.losses, ElementsAre());
+  EXPECT_THAT(again.rigs(), ElementsAreArray(map.rigs()));
+  EXPECT_EQ(again.frames().instants, map.frames().instants);
+  EXPECT_LT(testing::off_rig(again), 1e-15);
+}
+
+TEST_F(OpenSfmTest, RigsAreWritten) {
+  const LandmarkMap map = testing::rig_map();
+  const LandmarkMap again = ImportTest::read(write(map, "again.json", {.format = "opensfm"}));
+  EXPECT_THAT(remarks_.losses, Not(Contains(HasSubstr("rig"))));
+  EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
+  ASSERT_EQ(again.rigs().size(), 1U);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const Rig::Mount& before = map.rigs()[0].mounts[k];
+    const Rig::Mount& after = again.rigs()[0].mounts[k];
+    EXPECT_EQ(intrinsics(again.cameras()[after.camera.value]).fx,
+              intrinsics(map.cameras()[before.camera.value]).fx);
+    EXPECT_LT(after.camera_from_rig().difference_to(before.camera_from_rig()).norm(), 1e-12);
+  }
+  EXPECT_LT(testing::off_rig(again), 1e-12);
+  std::set<std::optional<InstantId>> instants(again.frames().instants.begin(),
+                                              again.frames().instants.end());
+  EXPECT_EQ(instants.size(), 8U) << "7 of both images, and none of images alone";
 }
 
 TEST_F(OpenSfmTest, GnssPositionsAreRelativeToTheReference) {
