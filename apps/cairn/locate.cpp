@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -26,6 +28,7 @@
 #include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/map_file.hpp"
+#include "cairn/formats/trajectory_file.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/vision/exif.hpp"
 #include "cairn/vision/image.hpp"
@@ -70,11 +73,15 @@ Json json_of(const std::string& image, const ImageLocation& found) {
   return json;
 }
 
+std::string_view decision_of(const ImageLocation& found) {
+  return found.located ? "located" : "rejected";
+}
+
+// @param said what the first line says
 // @param stated focal length by EXIF data
-std::string text_of(const std::string& image, const ImageLocation& found,
+std::string text_of(const std::string& image, const std::string& said, const ImageLocation& found,
                     const std::optional<double>& stated, LengthUnit unit) {
-  std::string text = fmt::format("{}: {}: {}\n", fs::path(image).filename().string(),
-                                 found.located ? "located" : "rejected", found.reason);
+  std::string text = fmt::format("{}: {}\n", fs::path(image).filename().string(), said);
   // What is all but wrong misleads.
   constexpr double kWorthShowing = 0.01;
   if (!found.estimate || found.probability < kWorthShowing) return text;
@@ -215,9 +222,11 @@ struct LocateArguments {
   std::vector<std::string> images;
   std::string camera;
   std::string depth;
+  std::string poses;
   std::string trajectory;
   std::string output;
   bool adjusts = false;
+  bool triangulates = false;
   std::optional<double> depth_units;
   LocateOptions options;
   static constexpr std::string_view kUnknown = "unknown";
@@ -229,8 +238,10 @@ struct LocateArguments {
                       "; or an atlas, whose placed maps count as one")
         .required();
     command
-        .add_words("images", images, "Images to locate, JPEG or PNG; each is located separately",
-                   "IMAGE")
+        .add_words(
+            "images", images,
+            "Images to locate, JPEG or PNG; each is located separately, unless --poses is given",
+            "IMAGE")
         .required();
     command.add_text(
         "--camera", camera,
@@ -241,7 +252,7 @@ struct LocateArguments {
             "several)",
             kCameraHelp),
         "CAMERA");
-    command.add_text(
+    const Option measured = command.add_text(
         "--depth", depth,
         "Depth image (PNG, 16 bit) of the same view, for a single image; makes the pose more "
         "accurate",
@@ -254,12 +265,24 @@ struct LocateArguments {
         "Write the poses of the located images, world_from_camera, in TUM format; timestamps "
         "are the images' names if all are numbers, else 0, 1, ...",
         "FILE");
+    const Option together = command.add_text(
+        "--poses", poses,
+        "Locate all images as one, by their poses relative to each other: a trajectory of the same "
+        "timestamps in metres, world_from_camera of any world, as odometry gives it",
+        "FILE");
+    together.excludes(measured);
     const Option written = command.add_text(
         "-o,--output", output,
         fmt::format("Also write the map with the located images as further frames, each with "
                     "its matches as observations: {}",
                     all_formats().endings_text()),
         "FILE");
+    command
+        .add_flag(
+            "--triangulate", triangulates,
+            "With --output: also add landmarks that two or more of the located images show and "
+            "the map does not have")
+        .needs(written);
     command.add_flag("--adjust", adjusts, "With --output: run a bundle adjustment of the whole map")
         .needs(written);
     common.add_to(command);
@@ -273,7 +296,9 @@ struct LocateArguments {
         "it?\n"
         "  cairn locate sparse/0 photo1.jpg photo2.jpg\n"
         "Example: add them to the model\n"
-        "  cairn locate sparse/0 photo1.jpg photo2.jpg -o bigger/\n"
+        "  cairn locate sparse/0 photo1.jpg photo2.jpg -o bigger/ --triangulate --adjust\n"
+        "Example: where is the robot, whose last images show too little each?\n"
+        "  cairn locate lab.map 12.0.png 12.5.png 13.0.png --camera fr1 --poses odometry.tum\n"
         "The exit code is 0 if every image is located, 3 if a file is no image, else 4. A pose is "
         "right if\n"
         "it is within 5 degrees and 5 cm; in a map of free scale, 5 cm are a sixtieth of the "
@@ -302,6 +327,9 @@ struct LocateArguments {
     const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
+    const LengthUnit unit = loaded.map.info().length_unit;
+    reject_if(!poses.empty() && unit != LengthUnit::kMetres, map, "no unit of length",
+              "a map in metres, as --poses are");
     const std::vector<Located> found =
         locate_all(loaded.map, file ? std::optional(file->camera) : std::nullopt, depth_m);
     Json json = describe(loaded, found);
@@ -309,6 +337,15 @@ struct LocateArguments {
     bool all = true;
     bool all_read = true;
     const Console console = common.console();
+    const auto one =
+        std::ranges::find_if(found, [](const Located& it) { return it.defect.empty(); });
+    if (!poses.empty() && one != found.end()) {
+      console.print(
+          "{} images together: {}: {}\n",
+          std::ranges::count_if(found, [](const Located& it) { return it.defect.empty(); }),
+          decision_of(one->location), one->location.reason);
+      console.print(location_hints(one->location, loaded.map, one->lens, options));
+    }
     for (std::size_t i = 0; i < images.size(); ++i) {
       const auto& [location, lens, stated, defect] = found[i];
       if (!defect.empty()) {
@@ -323,8 +360,11 @@ struct LocateArguments {
       }
       json["results"].push_back(json_of(images[i], location));
       if (stated) json["results"].back()["exif_focal_length"] = *stated;
-      console.print(text_of(images[i], location, stated, loaded.map.info().length_unit));
-      console.print(location_hints(location, loaded.map, lens, options));
+      const std::string said = poses.empty()
+                                   ? fmt::format("{}: {}", decision_of(location), location.reason)
+                                   : fmt::format("{} matches", location.matches.size());
+      console.print(text_of(images[i], said, location, stated, unit));
+      if (poses.empty()) console.print(location_hints(location, loaded.map, lens, options));
       all = all && location.located;
     }
     write_document(json, common);
@@ -365,18 +405,77 @@ struct LocateArguments {
     with_option_names({{"descriptors", descriptors}},
                       [&] { locators.emplace(in_map, given, others, options); });
     std::vector<Located> found(images.size());
-    common.executor().for_blocks(images.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        try {
-          found[i] = located(images[i], *locators, depth_m);
-        } catch (const Error& error) {
-          // One file costs no other image its answer.
-          if (error.kind() == ErrorKind::kCancelled || images.size() == 1) throw;
-          found[i].defect = error.what();
-        }
-      }
+    if (!poses.empty()) {
+      locate_as_one(*locators, found);
+      return found;
+    }
+    common.executor().for_blocks(images.size(), 1, [&](std::size_t i, std::size_t) {
+      found[i].defect = defect_of([&] { found[i] = located(images[i], *locators, depth_m); });
     });
     return found;
+  }
+
+  // Why a file is no image; empty if it is one. One file costs no other image its answer.
+  std::string defect_of(const std::function<void()>& read) const {
+    try {
+      read();
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::kCancelled || images.size() == 1) throw;
+      return error.what();
+    }
+    return "";
+  }
+
+  void locate_as_one(Locators& locators, std::vector<Located>& found) const {
+    const std::vector<Rigid3> odometry_from_camera = given_poses();
+    std::vector<GrayImage> pixels(images.size());
+    std::vector<BodyView> views;
+    std::vector<Located*> seen;
+    std::vector<OptionNames> names;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      std::string bytes;
+      found[i].defect = defect_of([&] {
+        bytes = read_file(images[i]);
+        pixels[i] = decode_image<GrayImage>(bytes, images[i]);
+      });
+      if (!found[i].defect.empty()) continue;
+      const Locators::OfCamera& own = locators.of(pixels[i], bytes);
+      reject_if(own.lens == FocalLength::kUnknown, images[i], "an unknown camera",
+                "--camera, or a map with one camera for images of this size: with --poses, images "
+                "need a known lens");
+      names.emplace_back(fmt::format("views[{}].image", views.size()), images[i]);
+      views.push_back({&own.locator, &pixels[i], odometry_from_camera[i]});
+      seen.push_back(&found[i]);
+    }
+    if (views.empty()) return;
+    with_option_names(names, [&] {
+      const auto locations = locate_together(views, common.execution("locating"));
+      for (std::size_t k = 0; k < seen.size(); ++k) seen[k]->location = locations[k];
+    });
+  }
+
+  // The images' poses in the world of the odometry.
+  std::vector<Rigid3> given_poses() const {
+    constexpr double kSameTime = 0.02;  // as associate()
+    const Trajectory odometry = read_trajectory(poses, common.console().log());
+    std::vector<Rigid3> result;
+    for (const std::string& stamp : stamps_of(images)) {
+      const double time = *parse_number(stamp);
+      const TimedPose* const nearest = nearest_pose(odometry, time);
+      const std::string& image = images[result.size()];
+      reject_if(nearest == nullptr, poses, "no pose", "one for each image");
+      std::optional<Rigid3> pose = interpolated(odometry, time);
+      if (!pose && std::abs(nearest->timestamp_s - time) <= kSameTime) {
+        pose = nearest->world_from_camera;
+      }
+      reject_if(
+          !pose, poses,
+          fmt::format("no pose of {} at {} s: the nearest is at {} s", image, stamp,
+                      nearest->timestamp_s),
+          fmt::format("one within {} s, or two that are at most 0.1 s apart around it", kSameTime));
+      result.push_back(*pose);
+    }
+    return result;
   }
 
   Located located(const std::string& path, Locators& locators, const DepthImage& depth_m) const {
@@ -407,13 +506,17 @@ struct LocateArguments {
 
   Json describe(const LoadedMap& loaded, const std::vector<Located>& found) const {
     Json inputs = {{"map", loaded.description}, {"images", Json::array()}};
+    if (!poses.empty()) inputs["poses"] = describe_file(poses, common);
     for (std::size_t i = 0; i < images.size(); ++i) {
       inputs["images"].push_back(found[i].defect.empty()
                                      ? describe_file(images[i], common)
                                      : Json{{"path", images[i]}, {"hash", nullptr}});
     }
-    Json json = {
-        {"camera", text_or_null(camera)}, {"depth", text_or_null(depth)}, {"adjust", adjusts}};
+    Json json = {{"camera", text_or_null(camera)},
+                 {"depth", text_or_null(depth)},
+                 {"poses", text_or_null(poses)},
+                 {"adjust", adjusts},
+                 {"triangulate", triangulates}};
     json.update(options_of(LocateOptions::table, &options));
     return document("locate", common, std::move(inputs), std::move(json));
   }
@@ -434,6 +537,7 @@ struct LocateArguments {
                               names[i]);
     }
     LandmarkMap bigger = with_frames(in_map, located);
+    if (triangulates) bigger = with_landmarks_of(files, bigger);
     if (adjusts) {
       AdjustOptions how;
       how.covariances = bigger.has_covariances();
@@ -445,6 +549,22 @@ struct LocateArguments {
     save_map(bigger, output, common);
     common.console().print("{}: {} frames, of which {} are new\n", output, bigger.frame_count(),
                            located.size());
+  }
+
+  // @param files those of the map's last frames
+  LandmarkMap with_landmarks_of(const std::vector<std::string>& files,
+                                const LandmarkMap& in_map) const {
+    std::vector<FrameImage> new_images;
+    const std::size_t first = in_map.frame_count() - files.size();
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      new_images.push_back(
+          {FrameIndex{static_cast<std::uint32_t>(first + i)}, read_color_image(files[i])});
+    }
+    LandmarkMap bigger = with_new_landmarks(in_map, new_images, options.features,
+                                            common.execution("finding landmarks"));
+    common.console().print("{} new landmarks, seen by two or more of the {} located images\n",
+                           bigger.landmark_count() - in_map.landmark_count(), files.size());
+    return bigger;
   }
 
   void write_trajectory(const std::vector<Located>& found) const {

@@ -58,6 +58,29 @@ ImageLocation locate(const Locator& self, const py::object& image, const py::obj
   });
 }
 
+std::vector<ImageLocation> locate_images_together(const Locator& self,
+                                                  const std::vector<py::object>& images,
+                                                  const std::vector<py::object>& poses,
+                                                  const std::string& channels, unsigned threads) {
+  refuse_if(images.size() != poses.size(), "poses", fmt::format("{}", poses.size()),
+            fmt::format("one for each of the {} images", images.size()));
+  std::vector<GrayImage> pixels;
+  std::vector<BodyView> views(images.size());
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    pixels.push_back(frame_images(0.0, self.camera.width, self.camera.height,
+                                  image_of(images[i], self.camera, channels), {})
+                         .gray);
+    views[i].body_from_camera = rigid_of(poses[i], fmt::format("poses[{}]", i));
+  }
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    views[i].locator = &self.locator;
+    views[i].image = &pixels[i];
+  }
+  return unlocked([&] {
+    return locate_together(views, {Executor(threads), {}, {}, self.seed, {}});
+  });
+}
+
 std::unique_ptr<Locator> with_camera(const Locator& self, const Camera& camera,
                                      bool focal_length_known) {
   const FocalLength focal_length = focal_length_known ? FocalLength::kKnown : FocalLength::kUnknown;
@@ -72,6 +95,23 @@ LandmarkMap map_with_frames(const LandmarkMap& map,
   std::vector<LocatedImage> images;
   for (const auto& [name, location] : given) images.push_back({name, location});
   return unlocked([&] { return with_frames(map, images); });
+}
+
+LandmarkMap map_with_new_landmarks(const LandmarkMap& map,
+                                   const std::vector<std::pair<std::uint32_t, py::object>>& given,
+                                   const std::string& channels, unsigned threads) {
+  std::vector<FrameImage> images;
+  for (const auto& [frame, image] : given) {
+    const auto& cameras = map.frames().cameras;
+    refuse_if(frame >= cameras.size() || !cameras[frame], "images", fmt::format("frame {}", frame),
+              "frames with cameras");
+    const Camera& camera = map.cameras()[cameras[frame]->value];
+    images.push_back({FrameIndex{frame},
+                      ColorImage(camera.width, camera.height, image_of(image, camera, channels))});
+  }
+  return unlocked([&] {
+    return with_new_landmarks(map, images, {}, {Executor(threads), {}, {}, 0, {}});
+  });
 }
 
 LandmarkMap map_with_descriptors(const LandmarkMap& map, const std::filesystem::path& folder,
@@ -101,7 +141,7 @@ void bind_localization(py::module_& module) {
       .def_readonly("reason", &ImageLocation::reason)
       .get("failure",
            "Why it was not located: \"few_matches\", \"few_inliers\", \"improbable\", "
-           "\"ambiguous\", \"focal_length\" or \"lens\"; None if located.",
+           "\"ambiguous\", \"focal_length\", \"lens\" or \"given_poses\"; None if located.",
            &ImageLocation::failure, &name_or_none)
       .get("world_from_camera", "4x4; None unless located.", &ImageLocation::world_from_camera)
       .get("estimate",
@@ -143,12 +183,24 @@ void bind_localization(py::module_& module) {
            py::arg("channels") = "rgb",
            "locate($self, image, depth_m=None, *, channels='rgb')\n--\n\n"
            "Estimates and judges the pose of one image, (h, w) or (h, w, 3) uint8. `depth_m` is "
-           "its depth,\n(h, w) in metres, if known.");
+           "its depth,\n(h, w) in metres, if known.")
+      .def("locate_together", &locate_images_together, py::arg("images"), py::arg("poses"),
+           py::kw_only(), py::arg("channels") = "rgb", py::arg("threads") = 0,
+           "locate_together($self, images, poses, *, channels='rgb', threads=0)\n--\n\n"
+           "Locates images as one. `poses` are the cameras' poses, 4x4, in any frame common to all "
+           "images and in\nthe map's unit of length, as odometry gives them, or a rig. Each image "
+           "gets its own pose and\nmatches, and the common verdict.");
   module.def(
       "with_frames", &map_with_frames, py::arg("map"), py::arg("images"),
       "with_frames(map, images)\n--\n\n"
       "The map with located images as further frames, each with its matches as observations. "
       "`images` has\npairs of a name and an ImageLocation.");
+  module.def(
+      "with_new_landmarks", &map_with_new_landmarks, py::arg("map"), py::arg("images"),
+      py::kw_only(), py::arg("channels") = "rgb", py::arg("threads") = 0,
+      "with_new_landmarks(map, images, *, channels='rgb', threads=0)\n--\n\n"
+      "The map with landmarks that two or more of the images show and the map does not have. "
+      "`images` has\npairs of the number of a frame in the map and its image.");
   module.def("with_image_descriptors", &map_with_descriptors, py::arg("map"), py::arg("folder"),
              py::kw_only(), py::arg("threads") = 0,
              "with_image_descriptors(map, folder, *, threads=0)\n--\n\n"

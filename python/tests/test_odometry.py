@@ -51,8 +51,31 @@ class Localization(unittest.TestCase):
         self.assertGreater(solved.focal_length_sigma, 0.0)
         self.assertIsNone(found.focal_length_sigma)
         self.assertEqual(found.camera.parameters, PLACE.camera.parameters)
+        frames = [PLACE[3], PLACE[7]]
+        moved = np.eye(4)
+        moved[:3, 3] = [3.0, -2.0, 1.0]
+        together = locator.locate_together(
+            [frame.rgb for frame in frames], [moved @ frame.world_from_camera for frame in frames]
+        )
+        self.assertEqual(len(together), 2)
+        for frame, one in zip(frames, together):
+            self.assertTrue(one.located, one)
+            self.assertEqual(one.probability, together[0].probability)
+            off = np.linalg.norm(one.world_from_camera[:3, 3] - frame.world_from_camera[:3, 3])
+            self.assertLess(off, 0.03)
+        with self.assertRaises(ValueError):
+            locator.locate_together([frame.rgb], [])
         bigger = cairn.with_frames(odometry.map(), [("new.png", found)])
         self.assertEqual(len(bigger.frame_ids), len(odometry.map().frame_ids) + 1)
+        two = cairn.with_frames(
+            odometry.map(), [(f"{k}.png", locator.locate(PLACE[k].rgb)) for k in (2, 6, 9)]
+        )
+        count = len(odometry.map().frame_ids)
+        grown = cairn.with_new_landmarks(two, [(count + i, PLACE[k].rgb) for i, k in enumerate((2, 6, 9))])
+        self.assertGreaterEqual(len(grown), len(two))
+        self.assertEqual(len(grown.frame_ids), count + 3)
+        with self.assertRaises(ValueError):
+            cairn.with_new_landmarks(two, [(count + 9, PLACE[2].rgb)])
         nothing = locator.locate(np.zeros((480, 640), np.uint8))
         self.assertFalse(nothing.located)
         self.assertEqual(nothing.failure, "few_matches")

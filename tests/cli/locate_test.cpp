@@ -164,6 +164,83 @@ TEST_F(LocateCliTest, NamesPlacesThatAnImageDoesNotTellApart) {
                                                       "are (9.9|10).* m from each other"));
 }
 
+TEST_F(LocateCliTest, LetsTheMapGrowByWhatTheImagesShow) {
+  answer(
+      {"map", "s", "-o", "parts", "--mini-map-length", "8f", "--start-from", "s/groundtruth.txt"});
+  fs::copy(path("parts/0000.map"), path("start.map"));
+  const std::string text =
+      answer({"locate", "start.map", "s/rgb/1.166667.jpg", "s/rgb/1.666667.jpg",
+              "s/rgb/2.000000.jpg", "-o", "bigger.map", "--triangulate", "--adjust"});
+  EXPECT_THAT(text, AllOf(HasSubstr("new landmarks, seen by two or more of the 3 located images"),
+                          HasSubstr("adjusted: reprojection error")));
+  const LandmarkMap start = read_map(path("start.map"));
+  const LandmarkMap bigger = read_map(path("bigger.map"));
+  EXPECT_EQ(bigger.frame_count(), start.frame_count() + 3);
+  EXPECT_GT(bigger.landmark_count(), start.landmark_count() + 10);
+  EXPECT_TRUE(bigger.has_covariances());
+  EXPECT_TRUE(bigger.landmarks().colors[bigger.landmark_count() - 1]);
+  expect_refusal({"locate", "start.map", "s/rgb/1.166667.jpg", "--triangulate"}, kWrongUsage,
+                 {"--triangulate", "--output"});
+}
+
+// The odometry has a world of its own.
+TEST_F(LocateCliTest, LocatesImagesTogetherByTheirPosesRelativeToEachOther) {
+  answer({"convert", "s/groundtruth.txt", "odometry.tum", "--transform", "1 2 3 10 20 90"});
+  const Words words = {"locate",  "desk.map",     "s/rgb/1.000000.jpg", "s/rgb/2.000000.jpg",
+                       "--poses", "odometry.tum", "--trajectory",       "found.tum"};
+  const std::string text = answer(words);
+  EXPECT_THAT(text, AllOf(HasSubstr("2 images together: located: probability >99"),
+                          HasSubstr("\n1.000000.jpg: "), HasSubstr("\n2.000000.jpg: ")));
+  FileReader found(path("found.tum"));
+  const Trajectory poses = read_trajectory(found);
+  FileReader truth(path("s/groundtruth.txt"));
+  const Trajectory true_poses = read_trajectory(truth);
+  ASSERT_EQ(poses.size(), 2U);
+  for (const TimedPose& pose : poses.poses()) {
+    const TimedPose* const there = nearest_pose(true_poses, pose.timestamp_s);
+    const Vector6d off = pose.world_from_camera.difference_to(there->world_from_camera);
+    EXPECT_LT(off.head<3>().norm(), 0.02);
+    EXPECT_LT(off.tail<3>().norm(), 0.01);
+  }
+  const Json json = document(words);
+  EXPECT_EQ(json.at("inputs").at("poses").at("path"), "odometry.tum");
+  EXPECT_EQ(json.at("options").at("poses"), "odometry.tum");
+  EXPECT_EQ(json.at("results").size(), 2U);
+  write("no.jpg", "no image");
+  const CommandResult one = cairn({"locate", "desk.map", "no.jpg", kImage, "--poses", "zero.tum"});
+  EXPECT_THAT(one.errors, HasSubstr("zero.tum"));
+  write("zero.tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n");
+  const CommandResult other =
+      cairn({"locate", "desk.map", "no.jpg", kImage, "--poses", "zero.tum"});
+  EXPECT_EQ(other.exit_code, kBadInput);
+  EXPECT_THAT(other.output,
+              AllOf(HasSubstr("1 images together: located"), HasSubstr("no.jpg: unreadable")));
+}
+
+TEST_F(LocateCliTest, RefusesPosesThatDoNotFitTheImages) {
+  const std::string first = "s/rgb/1.000000.jpg";
+  write("still.tum", "1 0 0 0 0 0 0 1\n2 5 0 0 0 0 0 1\n");
+  const CommandResult wrong = cairn({"locate", "desk.map", first, kImage, "--poses", "still.tum"});
+  EXPECT_EQ(wrong.exit_code, kNoAlignment);
+  EXPECT_THAT(wrong.output, AllOf(HasSubstr("2 images together: rejected: the given poses "
+                                            "contradict 1 of the 2 images"),
+                                  HasSubstr("hint: Check --poses"), Not(HasSubstr("\n  tx ty"))));
+  expect_refusal({"locate", "desk.map", "s/rgb/0.000000.jpg", "--poses", "still.tum"}, kBadInput,
+                 {"still.tum", "0.000000.jpg at 0.000000 s", "within 0.02 s"});
+  expect_refusal({"locate", "desk.map", first, "--poses", "still.tum", "--camera", "unknown"},
+                 kBadInput, {"1.000000.jpg", "an unknown camera", "--camera"});
+  expect_refusal({"locate", "desk.map", first, "--poses", "still.tum", "--camera",
+                  "PINHOLE 320 240 200 200 159.5 119.5"},
+                 kBadInput, {"1.000000.jpg", "640 x 480"});
+  expect_refusal({"locate", "desk.map", first, "--poses", "still.tum", "--depth", "d.png"},
+                 kWrongUsage, {"--depth", "--poses"});
+  MapTables tables = read_map(path("desk.map")).tables();
+  tables.info.length_unit = LengthUnit::kFree;
+  write_map(LandmarkMap(std::move(tables)), path("free.map"));
+  expect_refusal({"locate", "free.map", first, "--poses", "still.tum"}, kBadInput,
+                 {"free.map", "no unit of length", "in metres"});
+}
+
 // As merge() does; the map's own names stay.
 TEST_F(LocateCliTest, TellsNewImagesOfOneNameApartByTheirFolders) {
   const auto images_after = [&](const std::string& first, const std::string& second) {

@@ -77,6 +77,10 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
       return {
           "State the image's camera by --camera, or find its lens with the pose: --camera "
           "unknown."};
+    case LocationFailure::kGivenPoses:
+      return {
+          "Check --poses: are they world_from_camera, in the map's unit, and at the images' times? "
+          "Or give fewer images, over which the odometry drifts less."};
     case LocationFailure::kImprobable:
       break;
   }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,9 +41,10 @@ enum class LocationFailure {
   kAmbiguous,    ///< another pose explains other matches
   kFocalLength,  ///< the matches do not determine the focal length
   kLens,         ///< the matches fit another lens far better than the camera's
+  kGivenPoses,   ///< images located together have poses of their own that contradict the given ones
 };
 
-/// "few_matches", "few_inliers", "improbable", "ambiguous", "focal_length" or "lens".
+/// "few_matches", "few_inliers", "improbable", "ambiguous", "focal_length", "lens" or "given_poses".
 std::string_view to_string(LocationFailure failure);
 
 /// Result of locating an image.
@@ -67,7 +69,9 @@ struct ImageLocation {
   double expected = 0.0;            ///< expected number of chance matches among `visible`
   std::size_t spread = 0;           ///< matches outside the largest cluster in the image
   std::vector<ImageMatch> matches;  ///< matches that agree with the estimate
-  Camera camera;                    ///< camera of the image
+  /// Of the matched corners, a row for each match; of the kind that the map's landmarks have.
+  std::vector<std::uint8_t> descriptors;
+  Camera camera;  ///< camera of the image
   /// Standard deviation of the focal length, pixels; std::nullopt unless estimated with the pose.
   std::optional<double> focal_length_sigma;
 };
@@ -112,8 +116,30 @@ class ImageLocator {
  private:
   struct Landmarks;
   class View;
+  class Together;
   explicit ImageLocator(std::unique_ptr<const View> view);
+  friend std::vector<ImageLocation> locate_together(std::span<const struct BodyView> views,
+                                                    const Execution& execution);
   std::unique_ptr<const View> view_;
 };
+
+/// An image whose pose relative to others is known, as of a sequence with odometry, or of a rig.
+struct BodyView {
+  const ImageLocator* locator = nullptr;  ///< for the image's camera, its focal length known
+  const GrayImage* image = nullptr;       ///< of the camera's size
+  Rigid3 body_from_camera;  ///< in any frame common to all images, and the map's unit of length
+};
+
+/// Locates images as one query. Each image proposes poses of the body; the pose with most evidence
+/// in all images together is refined with the matches of all, and judged as one. A landmark counts
+/// once, however many images show it. The poses relative to each other count as exact: use images
+/// over which the odometry's error stays within some pixels.
+/// @param views     at least one; their locators share one prepared map (with_camera())
+/// @param execution executor, for the images side by side, and seed
+/// @return for each image its own pose, matches and covariance, with the common verdict
+/// @throws Error (misuse) for no image, locators of several maps, or an unknown focal length;
+///         (input) for an image of another size
+std::vector<ImageLocation> locate_together(std::span<const BodyView> views,
+                                           const Execution& execution = {});
 
 }  // namespace cairn

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <tuple>
+#include <vector>
 
 #include <Eigen/LU>
 #include <gmock/gmock.h>
@@ -417,6 +419,164 @@ TEST(ImageLocator, NeedsKnownDescriptorsAndImagesOfTheCamerasSize) {
                              {.features = {}, .min_probability = 1.5});
               }),
               HasSubstr("LocateOptions.min_probability"));
+}
+
+// Images of the wall, each of a camera on one body, with where the body is when the image (60, 40) is its first.
+struct Sequence {
+  std::vector<GrayImage> images;
+  std::vector<Rigid3> poses;
+
+  void add(const GrayImage& image, const Rigid3& pose) {
+    images.push_back(image);
+    poses.push_back(pose);
+  }
+  std::vector<ImageLocation> located_by(const ImageLocator& locator) const {
+    std::vector<BodyView> views;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      views.push_back({&locator, &images[i], poses[i]});
+    }
+    return locate_together(views);
+  }
+};
+
+// An image at (right, down) that shows one part only.
+GrayImage part_at(int right, int down, const cv::Rect& part) {
+  cv::Mat image(480, 640, CV_8UC1, cv::Scalar(90));
+  TexturedWall().gray(right, down)(part).copyTo(image(part));
+  return image_of(image);
+}
+
+// Four parts of the wall, each too small to locate its image, in any frame of the odometry.
+Sequence four_parts(const Rigid3& odometry_from_map) {
+  Sequence parts;
+  for (const auto& [right, down, part] : {std::tuple{60, 40, cv::Rect(80, 60, 130, 130)},
+                                          {70, 50, cv::Rect(400, 60, 130, 130)},
+                                          {80, 60, cv::Rect(80, 280, 130, 130)},
+                                          {90, 70, cv::Rect(400, 280, 130, 130)}}) {
+    parts.add(part_at(right, down, part), odometry_from_map * pose_at(right, down));
+  }
+  return parts;
+}
+
+TEST(LocateTogether, FindsWhatNoImageShowsAlone) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const Rigid3 odometry_from_map =
+      Rigid3().perturbed((Vector6d() << 3, -1, 2, 1, -2, 0.5).finished());
+  const Sequence parts = four_parts(odometry_from_map);
+  std::size_t alone = 0;
+  for (const GrayImage& image : parts.images) alone += locator.locate(image).located ? 1 : 0;
+  EXPECT_EQ(alone, 0U);
+  const std::vector<ImageLocation> found = parts.located_by(locator);
+  ASSERT_EQ(found.size(), 4U);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    ASSERT_TRUE(found[i].located) << found[i].reason;
+    EXPECT_FALSE(found[i].failure);
+    EXPECT_EQ(found[i].probability, found[0].probability);
+    EXPECT_GT(found[i].matches.size(), 20U) << "its own";
+    const Vector6d off =
+        found[i].world_from_camera->difference_to(odometry_from_map.inverse() * parts.poses[i]);
+    EXPECT_LT(off.head<3>().norm(), 0.004);
+    EXPECT_LT(off.tail<3>().norm(), 0.002);
+    EXPECT_LT(off.dot(found[i].covariance->inverse() * off), 40.0);
+  }
+}
+
+TEST(LocateTogether, IsTheSameInAnyFrameOfTheOdometry) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const auto here = four_parts(Rigid3()).located_by(locator);
+  const Rigid3 moved = Rigid3().perturbed((Vector6d() << -30, 7, 2, -1, 0.3, 2).finished());
+  const auto there = four_parts(moved).located_by(locator);
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    EXPECT_EQ(here[i].reason, there[i].reason);
+    EXPECT_LT(here[i].estimate->difference_to(*there[i].estimate).norm(), 1e-6);
+    EXPECT_NEAR((*here[i].covariance / (*there[i].covariance)(0, 0))(0, 0), 1.0, 1e-4);
+  }
+}
+
+TEST(LocateTogether, LearnsNothingFromAnImageGivenAgain) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  for (const GrayImage& image : {image_at(90, 50), part_at(60, 40, {250, 170, 130, 130})}) {
+    const ImageLocation alone = locator.locate(image);
+    for (const std::size_t times : {1, 2, 5}) {
+      Sequence same;
+      for (std::size_t i = 0; i < times; ++i) same.add(image, pose_at(7, 3));
+      for (const ImageLocation& found : same.located_by(locator)) {
+        EXPECT_EQ(found.located, alone.located) << found.reason;
+        EXPECT_NEAR(found.probability, alone.probability, 1e-9);
+        EXPECT_LT(found.estimate->difference_to(*alone.estimate).norm(), 1e-6);
+        EXPECT_TRUE(found.covariance->isApprox(*alone.covariance, 1e-4));
+        EXPECT_EQ(found.matches.size(), alone.matches.size());
+      }
+    }
+  }
+}
+
+TEST(LocateTogether, GivesAPoseToAnImageThatShowsNothing) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  Sequence images;
+  images.add(image_at(60, 40), pose_at(60, 40));
+  images.add(GrayImage(640, 480, 90), pose_at(90, 40));
+  const auto found = images.located_by(locator);
+  ASSERT_TRUE(found[1].located) << found[1].reason;
+  EXPECT_TRUE(found[1].matches.empty());
+  EXPECT_LT(found[1].world_from_camera->difference_to(pose_at(90, 40)).norm(), 0.006);
+  Sequence nothing;
+  nothing.add(GrayImage(640, 480, 90), Rigid3());
+  const auto none = nothing.located_by(locator);
+  EXPECT_EQ(none[0].failure, LocationFailure::kFewMatches);
+  EXPECT_FALSE(none[0].estimate);
+}
+
+TEST(LocateTogether, RefusesPosesThatTheImagesContradict) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  Sequence images;
+  images.add(image_at(60, 40), pose_at(60, 40));
+  images.add(image_at(90, 40), pose_at(-60, 40));
+  for (const ImageLocation& found : images.located_by(locator)) {
+    EXPECT_FALSE(found.located);
+    EXPECT_FALSE(found.world_from_camera);
+    EXPECT_EQ(found.failure, LocationFailure::kGivenPoses) << found.reason;
+    EXPECT_THAT(found.reason, HasSubstr("the given poses contradict 1 of the 2 images"));
+  }
+}
+
+// The camera of a rig that sees what the other does not.
+TEST(LocateTogether, TellsPlacesApartByWhatAnotherCameraSees) {
+  // The left occurs twice; the right, once.
+  MapTables tables = wall_tables();
+  const std::size_t count = tables.landmarks.positions.size();
+  DescriptorColumn& column = *tables.landmarks.descriptors;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (tables.landmarks.positions[i].x() > -0.2) continue;
+    tables.landmarks.ids.push_back(LandmarkId{tables.landmarks.ids.size()});
+    tables.landmarks.positions.emplace_back(tables.landmarks.positions[i] +
+                                            Eigen::Vector3d(10.0, 0.0, 0.0));
+    column.known.push_back(1);
+    const std::vector<std::uint8_t> bytes(column.bytes.begin() + 32 * static_cast<long>(i),
+                                          column.bytes.begin() + 32 * static_cast<long>(i + 1));
+    column.bytes.insert(column.bytes.end(), bytes.begin(), bytes.end());
+  }
+  const ImageLocator locator(LandmarkMap(std::move(tables)), TexturedWall::camera());
+  const GrayImage left = part_at(60, 40, {0, 0, 200, 480});
+  EXPECT_EQ(locator.locate(left).failure, LocationFailure::kAmbiguous);
+  Sequence both;
+  both.add(left, pose_at(60, 40));
+  both.add(part_at(60, 40, {240, 0, 400, 480}), pose_at(60, 40));
+  const auto found = both.located_by(locator);
+  ASSERT_TRUE(found[0].located) << found[0].reason;
+  EXPECT_LT(found[0].world_from_camera->difference_to(pose_at(60, 40)).head<3>().norm(), 0.004);
+}
+
+TEST(LocateTogether, NeedsOneMapAndKnownCameras) {
+  const ImageLocator locator(wall_map(), TexturedWall::camera());
+  const ImageLocator other(wall_map(), TexturedWall::camera());
+  const ImageLocator unknown = locator.with_camera(TexturedWall::camera(), FocalLength::kUnknown);
+  const GrayImage image = image_at(60, 40);
+  EXPECT_THROW(locate_together({}), Error);
+  EXPECT_THROW(locate_together(
+                   std::vector<BodyView>{{&locator, &image, Rigid3()}, {&other, &image, Rigid3()}}),
+               Error);
+  EXPECT_THROW(locate_together(std::vector<BodyView>{{&unknown, &image, Rigid3()}}), Error);
 }
 
 }  // namespace

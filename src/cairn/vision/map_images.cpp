@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <set>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -98,6 +99,36 @@ ObservationTable with_matches(const ObservationTable& old, std::size_t landmarks
   return table;
 }
 
+// The landmarks' descriptors with those of the images' matches. As in a merge, the most distinct ones stay.
+DescriptorColumn with_views(const DescriptorColumn& old, std::span<const LocatedImage> images) {
+  std::vector<std::vector<std::span<const std::uint8_t>>> views(old.known.size());
+  for (std::size_t i = 0; i < old.known.size(); ++i) {
+    for (std::size_t k = 0; k < old.count(i); ++k) views[i].push_back(old.descriptor(i, k));
+  }
+  for (const LocatedImage& image : images) {
+    const auto& [matches, rows] = std::tie(image.location.matches, image.location.descriptors);
+    if (rows.size() != matches.size() * old.bytes_each) continue;
+    for (std::size_t k = 0; k < matches.size(); ++k) {
+      views[matches[k].landmark.value].push_back(
+          std::span(rows).subspan(k * old.bytes_each, old.bytes_each));
+    }
+  }
+  DescriptorColumn column{.kind = old.kind, .bytes_each = old.bytes_each, .known = {}, .bytes = {}};
+  const DescriptorNorm norm =
+      is_binary(old.kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    std::vector<std::span<const std::uint8_t>> chosen;
+    const std::size_t most = std::max(kDistinctViews, old.count(i));
+    if (!views[i].empty()) {
+      for (const std::size_t k : distinct_descriptors(views[i], 0, most, norm)) {
+        chosen.push_back(views[i][k]);
+      }
+    }
+    append_descriptors(column, chosen);
+  }
+  return column;
+}
+
 // The SIFT features of an image at their places in it.
 detail::Features features_of(const detail::SiftFeatures& sift, const cv::Mat& gray) {
   std::vector<detail::Keypoint> keypoints;
@@ -155,6 +186,9 @@ LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> im
   }
   tables.observations =
       with_matches(tables.observations, tables.landmarks.ids.size(), first_frame, images);
+  if (tables.landmarks.descriptors) {
+    tables.landmarks.descriptors = with_views(*tables.landmarks.descriptors, images);
+  }
   tables.info.provenance.push_back(fmt::format("{} images located and added", images.size()));
   return with_content_uuid(LandmarkMap(std::move(tables)));
 }

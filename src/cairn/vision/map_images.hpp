@@ -12,6 +12,7 @@
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/image_locator.hpp"
+#include "cairn/vision/odometry.hpp"
 
 namespace cairn {
 
@@ -21,11 +22,32 @@ struct LocatedImage {
   ImageLocation location;  ///< with located = true
 };
 
-/// Adds images to a map as frames, each at its pose and with its matches as observations. Landmark
-/// positions and other frames do not change. The UUID is computed from the new content.
+/// Adds images to a map as frames, each at its pose and with its matches as observations. Matched
+/// landmarks get the descriptors of these views, of which the most distinct stay. Landmark positions
+/// and other frames do not change. The UUID is computed from the new content.
 /// @param images images located in this map; their names differ from its frames' names
 /// @throws Error (misuse) for an image that is not located, or a name that occurs twice
 LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images);
+
+/// Image of a frame of a map.
+struct FrameImage {
+  FrameIndex frame;
+  ColorImage image;
+};
+
+/// Adds landmarks that two or more images show and the map does not have. Features with descriptors
+/// of the map's kind are matched between images (mutual nearest neighbours, Lowe's ratio), joined to
+/// tracks, and triangulated at the frames' poses. A landmark is kept if its lines of sight differ by
+/// at least 2°, and each of its projections is within 2 pixels of the feature's octave. New
+/// landmarks have a colour and descriptors; their covariances are unknown until the map is adjusted.
+/// The UUID is computed from the new content.
+/// @param map    map with ORB or SIFT descriptors
+/// @param images at most one for each frame; the frames have cameras
+/// @throws Error (input) for an image without the size of its frame's camera, or other descriptors;
+///         (misuse) for a frame without a camera; (cancelled)
+LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const FrameImage> images,
+                               const FeatureOptions& features = {},
+                               const Execution& execution = {});
 
 /// Replaces the landmarks' descriptors by RootSIFT descriptors from the images of the map's frames.
 /// Each observation gets the nearest SIFT feature within 1.5 pixels. A landmark keeps the

@@ -3,6 +3,7 @@
 
 #include <cstring>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -72,6 +73,41 @@ std::string message_of(const auto& call) {
     return error.what();
   }
   return "no error";
+}
+
+TEST(WithFrames, KeepsHowImagesSawTheLandmarks) {
+  MapTables tables;
+  tables.cameras = {TexturedWall::camera()};
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    tables.landmarks.ids.push_back(LandmarkId{i});
+    tables.landmarks.positions.emplace_back(0.1 * static_cast<double>(i), 0.0, 2.0);
+  }
+  tables.landmarks.descriptors = DescriptorColumn{
+      .kind = "SIFT", .bytes_each = 2, .known = {1, 1, 0}, .bytes = {1, 2, 3, 4, 0, 0}};
+  ImageLocation seen;
+  seen.located = true;
+  seen.world_from_camera = Rigid3();
+  seen.camera = TexturedWall::camera();
+  seen.matches = {{{10, 10}, LandmarkIndex{1}}, {{20, 10}, LandmarkIndex{2}}};
+  seen.descriptors = {9, 9, 7, 7};
+  const auto views_of = [](const LandmarkMap& map, std::size_t landmark) {
+    std::vector<std::vector<int>> views;
+    const DescriptorColumn& column = *map.landmarks().descriptors;
+    for (std::size_t k = 0; k < column.count(landmark); ++k) {
+      const auto bytes = column.descriptor(landmark, k);
+      views.emplace_back(bytes.begin(), bytes.end());
+    }
+    return views;
+  };
+  using ::testing::ElementsAre;
+  const LandmarkMap map = with_frames(LandmarkMap(tables), {{{"new.png", seen}}});
+  EXPECT_THAT(views_of(map, 0), ElementsAre(ElementsAre(1, 2)));
+  EXPECT_THAT(views_of(map, 1), ElementsAre(ElementsAre(3, 4), ElementsAre(9, 9)));
+  EXPECT_THAT(views_of(map, 2), ElementsAre(ElementsAre(7, 7)));
+  // An image without descriptors, as of a caller's own search.
+  seen.descriptors.clear();
+  const LandmarkMap without = with_frames(LandmarkMap(tables), {{{"new.png", seen}}});
+  EXPECT_THAT(views_of(without, 1), ElementsAre(ElementsAre(3, 4)));
 }
 
 TEST(WithImageDescriptors, LetImagesBeLocatedInAMapThatHadNone) {

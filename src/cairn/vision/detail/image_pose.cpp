@@ -7,14 +7,18 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <ranges>
+#include <set>
 #include <utility>
 
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "cairn/core/detail/disjoint_sets.hpp"
 #include "cairn/core/statistics.hpp"
+#include "cairn/geometry/covariance.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -45,6 +49,90 @@ constexpr double kCluster = 0.125;      // radius of a cluster, in widths of the
 constexpr double kSameRotation = 0.1;   // radians: largest difference of equal poses
 constexpr double kSameDistance = 0.05;  // the same, times the median distance of what is seen
 constexpr std::uint32_t kNoDistance = std::numeric_limits<std::uint32_t>::max();
+
+using Landmarks = std::set<std::uint32_t>;
+
+// The largest group of clusters that have landmarks in common: what one thing shows in several images.
+Landmarks largest_thing(const std::vector<ImagePose>& images) {
+  DisjointSets things(images.size());
+  std::map<std::uint32_t, std::size_t>
+      image_of;  // landmark: the first image with it in its cluster
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    for (const std::uint32_t landmark : images[k].cluster) {
+      things.join(image_of.try_emplace(landmark, k).first->second, k);
+    }
+  }
+  std::map<std::size_t, Landmarks> found;
+  for (const auto& [landmark, k] : image_of) found[things.first_of(k)].insert(landmark);
+  Landmarks largest;
+  for (Landmarks& thing : found | std::views::values) {
+    if (thing.size() > largest.size()) largest = std::move(thing);
+  }
+  return largest;
+}
+
+// Of a right pose to a wrong one, without some landmarks, by the share of right matches that is most likely.
+double log_likelihood_ratio(std::span<const ImagePose> images, const Landmarks& without) {
+  constexpr double kStep = 0.02;
+  double most = 0.0;
+  for (double share = kStep; share < 1.0; share += kStep) {
+    double sum = 0.0;
+    for (const ImagePose& image : images) {
+      for (const auto& [landmark, ratio] : image.likelihood_ratios) {
+        if (!without.contains(landmark)) sum += std::log1p(share * (ratio - 1.0));
+      }
+    }
+    most = std::max(most, sum);
+  }
+  return most;
+}
+
+// The share of the matches that images do not repeat: of landmarks that several images match, and of the directions in
+// which several images have matches. What an image shows beside a wrong match, the next image shows again.
+double share_of_different(const std::vector<ImagePose>& images) {
+  Landmarks landmarks;
+  std::map<std::array<int, 3>, std::size_t> most;  // matches of one image in a direction
+  std::size_t landmarks_of_each = 0;
+  std::size_t matches = 0;
+  for (const ImagePose& image : images) {
+    Landmarks own;
+    for (const FeatureMatch& match : image.matches) own.insert(match.landmark);
+    landmarks_of_each += own.size();
+    matches += image.matches.size();
+    landmarks.merge(own);
+    std::map<std::array<int, 3>, std::size_t> counts;
+    for (const std::array<int, 3>& direction : image.directions) ++counts[direction];
+    for (const auto& [direction, count] : counts) {
+      most[direction] = std::max(most[direction], count);
+    }
+  }
+  std::size_t different = 0;
+  for (const auto& [direction, count] : most) different += count;
+  return std::min(static_cast<double>(landmarks.size()) / static_cast<double>(landmarks_of_each),
+                  static_cast<double>(different) / static_cast<double>(matches));
+}
+
+// The evidence of a body from that of its images.
+void add_up(BodyPose& body) {
+  const double once = share_of_different(body.images);
+  const Landmarks thing = largest_thing(body.images);
+  std::size_t outside = 0;
+  for (const ImagePose& image : body.images) {
+    body.visible += image.visible;
+    body.expected += image.expected;
+    body.unmatched_cells = std::max(body.unmatched_cells, image.unmatched_cells);
+    outside += static_cast<std::size_t>(std::ranges::count_if(
+        image.matches, [&](const FeatureMatch& match) { return !thing.contains(match.landmark); }));
+  }
+  body.spread = static_cast<std::size_t>(std::round(once * static_cast<double>(outside)));
+  body.evidence =
+      once * std::min(log_likelihood_ratio(body.images, thing),
+                      log_likelihood_ratio(body.images, {}) * static_cast<double>(outside) /
+                          static_cast<double>(body.agreeing));
+  // Of a landmark's error, all its images have the same.
+  body.pose.covariance /= once;
+  for (ImagePose& image : body.images) image.pose.covariance /= once;
+}
 
 void sort_by_distance(std::vector<FeatureMatch>& matches) {
   std::ranges::stable_sort(matches, {}, &FeatureMatch::distance);
@@ -240,7 +328,8 @@ ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const Camera& camera, const I
   if (with_lens.empty()) return {};
   std::vector<double> sorted = with_lens;
   constexpr double kSigmaOfMedian = 1.4826;  // of absolute deviations of normal ones
-  const double noise = kSigmaOfMedian * upper_median(sorted);
+  constexpr double kExact = 0.05;            // pixels: no corner is better than that
+  const double noise = std::max(kSigmaOfMedian * upper_median(sorted), kExact);
   const auto cost = [&](const std::vector<double>& residuals) {
     double sum = 0.0;
     for (const double residual : residuals) {
@@ -250,7 +339,7 @@ ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const Camera& camera, const I
   };
   const double before = cost(with_camera);
   const double decrease = before - cost(with_lens);
-  return before > 0.0 && noise > 0.0 ? LensGain{decrease, decrease / before} : LensGain{};
+  return before > 0.0 ? LensGain{decrease, decrease / before} : LensGain{};
 }
 
 ImagePoseSearch ImagePoseSearch::seen_through(const ImageDescriber& describer,
@@ -280,23 +369,42 @@ std::optional<ImagePose> ImagePoseSearch::rival(const SensorModel& sensor,
 
 std::optional<ImagePose> ImagePoseSearch::settled(const SensorModel& sensor,
                                                   const Rigid3& world_from_camera) const {
-  ImagePose result;
-  result.pose.world_from_camera = world_from_camera;
-  View view;
-  Found found;
+  const BodyImage alone{this, sensor, Rigid3()};
+  auto body = settled_together({&alone, 1}, world_from_camera);
+  return body ? std::optional(std::move(body->images.front())) : std::nullopt;
+}
+
+std::optional<BodyPose> ImagePoseSearch::settled_together(std::span<const BodyImage> images,
+                                                          const Rigid3& world_from_body) {
+  BodyPose body;
+  body.pose.world_from_camera = world_from_body;
+  body.images.resize(images.size());
+  std::vector<View> views(images.size());
+  std::vector<Found> found(images.size());
   for (const double pixels : kSearchPixels) {
-    view = view_from(sensor, result.pose.world_from_camera, pixels);
-    found = matches_in(view);
-    result.matches.clear();
-    for (const FeatureMatch& match : found.matches) {
-      if (found.chance(match.distance) <= kMostChance) result.matches.push_back(match);
+    body.agreeing = 0;
+    for (std::size_t k = 0; k < images.size(); ++k) {
+      ImagePose& image = body.images[k];
+      image.pose.world_from_camera =
+          body.pose.world_from_camera * images[k].camera_from_body.inverse();
+      views[k] =
+          images[k].search->view_from(images[k].sensor, image.pose.world_from_camera, pixels);
+      found[k] = images[k].search->matches_in(views[k]);
+      image.matches.clear();
+      for (const FeatureMatch& match : found[k].matches) {
+        if (found[k].chance(match.distance) <= kMostChance) image.matches.push_back(match);
+      }
+      body.agreeing += image.matches.size();
     }
-    if (result.matches.size() < kFewestMatches) return std::nullopt;
-    refine(sensor, result);
-    if (result.matches.size() < kFewestMatches) return std::nullopt;
+    if (body.agreeing < kFewestMatches) return std::nullopt;
+    refine_together(images, body);
+    if (body.agreeing < kFewestMatches) return std::nullopt;
   }
-  weigh(view, found, result);
-  return result;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    images[k].search->weigh(views[k], found[k], body.images[k]);
+  }
+  add_up(body);
+  return body;
 }
 
 std::optional<Rigid3> ImagePoseSearch::proposed(const SensorModel& sensor,
@@ -434,45 +542,65 @@ std::vector<PointMatch> ImagePoseSearch::point_matches(const SensorModel& sensor
 }
 
 // Moves the pose to where its matches fit best, and keeps those that do.
-void ImagePoseSearch::refine(const SensorModel& sensor, ImagePose& pose) const {
-  const std::vector<PointMatch> matches = point_matches(sensor, pose);
-  pose.pose = refine_pose(sensor.pinhole(), matches, pose.pose.world_from_camera);
-  std::vector<FeatureMatch> kept;
-  for (std::size_t i = 0; i < pose.matches.size(); ++i) {
-    if (pose.pose.inliers[i]) kept.push_back(pose.matches[i]);
+void ImagePoseSearch::refine_together(std::span<const BodyImage> images, BodyPose& body) {
+  std::vector<BodyCamera> cameras;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body,
+                       images[k].search->point_matches(images[k].sensor, body.images[k])});
   }
-  pose.matches = std::move(kept);
+  body.pose = refine_pose(cameras, body.pose.world_from_camera);
+  body.agreeing = body.pose.inlier_count;
+  auto is_inlier = body.pose.inliers.begin();
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    ImagePose& image = body.images[k];
+    image.pose.world_from_camera =
+        body.pose.world_from_camera * images[k].camera_from_body.inverse();
+    image.pose.covariance =
+        covariance_at_point(body.pose.covariance, image.pose.world_from_camera.translation() -
+                                                      body.pose.world_from_camera.translation());
+    std::vector<FeatureMatch> kept;
+    for (const FeatureMatch& match : image.matches) {
+      if (*is_inlier++) kept.push_back(match);
+    }
+    image.matches = std::move(kept);
+    image.agreeing = image.matches.size();
+  }
 }
 
 // The chances of matches are uniform for a wrong pose. For a right one, a share of them is small.
 void ImagePoseSearch::weigh(const View& view, const Found& found, ImagePose& pose) const {
   constexpr double kPower = 0.15;  // density of a right match's chance u: kPower u^(kPower - 1)
-  constexpr double kStep = 0.02;
   pose.visible = view.landmarks.size();
   std::vector<int> near(image_->features.size(), 0);  // landmarks near each feature
   for (const std::uint32_t feature : view.features) ++near[feature];
   pose.expected = 0.0;
   for (const int count : near) pose.expected += 1.0 - std::pow(1.0 - kMostChance, count);
-  pose.spread = pose.matches.size() - largest_cluster(pose.matches);
+  pose.directions.clear();
+  for (const FeatureMatch& match : pose.matches) {
+    constexpr double kCells = 12.0;  // of a radian: about five degrees each
+    const Eigen::Vector3d sight =
+        landmarks_->position(match.landmark) - pose.pose.world_from_camera.translation();
+    const Eigen::Vector3d cell = (kCells * sight.normalized()).array().round();
+    pose.directions.push_back(
+        {static_cast<int>(cell.x()), static_cast<int>(cell.y()), static_cast<int>(cell.z())});
+  }
+  pose.cluster = largest_cluster(pose.matches);
+  pose.spread = pose.matches.size() - pose.cluster.size();
   std::vector<bool> agrees(image_->features.size(), false);
   std::vector<bool> matched(landmarks_->size(), false);
   for (const FeatureMatch& match : pose.matches) {
     agrees[match.feature] = true;
     matched[match.landmark] = true;
   }
-  std::vector<double> ratios;
+  pose.likelihood_ratios.clear();
   for (const FeatureMatch& match : found.matches) {
     const double chance = agrees[match.feature] ? found.chance(match.distance) : 1.0;
-    ratios.push_back(kPower * std::pow(chance, kPower - 1.0));
+    pose.likelihood_ratios.emplace_back(match.landmark, kPower * std::pow(chance, kPower - 1.0));
   }
-  double most = 0.0;
-  for (double share = kStep; share < 1.0; share += kStep) {
-    double sum = 0.0;
-    for (const double ratio : ratios) sum += std::log1p(share * (ratio - 1.0));
-    most = std::max(most, sum);
-  }
-  pose.evidence =
-      most * static_cast<double>(pose.spread) / static_cast<double>(pose.matches.size());
+  pose.evidence = pose.matches.empty()
+                      ? 0.0
+                      : log_likelihood_ratio({&pose, 1}, {}) * static_cast<double>(pose.spread) /
+                            static_cast<double>(pose.matches.size());
   std::array<int, kImageCells> familiar{};
   std::array<bool, kImageCells> shown{};
   for (std::size_t v = 0; v < view.landmarks.size(); ++v) {
@@ -487,16 +615,19 @@ void ImagePoseSearch::weigh(const View& view, const Found& found, ImagePose& pos
   }
 }
 
-std::size_t ImagePoseSearch::largest_cluster(std::span<const FeatureMatch> matches) const {
+std::vector<std::uint32_t> ImagePoseSearch::largest_cluster(
+    std::span<const FeatureMatch> matches) const {
   const auto radius = static_cast<float>(kCluster * size_.width);
-  std::size_t most = 0;
+  std::vector<std::uint32_t> most;
+  std::vector<std::uint32_t> inside;
   for (const FeatureMatch& centre : matches) {
     const Eigen::Vector2f& at = image_->features.keypoints()[centre.feature].pixel;
-    const auto inside = std::ranges::count_if(matches, [&](const FeatureMatch& match) {
-      return (image_->features.keypoints()[match.feature].pixel - at).squaredNorm() <=
-             radius * radius;
-    });
-    most = std::max(most, static_cast<std::size_t>(inside));
+    inside.clear();
+    for (const FeatureMatch& match : matches) {
+      const Eigen::Vector2f off = image_->features.keypoints()[match.feature].pixel - at;
+      if (off.squaredNorm() <= radius * radius) inside.push_back(match.landmark);
+    }
+    if (inside.size() > most.size()) std::swap(most, inside);
   }
   return most;
 }

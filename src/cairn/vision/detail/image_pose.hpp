@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "cairn/vision/detail/described_image.hpp"
@@ -21,16 +23,42 @@ struct FeatureMatch {
   std::uint32_t distance = 0;  ///< of their descriptors
 };
 
-/// A pose of an image with its evidence.
-struct ImagePose {
-  PoseEstimate pose;
-  std::vector<FeatureMatch> matches;  ///< matches that agree with the pose
-  std::size_t visible = 0;            ///< landmarks that the pose projects near a feature
-  double expected = 0.0;              ///< matches among these landmarks expected by chance
-  std::size_t spread = 0;             ///< matches outside the largest cluster in the image
-  double evidence = 0.0;              ///< log-likelihood ratio of the matches against chance
+/// What speaks for a pose of an image, or of several images together.
+struct PoseEvidence {
+  std::size_t agreeing = 0;  ///< matches that agree with the pose
+  std::size_t visible = 0;   ///< landmarks that the pose projects near a feature
+  double expected = 0.0;     ///< matches among these landmarks expected by chance
+  std::size_t spread = 0;    ///< matches outside the largest cluster in the image
+  double evidence = 0.0;     ///< log-likelihood ratio of the matches against chance
   /// Number of cells of the image whose landmarks were seen alike before (Sight), and of which none matches.
   std::size_t unmatched_cells = 0;
+  std::size_t tried = 1;  ///< different poses of the body that images proposed; at least one
+};
+
+/// A pose of an image with its evidence.
+struct ImagePose : PoseEvidence {
+  PoseEstimate pose;
+  std::vector<FeatureMatch> matches;           ///< matches that agree with the pose
+  std::vector<std::array<int, 3>> directions;  ///< of the matches, in cells of about five degrees
+  std::vector<std::uint32_t> cluster;          ///< landmarks of the largest cluster in the image
+  /// Of each feature near landmarks: the most similar one, and the likelihood ratio of a right pose to a wrong one.
+  std::vector<std::pair<std::uint32_t, double>> likelihood_ratios;
+};
+
+class ImagePoseSearch;
+
+/// One of several images whose cameras are fixed to one body.
+struct BodyImage {
+  const ImagePoseSearch* search = nullptr;
+  SensorModel sensor;
+  Rigid3 camera_from_body;
+};
+
+/// A pose of a body, with that of each of its images. The evidence counts each landmark once, however many images show
+/// it, and the cells of the image that contradicts most. A cluster is what one thing shows in several images.
+struct BodyPose : PoseEvidence {
+  PoseEstimate pose;  ///< world_from_body
+  std::vector<ImagePose> images;
 };
 
 /// Number of cells into which an image is divided.
@@ -58,6 +86,9 @@ class ImagePoseSearch {
   /// The pose and its matches, from an approximate pose; std::nullopt if too few features match there.
   std::optional<ImagePose> settled(const SensorModel& sensor,
                                    const Rigid3& world_from_camera) const;
+  /// The same for the images of a body.
+  static std::optional<BodyPose> settled_together(std::span<const BodyImage> images,
+                                                  const Rigid3& world_from_body);
   /// The lens with which the pose's matches fit best, and the pose with this lens.
   /// @param camera where the search begins; as from radial_camera()
   std::optional<LensEstimate> lens_of(const SensorModel& sensor, const Camera& camera,
@@ -89,10 +120,10 @@ class ImagePoseSearch {
   View view_from(const SensorModel& sensor, const Rigid3& world_from_camera, double pixels) const;
   Found matches_in(const View& view) const;
   std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
-  void refine(const SensorModel& sensor, ImagePose& pose) const;
+  static void refine_together(std::span<const BodyImage> images, BodyPose& body);
   SensorModel with_focal_length(const SensorModel& sensor, double focal_length) const;
   void weigh(const View& view, const Found& found, ImagePose& pose) const;
-  std::size_t largest_cluster(std::span<const FeatureMatch> matches) const;
+  std::vector<std::uint32_t> largest_cluster(std::span<const FeatureMatch> matches) const;
 
   const DescribedLandmarks* landmarks_;
   const ImageDescriber* describer_;

@@ -26,23 +26,26 @@ Eigen::Vector3d weights_of(const PointResidual& residual, bool robust) {
   return {pixel, pixel, depth};
 }
 
-NormalEquations accumulate(const Pinhole& pinhole, std::span<const PointMatch> matches,
-                           const std::vector<bool>& use, const Rigid3& world_from_camera,
-                           bool robust) {
+NormalEquations accumulate(std::span<const BodyCamera> cameras, const std::vector<bool>& use,
+                           const Rigid3& world_from_body, bool robust) {
   NormalEquations sum;
-  const Eigen::Matrix3d camera_from_world = world_from_camera.rotation().transpose();
-  for (std::size_t i = 0; i < matches.size(); ++i) {
-    if (!use[i]) continue;
-    const Eigen::Vector3d arm = matches[i].x_in_world - world_from_camera.translation();
-    const Eigen::Vector3d x_in_camera = camera_from_world * arm;
-    if (x_in_camera.z() < kNearestDepth) continue;
-    const PointResidual residual = point_residual(pinhole, matches[i].measured, x_in_camera);
-    const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_world;
-    const Eigen::Matrix<double, 3, 6> by_pose = derivative_by_pose(by_x, arm);
-    const Eigen::Matrix<double, 3, 6> weighted =
-        weights_of(residual, robust).asDiagonal() * by_pose;
-    sum.information += by_pose.transpose() * weighted;
-    sum.gradient += weighted.transpose() * residual.value;
+  const Eigen::Matrix3d body_from_world = world_from_body.rotation().transpose();
+  std::size_t i = 0;
+  for (const BodyCamera& camera : cameras) {
+    const Eigen::Matrix3d camera_from_body = camera.camera_from_body.rotation();
+    for (const PointMatch& match : camera.matches) {
+      if (!use[i++]) continue;
+      const Eigen::Vector3d arm = match.x_in_world - world_from_body.translation();
+      const Eigen::Vector3d x_in_camera = camera.camera_from_body * (body_from_world * arm);
+      if (x_in_camera.z() < kNearestDepth) continue;
+      const PointResidual residual = point_residual(camera.pinhole, match.measured, x_in_camera);
+      const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_body * body_from_world;
+      const Eigen::Matrix<double, 3, 6> by_pose = derivative_by_pose(by_x, arm);
+      const Eigen::Matrix<double, 3, 6> weighted =
+          weights_of(residual, robust).asDiagonal() * by_pose;
+      sum.information += by_pose.transpose() * weighted;
+      sum.gradient += weighted.transpose() * residual.value;
+    }
   }
   return sum;
 }
@@ -88,16 +91,23 @@ std::optional<Rigid3> triangle_pose(const std::array<Eigen::Vector3d, 3>& world,
 
 PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> matches,
                          const Rigid3& world_from_camera) {
+  const BodyCamera alone{pinhole, Rigid3(), {matches.begin(), matches.end()}};
+  return refine_pose({&alone, 1}, world_from_camera);
+}
+
+PoseEstimate refine_pose(std::span<const BodyCamera> cameras, const Rigid3& world_from_body) {
   constexpr int kRounds = 4;
   constexpr int kSteps = 8;
+  std::size_t count = 0;
+  for (const BodyCamera& camera : cameras) count += camera.matches.size();
   PoseEstimate estimate;
-  estimate.world_from_camera = world_from_camera;
-  estimate.inliers.assign(matches.size(), true);
+  estimate.world_from_camera = world_from_body;
+  estimate.inliers.assign(count, true);
   for (int round = 0; round < kRounds; ++round) {
     for (int step = 0; step < kSteps; ++step) {
       // The last round is plain least squares of those that fit.
-      const NormalEquations sum = accumulate(pinhole, matches, estimate.inliers,
-                                             estimate.world_from_camera, round + 1 < kRounds);
+      const NormalEquations sum =
+          accumulate(cameras, estimate.inliers, estimate.world_from_camera, round + 1 < kRounds);
       const auto solution = solve_positive_definite<6>(sum.information, sum.gradient);
       if (!solution || !solution->allFinite()) break;
       const Vector6d delta = -*solution;
@@ -105,16 +115,23 @@ PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> mat
       constexpr double kSettled = 1e-7;  // metres, radians
       if (delta.norm() < kSettled) break;
     }
-    estimate.inlier_count =
-        classify(pinhole, matches, estimate.world_from_camera, estimate.inliers);
+    estimate.inlier_count = 0;
+    auto inlier = estimate.inliers.begin();
+    for (const BodyCamera& camera : cameras) {
+      std::vector<bool> own(camera.matches.size());
+      estimate.inlier_count +=
+          classify(camera.pinhole, camera.matches,
+                   estimate.world_from_camera * camera.camera_from_body.inverse(), own);
+      inlier = std::copy(own.begin(), own.end(), inlier);
+    }
   }
   const NormalEquations sum =
-      accumulate(pinhole, matches, estimate.inliers, estimate.world_from_camera, false);
+      accumulate(cameras, estimate.inliers, estimate.world_from_camera, false);
   if (const auto covariance = inverse_of_positive_definite(sum.information)) {
     estimate.covariance = *covariance;
   } else {
     estimate.inlier_count = 0;  // the pose is undetermined
-    estimate.inliers.assign(matches.size(), false);
+    estimate.inliers.assign(count, false);
   }
   return estimate;
 }

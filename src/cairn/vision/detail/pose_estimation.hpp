@@ -31,6 +31,17 @@ struct PoseEstimate {
 PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> matches,
                          const Rigid3& world_from_camera);
 
+/// One of several cameras that are fixed to one body.
+struct BodyCamera {
+  Pinhole pinhole;
+  Rigid3 camera_from_body;
+  std::vector<PointMatch> matches;
+};
+
+/// The same for a body with several cameras: estimates world_from_body in place of world_from_camera.
+/// @return inliers: those of the first camera's matches, then those of the next
+PoseEstimate refine_pose(std::span<const BodyCamera> cameras, const Rigid3& world_from_body);
+
 /// What is known of the camera's motion during a readout before its rows are compared.
 struct RowMotionPrior {
   RowMotion motion;

@@ -88,6 +88,33 @@ TEST(RefinePose, LeavesOutWrongMatches) {
   EXPECT_GT(std::count(estimate.inliers.begin() + 60, estimate.inliers.end(), true), 130);
 }
 
+TEST(RefinePose, RecoversABodyFromItsCameras) {
+  Random random(9);
+  const View view = make_view(3, 200, 1.0);
+  // Each camera of the body sees some of the points; alone, neither has enough.
+  std::vector<BodyCamera> cameras;
+  for (int k = 0; k < 2; ++k) {
+    const Rigid3 body_from_camera = Rigid3().perturbed(random_step(random, 0.5, 1.5));
+    BodyCamera camera{kTestPinhole, body_from_camera.inverse(), {}};
+    const Rigid3 world_from_camera = view.world_from_camera * body_from_camera;
+    for (int i = 0; i < 40; ++i) {
+      const Eigen::Vector3d x = kTestPinhole.back_project(
+          {random.uniform(0.0, 639.0), random.uniform(0.0, 479.0)}, random.uniform(1.0, 4.0));
+      camera.matches.push_back(match_of(world_from_camera, x, 1.0, random));
+    }
+    cameras.push_back(std::move(camera));
+  }
+  cameras[1].matches[7].measured.pixel.x() += 60.0;
+  const PoseEstimate estimate =
+      refine_pose(cameras, view.world_from_camera.perturbed(random_step(random, 0.03, 0.02)));
+  ASSERT_EQ(estimate.inliers.size(), 80U);
+  EXPECT_FALSE(estimate.inliers[47]);
+  EXPECT_GT(estimate.inlier_count, 74U);
+  const Vector6d error = view.world_from_camera.difference_to(estimate.world_from_camera);
+  EXPECT_LT(error.dot(estimate.covariance.inverse() * error), 25.0);
+  EXPECT_LT(error.head<3>().norm(), 0.01);
+}
+
 // Far too deep or too near in two of five; where they appear is right.
 TEST(RefinePose, IgnoresWrongDepthsButNotTheirMatches) {
   View view = make_view(2, 200, 1.0);

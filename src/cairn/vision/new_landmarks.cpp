@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <fmt/format.h>
+
+#include "cairn/core/detail/descriptor_kernel.hpp"
+#include "cairn/core/detail/disjoint_sets.hpp"
+#include "cairn/core/error.hpp"
+#include "cairn/core/text.hpp"
+#include "cairn/formats/map_file.hpp"
+#include "cairn/map/operations.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
+#include "cairn/vision/detail/described_image.hpp"
+#include "cairn/vision/map_images.hpp"
+
+namespace cairn {
+namespace {
+
+using detail::DescribedImage;
+using detail::Features;
+using detail::ImageDescriber;
+using detail::Pinhole;
+
+constexpr double kNear = 2.0;  // pixels of an octave: largest distance of one point's places
+
+// An image of the map with the features of which the map has no landmark.
+struct NewView {
+  FrameIndex frame;
+  const ColorImage* image = nullptr;
+  Pinhole pinhole;
+  std::vector<double> scales;  // pixel sizes of the octaves
+  Rigid3 world_from_camera;
+  Rigid3 camera_from_world;
+  std::vector<detail::Keypoint> keypoints;
+  std::vector<std::uint8_t> descriptors;
+
+  Eigen::Vector3d ray(std::uint32_t feature) const {
+    const Eigen::Vector3d x =
+        pinhole.back_project(keypoints[feature].pixel.cast<double>(), 1.0).normalized();
+    return world_from_camera.rotation() * x;
+  }
+  // Whether a point is seen where the feature is.
+  bool shows(const Eigen::Vector3d& x, std::uint32_t feature) const {
+    const Eigen::Vector3d in_camera = camera_from_world * x;
+    if (in_camera.z() <= 0.0) return false;
+    const detail::Keypoint& keypoint = keypoints[feature];
+    const Eigen::Vector2d off = pinhole.project(in_camera) - keypoint.pixel.cast<double>();
+    return off.norm() <= kNear * scales[keypoint.octave];
+  }
+};
+
+// A feature of one of the views.
+struct Sighting {
+  std::uint32_t view = 0;
+  std::uint32_t feature = 0;
+};
+
+struct NewLandmark {
+  Eigen::Vector3d position;
+  std::vector<Sighting> seen;  // at most one for each view
+};
+
+class NewLandmarkSearch {
+ public:
+  NewLandmarkSearch(const LandmarkMap& map, std::span<const FrameImage> images,
+                    const FeatureOptions& options, const Execution& execution)
+      : map_(map), options_(options), execution_(execution), views_(images.size()) {
+    const auto& column = map.landmarks().descriptors;
+    const auto kind = column ? detail::image_descriptor_of(*column) : std::nullopt;
+    reject_if(!kind, "descriptors", column ? column->kind : "none",
+              "ORB of 32 bytes or SIFT of 128, as images are compared with");
+    kind_ = *kind;
+    observed_.resize(map.frame_count());
+    for (std::size_t i = 0; i < map.observations().frames.size(); ++i) {
+      observed_[map.observations().frames[i].value].push_back(map.observations().pixels[i]);
+    }
+    execution.executor.for_blocks(images.size(), 1, [&](std::size_t k, std::size_t) {
+      require_not_stopped();
+      views_[k] = view_of(images[k]);
+    });
+  }
+
+  std::vector<NewLandmark> find() const {
+    std::vector<std::uint32_t> first;  // of each view's features among those of all
+    std::uint32_t count = 0;
+    for (const NewView& view : views_) {
+      first.push_back(count);
+      count += static_cast<std::uint32_t>(view.keypoints.size());
+    }
+    const auto pairs = pairs_of_views();
+    std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> matches(pairs.size());
+    execution_.executor.for_blocks(pairs.size(), 1, [&](std::size_t k, std::size_t) {
+      require_not_stopped();
+      matches[k] = matches_of(views_[pairs[k].first], views_[pairs[k].second]);
+    });
+    detail::DisjointSets tracks(count);
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      for (const auto& [a, b] : matches[k]) {
+        tracks.join(first[pairs[k].first] + a, first[pairs[k].second] + b);
+      }
+    }
+    std::map<std::size_t, std::vector<Sighting>> seen;
+    for (std::uint32_t v = 0; v < views_.size(); ++v) {
+      for (std::uint32_t i = 0; i < views_[v].keypoints.size(); ++i) {
+        seen[tracks.first_of(first[v] + i)].push_back({v, i});
+      }
+    }
+    const BatchTree known(map_.landmarks().positions);
+    std::vector<NewLandmark> found;
+    for (const auto& [track, sightings] : seen) {
+      const auto x = triangulated(sightings);
+      if (x && !has_near(known, *x, view(sightings.front()))) found.push_back({*x, sightings});
+    }
+    return found;
+  }
+
+  const NewView& view(const Sighting& sighting) const { return views_[sighting.view]; }
+  std::size_t bytes_each() const { return map_.landmarks().descriptors->bytes_each; }
+  std::span<const std::uint8_t> descriptor(const Sighting& sighting) const {
+    return std::span(view(sighting).descriptors)
+        .subspan(sighting.feature * bytes_each(), bytes_each());
+  }
+
+ private:
+  void require_not_stopped() const {
+    if (!execution_.stop.stop_requested()) return;
+    throw Error(ErrorKind::kCancelled, "finding landmarks", "was cancelled", "");
+  }
+
+  NewView view_of(const FrameImage& image) const {
+    const auto& cameras = map_.frames().cameras;
+    const std::size_t frame = image.frame.value;
+    refuse_if(cameras.empty() || !cameras[frame], fmt::format("frame {}", frame), "has no camera",
+              "a frame with a camera");
+    const Camera& camera = map_.cameras()[cameras[frame]->value];
+    reject_if(image.image.width != camera.width || image.image.height != camera.height,
+              frame_name(image.frame),
+              fmt::format("{} x {} pixels", image.image.width, image.image.height),
+              fmt::format("{} x {}, as its camera has", camera.width, camera.height));
+    const ImageDescriber describer(camera, options_, kind_);
+    const auto gray = frame_images(0.0, camera.width, camera.height, image.image.values, {}).gray;
+    const DescribedImage described = describer.describe(detail::matrix_of(gray), cv::Mat());
+    NewView view;
+    view.frame = image.frame;
+    view.image = &image.image;
+    view.pinhole = describer.extractor().pinhole();
+    view.scales = describer.extractor().scales();
+    view.world_from_camera = map_.world_from_camera(image.frame);
+    view.camera_from_world = view.world_from_camera.inverse();
+    std::vector<bool> is_observed(described.features.size(), false);
+    for (const Pixel& pixel : observed_[frame]) {
+      described.features.visit_near(describer.extractor().undistorted(pixel).cast<double>(), kNear,
+                                    [&](std::uint32_t feature) { is_observed[feature] = true; });
+    }
+    for (std::uint32_t i = 0; i < is_observed.size(); ++i) {
+      if (is_observed[i]) continue;
+      view.keypoints.push_back(described.features.keypoints()[i]);
+      const auto row = std::span(described.descriptors).subspan(i * bytes_each(), bytes_each());
+      view.descriptors.insert(view.descriptors.end(), row.begin(), row.end());
+    }
+    return view;
+  }
+
+  std::string frame_name(FrameIndex frame) const {
+    const auto& names = map_.frames().image_names;
+    return names.empty() ? fmt::format("frame {}", frame.value) : printable(names[frame.value]);
+  }
+
+  // Each view with those nearest to it that look in about its direction.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_of_views() const {
+    constexpr std::size_t kMost = 8;
+    const double least_cosine = std::cos(std::numbers::pi / 4.0);
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs;
+    for (std::uint32_t i = 0; i < views_.size(); ++i) {
+      const Rigid3& here = views_[i].world_from_camera;
+      std::vector<std::pair<double, std::uint32_t>> others;
+      for (std::uint32_t j = 0; j < views_.size(); ++j) {
+        const Rigid3& there = views_[j].world_from_camera;
+        if (j == i || here.rotation().col(2).dot(there.rotation().col(2)) < least_cosine) continue;
+        others.emplace_back((there.translation() - here.translation()).norm(), j);
+      }
+      std::ranges::sort(others);
+      others.resize(std::min(others.size(), kMost));
+      for (const auto& [distance, j] : others) pairs.push_back(std::minmax(i, j));
+    }
+    std::ranges::sort(pairs);
+    const auto repeated = std::ranges::unique(pairs);
+    pairs.erase(repeated.begin(), repeated.end());
+    return pairs;
+  }
+
+  // Features that are alike and lie on lines of sight that meet.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> matches_of(const NewView& a,
+                                                                  const NewView& b) const {
+    constexpr double kRatio = 0.8;  // Lowe 2004
+    const bool is_orb = kind_ == detail::ImageDescriptor::kOrb;
+    const double ratio = is_orb ? kRatio : kRatio * kRatio;  // SIFT's distances are squared
+    const auto norm = is_orb ? detail::descriptor_kernel::Norm::kHamming
+                             : detail::descriptor_kernel::Norm::kSquaredBytes;
+    const auto nearest = detail::descriptor_kernel::nearest_both_ways(a.descriptors, b.descriptors,
+                                                                      bytes_each(), norm);
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> matches;
+    for (std::uint32_t i = 0; i < nearest.of_a.size(); ++i) {
+      const auto& [j, distance, second] = nearest.of_a[i];
+      if (j >= nearest.of_b.size() || nearest.of_b[j].index != i) continue;
+      if (distance > ratio * second) continue;
+      const auto x = meeting({a.ray(i), b.ray(j)}, {a.world_from_camera.translation(),
+                                                    b.world_from_camera.translation()});
+      if (x && a.shows(*x, i) && b.shows(*x, j)) matches.emplace_back(i, j);
+    }
+    return matches;
+  }
+
+  // The point nearest to lines of sight, from their directions and centres.
+  static std::optional<Eigen::Vector3d> meeting(const std::vector<Eigen::Vector3d>& rays,
+                                                const std::vector<Eigen::Vector3d>& centres) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - rays[i] * rays[i].transpose();
+      sum += across;
+      right += across * centres[i];
+    }
+    const Eigen::Vector3d x = sum.ldlt().solve(right);
+    return x.allFinite() ? std::optional(x) : std::nullopt;
+  }
+
+  std::optional<Eigen::Vector3d> triangulated(const std::vector<Sighting>& seen) const {
+    if (seen.size() < 2) return std::nullopt;
+    const double most_cosine = std::cos(2.0 * std::numbers::pi / 180.0);
+    std::vector<Eigen::Vector3d> rays;
+    std::vector<Eigen::Vector3d> centres;
+    double least = 1.0;
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      if (i > 0 && seen[i].view == seen[i - 1].view) return std::nullopt;  // a mistaken track
+      rays.push_back(view(seen[i]).ray(seen[i].feature));
+      centres.push_back(view(seen[i]).world_from_camera.translation());
+      for (std::size_t j = 0; j < i; ++j) least = std::min(least, rays[j].dot(rays[i]));
+    }
+    if (least > most_cosine) return std::nullopt;
+    const auto x = meeting(rays, centres);
+    const auto shows_x = [&](const Sighting& one) { return view(one).shows(*x, one.feature); };
+    return x && std::ranges::all_of(seen, shows_x) ? x : std::nullopt;
+  }
+
+  // Whether a landmark of the map appears at the same place.
+  static bool has_near(const BatchTree& known, const Eigen::Vector3d& x, const NewView& view) {
+    const double radius = kNear * (view.camera_from_world * x).z() / view.pinhole.fx;
+    std::array<Neighbor, 1> nearest;
+    return known.nearest(x, nearest, radius * radius) > 0;
+  }
+
+  const LandmarkMap& map_;
+  const FeatureOptions& options_;
+  const Execution& execution_;
+  detail::ImageDescriptor kind_ = detail::ImageDescriptor::kOrb;
+  std::vector<std::vector<Pixel>> observed_;  // by frame
+  std::vector<NewView> views_;
+};
+
+Color color_at(const ColorImage& image, const Pixel& pixel) {
+  const std::uint8_t* const bgr = &image.at(static_cast<std::size_t>(std::max(pixel.u, 0.0) + 0.5),
+                                            static_cast<std::size_t>(std::max(pixel.v, 0.0) + 0.5));
+  return {bgr[2], bgr[1], bgr[0]};
+}
+
+void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark> found,
+                   MapTables& tables) {
+  LandmarkTable& landmarks = tables.landmarks;
+  ObservationTable& observations = tables.observations;
+  std::uint64_t next_id = 0;
+  for (const LandmarkId id : landmarks.ids) next_id = std::max(next_id, id.value + 1);
+  landmarks.colors.resize(landmarks.ids.size());
+  if (observations.offsets.empty()) observations.offsets.resize(landmarks.ids.size() + 1, 0);
+  const DescriptorNorm norm =
+      is_binary(landmarks.descriptors->kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+  for (const NewLandmark& landmark : found) {
+    landmarks.ids.push_back(LandmarkId{next_id++});
+    landmarks.positions.push_back(landmark.position);
+    std::vector<std::span<const std::uint8_t>> descriptors;
+    for (const Sighting& one : landmark.seen) {
+      observations.frames.push_back(search.view(one).frame);
+      observations.pixels.push_back(search.view(one).keypoints[one.feature].raw);
+      descriptors.push_back(search.descriptor(one));
+    }
+    observations.offsets.push_back(observations.frames.size());
+    append_distinct(*landmarks.descriptors, descriptors, norm);
+    landmarks.colors.push_back(
+        color_at(*search.view(landmark.seen.front()).image,
+                 search.view(landmark.seen.front()).keypoints[landmark.seen.front().feature].raw));
+  }
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  if (!landmarks.covariances.empty()) {
+    landmarks.covariances.resize(landmarks.ids.size(), Eigen::Matrix3d::Constant(kUnknown));
+  }
+  for (NamedColumn& column : landmarks.columns)
+    column.values.resize(landmarks.ids.size(), kUnknown);
+  const auto extend = [&](auto& column) {
+    if (!column.empty()) column.resize(observations.frames.size());
+  };
+  extend(observations.keypoints);
+  extend(observations.depths);
+  extend(observations.octaves);
+  extend(observations.sources);
+  extend(observations.sigmas_px);
+}
+
+}  // namespace
+
+LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const FrameImage> images,
+                               const FeatureOptions& features, const Execution& execution) {
+  const NewLandmarkSearch search(map, images, features, execution);
+  const std::vector<NewLandmark> found = search.find();
+  MapTables tables = LandmarkMap(map).tables();
+  add_landmarks(search, found, tables);
+  tables.info.provenance.push_back(
+      fmt::format("{} landmarks found in {} images", found.size(), images.size()));
+  return with_content_uuid(LandmarkMap(std::move(tables)));
+}
+
+}  // namespace cairn
