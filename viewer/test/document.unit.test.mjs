@@ -205,6 +205,8 @@ test("a network reads back, and what is wrong with one is said by name", () => {
   assert.equal(network.nodes[4].group, null);
   assert.equal(network.nodes[4].poses, null);
   assert.equal(network.links[3].use, "contradicted");
+  assert.deepEqual(network.links[3].view, { targetFrame: 5, sourceFrame: 0, matches: 1 });
+  assert.equal(network.links[1].view, null);
   assert.equal(network.things[0].boxes.length, 2);
   assert.equal(report.sections[1].chart.xScale, "log");
   assert.equal(report.sections[3].table.columns[2].type, "command");
@@ -219,5 +221,6 @@ test("a network reads back, and what is wrong with one is said by name", () => {
   assert.match(broken((one) => one.stages.pop()), /poses: expected 14 elements, found 21/);
   assert.match(broken((one) => (one.stages = [])), /at least one stage/);
   assert.match(broken((one) => (one.nodes[0].map = "nowhere")), /there is no map "nowhere"/);
+  assert.match(broken((one) => (one.links[0].view.matches = -1)), /links\[0\]\.view\.matches: expected a count/);
   assert.match(broken((one) => (one.links[0].use = "maybe")), /use: expected "used" or/);
 });

@@ -1080,6 +1080,33 @@ test("a network: the slider moves maps, and one selection shows in graph, matrix
   });
 });
 
+test("a network shows two keyframes of each link side by side, the least certain link first", async () => {
+  for (const [width, options] of [[1400, {}], [390, kPhone]]) {
+    await withReport(sampleFile("network"), options, async ({ page }) => {
+      const links = page.locator(".link-gallery li");
+      assert.deepEqual(await links.getByRole("button").allTextContents(), ["monday ← robot2", "monday ← tuesday"]);
+      assert.match(await links.first().innerText(), /contradicted[^]*99\.21 %[^]*1 common landmark in both images/);
+      assert.match(await links.last().innerText(), /used[^]*monday 5 · 1790000010\.000 s[^]*tuesday 0 · [^]*112 common landmarks/);
+      const pictures = links.last().getByRole("img");
+      assert.equal(await pictures.last().getAttribute("alt"), "Keyframe 0 · 1790086400.000 s of tuesday");
+      await pictures.first().scrollIntoViewIfNeeded();
+      const [left, right] = await pictures.evaluateAll((all) =>
+        Promise.all(all.map((one) => one.decode().then(() => ({ ...one.getBoundingClientRect().toJSON(), wide: one.naturalWidth })))));
+      assert.equal(left.wide, 64);
+      assert.equal(left.top, right.top, `side by side at ${width} pixels`);
+      assert.ok(right.left >= left.right && right.right <= width);
+      assert.ok(left.width > 100 && left.width <= 320, `${left.width} pixels wide`);
+      await links.last().getByRole("button").click();
+      assert.equal(await page.locator(".record").getByRole("img").count(), 2);
+      assert.match(await page.locator(".record").innerText(), /monday ← tuesday[^]*112 common landmarks/);
+    });
+  }
+  await withReport(sampleFile("answer"), {}, async ({ page }) => {
+    assert.equal(await page.locator(".link-gallery").count(), 0);
+    return kAsItWas;
+  });
+});
+
 test("a click in the 3D view of a network picks a map or a link", async () => {
   await withReport(sampleFile("network"), {}, async ({ page }) => {
     await page.locator(".pane-surface").first().scrollIntoViewIfNeeded();

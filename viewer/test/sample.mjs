@@ -629,7 +629,7 @@ export function networkSample() {
   const maps = names.map((name, i) => {
     const points = seen.slice(...shown[i]).map((p) => p.map((value) => value + 0.006 * normal(rng)));
     const back = optimised[i] ? inverse(optimised[i]) : { q: [1, 0, 0, 0], t: [0, 0, 0] };
-    const images = i === 0 ? [0, 5].map((frame) => ({ frame, media_type: "image/png", data: writer.add(new Uint8Array(png(64, 48))) })) : undefined;
+    const images = i < 4 ? [0, 5].map((frame) => ({ frame, media_type: "image/png", data: writer.add(new Uint8Array(png(64, 48))) })) : undefined;
     const map = mapOf(`map-${i}`, name, points.map((p) => move(back, p)), writer, rng, { frames: 14, colors: false, images });
     const poses = cameraPath(14, 0.15 * i - 0.2, rng);
     for (let k = 0; k < 14; ++k) {
@@ -659,6 +659,7 @@ export function networkSample() {
       reason: use === "used" ? "412 landmarks agree, and nothing stands where keyframes saw through" : use === "ambiguous" ? "two poses fit nearly as well" : use === "contradicted" ? "388 landmarks agree" : "too few landmarks agree",
       residual: target < 4 && source < 4 && use !== "ambiguous" ? (use === "contradicted" ? 0.41 : 0.002 + 0.002 * target) : null,
       residual_deg: target < 4 && source < 4 && use !== "ambiguous" ? (use === "contradicted" ? 9 : 0.04) : null,
+      ...(target === 0 && source < 4 && source !== 2 && { view: { target_frame: 5, source_frame: 0, matches: source === 1 ? 112 : 1 } }),
     })),
     things: [
       { name: "moved 1", kind: "moved", group: 0, boxes: [{ low: [-0.5, 1, 0.74], high: [-0.25, 1.2, 1] }, { low: [0.4, 1.3, 0.74], high: [0.65, 1.5, 1] }] },
@@ -736,7 +737,7 @@ export function hostileSample() {
       {
         kind: "network", id: "network", title: evil, text: close, length_unit: "mapunits", stages: [evil, long], groups: [{ frame: long, up: null }],
         nodes: names.map((name, i) => ({ name, map: i < 2 ? "ab"[i] : null, session: evil, reason: close, group: i < 2 ? 0 : null, landmarks: 300, keyframes: 8, fused: null, centre: [0, 0, 0], poses: i < 2 ? writer.add(Float64Array.from([0, 0, 0, 1, 0, 0, 0, 0.1 * i, 0, 0, 1, 0, 0, 0])) : null, scales: null })),
-        links: [{ target: 0, source: 1, use: "used", kind: evil, probability: null, reason: close, residual: null, residual_deg: null }, { target: 2, source: 1, use: "rejected", kind: null, probability: 0.2, reason: long, residual: null, residual_deg: null }],
+        links: [{ target: 0, source: 1, use: "used", kind: evil, probability: null, reason: close, residual: null, residual_deg: null, view: { target_frame: 0, source_frame: 0, matches: 1 } }, { target: 2, source: 1, use: "rejected", kind: null, probability: 0.2, reason: long, residual: null, residual_deg: null }],
         things: [{ name: evil, kind: "vanished", group: 0, boxes: [{ low: [0, 0, 0], high: [1, 1, 1] }] }],
       },
       chart("spans", { chart: "spans", x_label: evil, series: names.map((name) => ({ name, spans: [{ name: close, start: 1, end: 1, marks: [] }] })) }),

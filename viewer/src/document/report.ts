@@ -426,6 +426,8 @@ function parseNetwork(field: Field, buffers: Buffers, lookUp: Reader<LandmarkClo
         reason: orNull(text),
         residual: orNull(number),
         residualDeg: orNull(number),
+        /** Two keyframes with images, and how many common landmarks both see. */
+        view: orNull(object({ targetFrame: count, sourceFrame: count, matches: count })),
       }),
     ),
     things: listOrEmpty(

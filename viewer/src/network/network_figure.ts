@@ -26,7 +26,7 @@ import { onThemeChange, palette } from "../theme";
 import { GraphView, linkLabel } from "./graph_view";
 import { MatrixView } from "./matrix_view";
 import { counts, NetworkModel, type Selection } from "./network_model";
-import { networkRecord } from "./network_record";
+import { linkGallery, networkRecord } from "./network_record";
 import { NetworkStage, thingColor, type NetworkLayer, type NetworkView } from "./network_stage";
 
 /** Beyond this many, links that do not count are shown only if asked for. */
@@ -138,7 +138,8 @@ class NetworkFigure {
       this.#plan("Graph", "Top view of the maps.", this.#graph.element),
       this.#plan("Pairs", "Probability of each link, in percent.", this.#matrix.element),
     );
-    this.element.append(plans, this.#linkLegend());
+    const gallery = linkGallery(model, choose);
+    this.element.append(plans, this.#linkLegend(), ...(gallery ? [gallery] : []));
     if (!has3d) {
       plans.before(h("div", { class: "scene-body is-flat" }, this.#side()));
     }

@@ -3,6 +3,7 @@ import { badge, button, facts, h } from "../dom";
 import { formatCount, formatLength, formatNumber, formatProbability, idText, positionText } from "../math/format";
 import { apply, positionOf, subtract } from "../math/pose";
 import type { NetworkLink } from "../document/report";
+import { linkImages } from "./link_images";
 import { kUseTexts, middleOf, type NetworkModel, type Selection } from "./network_model";
 
 type Choose = (selection: Selection) => void;
@@ -24,6 +25,7 @@ const useBadge = ({ use }: NetworkLink) => badge(kUseStatus[use], kUseTexts[use]
 
 function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLElement[] {
   const link = model.links[index];
+  const images = linkImages(model, index);
   const go = (node: number) =>
     button(model.nodes[node].name, () => choose({ kind: "node", index: node }), { class: "quiet record-link" });
   return [
@@ -37,6 +39,7 @@ function linkRecord(model: NetworkModel, index: number, choose: Choose): HTMLEle
       ["Target", go(link.target)],
       ["Source", go(link.source)],
     ),
+    ...(images ? [h("h4", null, "Keyframes"), images] : []),
     ...(link.reason ? [h("h4", null, "Reason"), h("p", { "data-record": "reason" }, link.reason)] : []),
   ];
 }
@@ -132,4 +135,42 @@ export function networkRecord(model: NetworkModel, selection: Selection, stage: 
     case "thing":
       return thingRecord(model, selection.index);
   }
+}
+
+/** The images of all links that have some, those first whose link is least certain; null if none has. */
+export function linkGallery(model: NetworkModel, choose: Choose): HTMLElement | null {
+  const rank = (index: number) => {
+    const { use, probability } = model.links[index];
+    return use === "contradicted" ? -1 : (probability ?? 2);
+  };
+  const shown = model.links.flatMap(({ view }, index) => (view ? [index] : [])).sort((a, b) => rank(a) - rank(b));
+  if (shown.length === 0) {
+    return null;
+  }
+  const items = shown.map((index) => {
+    const pick = () => choose({ kind: "link", index });
+    return h(
+      "li",
+      null,
+      h(
+        "div",
+        { class: "gallery-head" },
+        button(model.linkName(index), pick, { class: "quiet record-link" }),
+        useBadge(model.links[index]),
+        h("span", { class: "muted small" }, probabilityText(model.links[index])),
+      ),
+      linkImages(model, index),
+    );
+  });
+  return h(
+    "div",
+    { class: "link-gallery" },
+    h("h3", null, "Keyframes of the links"),
+    h(
+      "p",
+      { class: "muted small" },
+      "Of each link, the two keyframes that see the most common landmarks; the least certain links first.",
+    ),
+    h("ul", null, ...items),
+  );
 }
