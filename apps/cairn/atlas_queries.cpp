@@ -4,6 +4,7 @@
 #include <deque>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -96,15 +97,19 @@ std::string answer_of(const AtlasState& state) {
 
 // Answer, network and log of an atlas.
 // @param location of the atlas, for the commands that undo
+// @param images folders, or none; see folders_of_maps()
 void add_atlas_state(report::Report& report, Atlas& atlas, const AtlasState& state,
-                     const std::string& location) {
+                     const std::string& location, const std::vector<fs::path>& images,
+                     const CommonArguments& common) {
   report.subtitle = answer_of(state);
   std::map<NodeId, std::size_t> index_of;
   std::deque<LandmarkMap> kept;
+  std::vector<const LandmarkMap*> maps;
   std::vector<report::NetworkMap> nodes;
   for (const auto& [id, node] : state.nodes) {
     index_of.emplace(id, nodes.size());
     kept.push_back(atlas.map(node));
+    maps.push_back(&kept.back());
     report::NetworkMap shown{.name = node.name, .map = &kept.back(), .session = node.session};
     shown.landmarks = node.landmarks;
     shown.keyframes = node.frames;
@@ -132,7 +137,7 @@ void add_atlas_state(report::Report& report, Atlas& atlas, const AtlasState& sta
                      .reason = link.reason,
                      .target_from_source = link.target_from_source});
   }
-  report::add_network(report, nodes, edges);
+  add_network(report, nodes, edges, open_images(maps, images, common), common);
   std::vector<AtlasCommit> log = atlas.store().log();
   std::erase_if(log, [&](const AtlasCommit& commit) { return commit.id > state.commit; });
   if (!log.empty()) {
@@ -157,10 +162,12 @@ std::string status_of(const Link& link, const AtlasState& state) {
 
 struct ShowArguments : AtlasArguments {
   bool all = false;
+  std::vector<std::string> images;
 
   void add_to(const Command& command) {
     command.add_flag("--all", all, "Also list pairs that were tried and not aligned");
     common.add_report_to(command, "maps and links as a graph, a matrix and in 3D, and the log");
+    add_images_to(command, images);
     AtlasArguments::add_to(command);
     add_at_to(command);
     command.footer("Example: cairn atlas show --atlas town.atlas --report town.html");
@@ -192,6 +199,14 @@ struct ShowArguments : AtlasArguments {
   int run() {
     Atlas atlas = open_to_read();
     const AtlasState state = atlas.state(commit());
+    std::vector<std::string> sessions;
+    for (const auto& [id, node] : state.nodes) sessions.push_back(node.session);
+    const std::vector<fs::path> image_folders = folders_of_maps(images, sessions);
+    std::optional<report::Report> report;
+    if (!common.report_path.empty()) {
+      report = begin_report(fs::path(shown()).filename().string(), common);
+      add_atlas_state(*report, atlas, state, shown(), image_folders, common);
+    }
     Table maps({"map", "id", "session", "landmarks", "keyframes", "in the frame of"});
     for (const auto& [id, node] : state.nodes) {
       const auto pose = state.poses.find(id);
@@ -223,11 +238,9 @@ struct ShowArguments : AtlasArguments {
     json["maps"] = nodes_json(state);
     json["links"] = std::move(links);
     write_document(json, common);
-    if (!common.report_path.empty()) {
-      report::Report report = begin_report(fs::path(shown()).filename().string(), common);
-      add_atlas_state(report, atlas, state, shown());
-      set_provenance(report, json);
-      write_report(report, common);
+    if (report) {
+      set_provenance(*report, json);
+      write_report(*report, common);
     }
     return kDone;
   }

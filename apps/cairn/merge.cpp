@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <memory>
 #include <set>
 #include <span>
 #include <string>
@@ -64,8 +65,8 @@ std::string answer_of(std::span<const MergeInput> maps, const MergeResult& resul
 }
 
 // Title, answer, and the sections that a merge has.
-void add_merge(report::Report& report, std::span<const MergeInput> maps,
-               const MergeResult& result) {
+void add_merge(report::Report& report, std::span<const MergeInput> maps, const MergeResult& result,
+               const std::shared_ptr<report::LinkImages>& images, const CommonArguments& common) {
   report.subtitle = answer_of(maps, result);
   std::optional<std::size_t> frame;
   std::vector<report::NetworkMap> nodes;
@@ -99,7 +100,7 @@ void add_merge(report::Report& report, std::span<const MergeInput> maps,
                      .reason = link.reason,
                      .target_from_source = link.target_from_source});
   }
-  report::add_network(report, nodes, edges);
+  add_network(report, nodes, edges, images, common);
 }
 
 bool is_same_file(const std::string& a, const std::string& b) {
@@ -215,6 +216,7 @@ struct MergeMapsArguments {
   CommonArguments common;
   std::vector<std::string> paths;
   std::vector<std::string> models;
+  std::vector<std::string> images;
   std::string output;
   MergeOptions options;
 
@@ -238,6 +240,7 @@ struct MergeMapsArguments {
     add_options(command, LinkOptions::table, &options.links);
     add_adjustment_to(command, options);
     common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
+    add_images_to(command, images);
     common.add_to(command);
     common.add_threads_to(command);
     common.add_seed_to(command);
@@ -264,6 +267,9 @@ struct MergeMapsArguments {
     require_outputs(common);
     with_option_names({AlignOptions::table}, [&] { options.validate(); });
     const std::vector<ListedMap> maps = listed();
+    std::vector<std::string> sessions;
+    for (const ListedMap& map : maps) sessions.push_back(map.session);
+    const std::vector<fs::path> image_folders = folders_of_maps(images, sessions);
     std::vector<std::string> names;
     std::vector<LoadedMap> loaded;
     std::vector<LandmarkMap> aligned;
@@ -278,6 +284,9 @@ struct MergeMapsArguments {
       aligned.push_back(model_of(map.file, models[aligned.size()], loaded.back()));
       inputs.back().model = &aligned.back();
     }
+    std::vector<const LandmarkMap*> shown;
+    for (const LoadedMap& map : loaded) shown.push_back(&map.map);
+    const auto link_images = open_images(shown, image_folders, common);
     options.stated = links_of_folders(paths, maps);
     Execution execution = common.execution("merging");
     execution.log = common.console().log();
@@ -289,7 +298,7 @@ struct MergeMapsArguments {
     if (!common.report_path.empty()) {
       report::Report report = begin_report(
           fmt::format("{} maps merged into {}", names.size(), file_name(output)), common);
-      add_merge(report, inputs, result);
+      add_merge(report, inputs, result, link_images, common);
       Json by_role = Json::object();
       for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;
       set_provenance(report, {{"inputs", by_role}, {"options", options_json()}});

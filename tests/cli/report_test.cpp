@@ -303,6 +303,72 @@ TEST_F(WrittenReportTest, ShowsWhatKeyframesSaw) {
   EXPECT_TRUE(page("none.html").document.at("maps").at(0).at("frames").at("images").is_null());
 }
 
+#ifdef CAIRN_HAS_MERGING
+TEST_F(WrittenReportTest, MergeAndAtlasShowTwoKeyframesOfEachLink) {
+  const SyntheticPair pair = write_pair(900);
+  write_map(synthetic_map({.seed = 77, .landmarks = 400, .frames = 10}), path("stranger.map"));
+  std::vector<double> times;
+  for (const auto& time : pair.source.frames().timestamps_s) times.push_back(time.value());
+  write_sequence(path("all"), times);
+  times.erase(times.begin(), times.begin() + 4);
+  write_sequence(path("some"), times);
+  const Words merge = {"merge", "target.map", "stranger.map", "source.map",
+                       "-o",    "all.map",    "--report",     "r.html"};
+  const auto with = [](Words words, const Words& more) {
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  EXPECT_EQ(cairn(merge).exit_code, kNoAlignment);
+  const Json plain = page("r.html").document;
+  EXPECT_THAT(plain.dump(), Not(HasSubstr("\"view\"")));
+  EXPECT_TRUE(plain.at("maps").at(0).at("frames").at("images").is_null());
+
+  const Words images = with(merge, {"--images", "all", "all", "some"});
+  EXPECT_EQ(cairn(images).exit_code, kNoAlignment);
+  const std::string bytes = content("r.html");
+  const ReportPage report = page("r.html");
+  const Json& network = section(report, "network");
+  EXPECT_THAT(network.at("text").get<std::string>(),
+              StartsWith("1 of 3 links show the images of two keyframes; the others: 2 without a "
+                         "pose. 4 of "));
+  std::size_t views = 0;
+  for (const Json& link : network.at("links")) {
+    if (!link.contains("view")) continue;
+    ++views;
+    const Json& view = link.at("view");
+    EXPECT_GT(view.at("matches"), 20);
+    for (const char* const side : {"target", "source"}) {
+      const auto map = link.at(side).get<std::size_t>();
+      EXPECT_NE(map, 1U);
+      const Json& shown = report.document.at("maps").at(map).at("frames").at("images");
+      ASSERT_EQ(shown.size(), 1U);
+      EXPECT_EQ(shown.at(0).at("frame"), view.at(std::string(side) + "_frame"));
+      if (map == 2) EXPECT_GE(shown.at(0).at("frame"), 4);
+    }
+  }
+  EXPECT_EQ(views, 1U);
+  EXPECT_EQ(cairn(images).exit_code, kNoAlignment);
+  EXPECT_EQ(content("r.html"), bytes) << "the same inputs give the same bytes";
+
+  expect_refusal(with(merge, {"--images", "all", "some"}), kWrongUsage,
+                 {"--images", "2 given", "one for each of the 3 sessions"});
+  expect_refusal({"merge", "target.map", "source.map", "-o", "b.map", "--images", "all"},
+                 kWrongUsage, {"--images", "--report"});
+  write_sequence(path("later"), {5000.5, 5001.0});
+  expect_refusal(with(merge, {"--images", "all", "all", "later"}), kBadInput,
+                 {"later", "from 5000.500 to 5001.000 s", "keyframe"});
+#ifdef CAIRN_HAS_ATLAS
+  answer({"atlas", "init", "--atlas", "town"});
+  answer({"atlas", "add", "target.map", "source.map", "--atlas", "town"});
+  answer({"atlas", "link", "--atlas", "town"});
+  answer({"atlas", "show", "--atlas", "town", "--report", "a.html", "--images", "all"});
+  const ReportPage shown = page("a.html");
+  EXPECT_TRUE(section(shown, "network").at("links").at(0).contains("view"));
+  EXPECT_EQ(section(shown, "network").at("text"), "1 of 1 links show the images of two keyframes.");
+#endif
+}
+#endif
+
 TEST_F(WrittenReportTest, RefusesASequenceThatFitsNoMap) {
   write_pair();
   write_sequence(path("later"), {5000.5, 5001.0});

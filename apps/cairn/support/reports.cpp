@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "cairn/core/error.hpp"
 #ifdef CAIRN_HAS_SEQUENCE
 #include "cairn/report/frame_images.hpp"
 #endif
@@ -119,7 +121,7 @@ void add_sequence_to(const Command& command, const std::string& option, std::str
   const Option given = command.add_text(
       option, folder,
       fmt::format("Show in the report what keyframes of {} saw, at most {}: folder of the RGB-D "
-                  "sequence that it was built from",
+                  "sequence that it was built from, or of the images by their names in the map",
                   whose, report::kMostFrameImages),
       "DIR");
   if (command.has_option("--report")) given.needs(command.option("--report"));
@@ -130,6 +132,25 @@ std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::str
   if (folder.empty()) return {};
   return report::frame_images(map, folder, common.console().log());
 }
+
+void add_images_to(const Command& command, std::vector<std::string>& folders) {
+  command
+      .add_words(
+          "--images", folders,
+          "Show in the report the images of two keyframes of each link, those that see the "
+          "most common landmarks: folder of the images by their names in the maps, or of the "
+          "sequence that the maps were built from; one, or one for each session in the "
+          "maps' order, where a map outside of a folder is a session",
+          "FOLDER...")
+      .needs(command.option("--report"));
+}
+
+std::shared_ptr<report::LinkImages> open_images(const std::vector<const LandmarkMap*>& maps,
+                                                const std::vector<std::filesystem::path>& folders,
+                                                const CommonArguments& common) {
+  if (folders.empty()) return nullptr;
+  return std::make_shared<report::LinkImages>(maps, folders, common.console().log());
+}
 #else
 void add_sequence_to(const Command&, const std::string&, std::string&, const std::string&) {}
 
@@ -137,7 +158,46 @@ std::vector<report::FrameImage> images_of(const LandmarkMap&, const std::string&
                                           const CommonArguments&) {
   return {};
 }
+
+void add_images_to(const Command&, std::vector<std::string>&) {}
+
+std::shared_ptr<report::LinkImages> open_images(const std::vector<const LandmarkMap*>&,
+                                                const std::vector<std::filesystem::path>&,
+                                                const CommonArguments&) {
+  return nullptr;
+}
 #endif
+
+std::vector<std::filesystem::path> folders_of_maps(const std::vector<std::string>& folders,
+                                                   const std::vector<std::string>& sessions) {
+  if (folders.empty()) return {};
+  std::map<std::string, std::size_t> folder_of;  // by session
+  std::vector<std::size_t> index;                // by map
+  std::size_t count = 0;
+  for (const std::string& session : sessions) {
+    const bool is_new = session.empty() || folder_of.emplace(session, count).second;
+    index.push_back(is_new ? count++ : folder_of.at(session));
+  }
+  refuse_if(folders.size() != 1 && folders.size() != count, "--images",
+            fmt::format("{} given", folders.size()),
+            fmt::format("one, or one for each of the {} sessions", count));
+  std::vector<std::filesystem::path> paths;
+  for (const std::size_t i : index) paths.emplace_back(folders[folders.size() == 1 ? 0 : i]);
+  return paths;
+}
+
+void add_network(report::Report& report, const std::vector<report::NetworkMap>& maps,
+                 const std::vector<report::NetworkEdge>& edges,
+                 [[maybe_unused]] const std::shared_ptr<report::LinkImages>& images,
+                 [[maybe_unused]] const CommonArguments& common) {
+  report::add_network(report, maps, edges);
+#ifdef CAIRN_HAS_SEQUENCE
+  if (images == nullptr) return;
+  Execution execution = common.execution();
+  execution.log = common.console().log();
+  images->add_to(report, edges, execution);
+#endif
+}
 
 void write_report(const report::Report& report, const CommonArguments& common) {
   if (common.report_path.empty()) return;

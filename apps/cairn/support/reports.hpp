@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -10,6 +12,10 @@
 
 #include "support/alignments.hpp"
 #include "support/documents.hpp"
+
+namespace cairn::report {
+class LinkImages;
+}
 
 namespace cairn::cli {
 
@@ -48,6 +54,26 @@ void add_sequence_to(const Command& command, const std::string& option, std::str
 /// @throws Error (input) as report::frame_images()
 std::vector<report::FrameImage> images_of(const LandmarkMap& map, const std::string& folder,
                                           const CommonArguments& common);
+
+/// Adds --images, which names folders with the images of maps' keyframes, if this build reads images.
+void add_images_to(const Command& command, std::vector<std::string>& folders);
+
+/// The folder of each map: the only one, or that of its session; empty if none is given.
+/// @param sessions of the maps; a map without one is a session of its own
+/// @throws Error (misuse) for another number of folders
+std::vector<std::filesystem::path> folders_of_maps(const std::vector<std::string>& folders,
+                                                   const std::vector<std::string>& sessions);
+
+/// Opens the folders with the images of maps' keyframes; null if none are given.
+/// @throws Error (input) if a folder has no image of its maps
+std::shared_ptr<report::LinkImages> open_images(const std::vector<const LandmarkMap*>& maps,
+                                                const std::vector<std::filesystem::path>& folders,
+                                                const CommonArguments& common);
+
+/// Adds maps and links, and the images if there are any.
+void add_network(report::Report& report, const std::vector<report::NetworkMap>& maps,
+                 const std::vector<report::NetworkEdge>& edges,
+                 const std::shared_ptr<report::LinkImages>& images, const CommonArguments& common);
 
 /// Writes the report to the path of --report, and prints this; does nothing if it was not given.
 void write_report(const report::Report& report, const CommonArguments& common);

@@ -6,16 +6,24 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <tuple>
+#include <utility>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/statistics.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/map/camera.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/report/detail/map_builder.hpp"
 #include "cairn/vision/image.hpp"
 #include "cairn/vision/sequence.hpp"
@@ -23,10 +31,12 @@
 namespace cairn::report {
 namespace {
 
-// A frame of a map and the image of a sequence that is nearest in time.
+// A frame of a map and its image.
 struct SeenFrame {
   std::size_t frame;
-  std::size_t image;
+  std::optional<std::size_t> image;  // of a sequence; std::nullopt: the file of the frame's name
+
+  friend bool operator==(const SeenFrame&, const SeenFrame&) = default;
 };
 
 double median_interval_s(std::span<const SequenceFrame> images) {
@@ -37,6 +47,7 @@ double median_interval_s(std::span<const SequenceFrame> images) {
   return intervals.empty() ? 0.0 : upper_median(intervals);
 }
 
+// The frames with an image that is near in time.
 std::vector<SeenFrame> seen_frames(const LandmarkMap& map, std::span<const SequenceFrame> images) {
   const double most = 0.5 * median_interval_s(images);
   std::vector<SeenFrame> seen;
@@ -61,23 +72,67 @@ std::vector<SeenFrame> seen_frames(const LandmarkMap& map, std::span<const Seque
   return seen;
 }
 
-[[noreturn]] void refuse(const LandmarkMap& map, std::span<const SequenceFrame> images,
-                         const std::filesystem::path& sequence) {
-  double first = std::numeric_limits<double>::infinity();
-  double last = -first;
-  for (const auto& time : map.frames().timestamps_s) {
-    if (!time) continue;
-    first = std::min(first, *time);
-    last = std::max(last, *time);
+// The images of keyframes: a sequence, or a folder of files that the maps name.
+class ImageFolder {
+ public:
+  ImageFolder(std::filesystem::path folder, const LogSink& log) : folder_(std::move(folder)) {
+    std::error_code ignored;
+    // A sequence says what is wrong with a folder that does not exist.
+    if (ImageSequence::is_in(folder_) || !std::filesystem::is_directory(folder_, ignored)) {
+      sequence_.emplace(folder_, SequenceOptions(), log);
+    }
   }
-  const std::string frames =
-      first <= last ? fmt::format("are from {:.3f} to {:.3f} s", first, last) : "have no times";
-  throw Error(
-      ErrorKind::kInput, sequence.string(),
-      fmt::format("its images, from {:.3f} to {:.3f} s, fit no keyframe of the map: these {}",
-                  images.front().timestamp_s, images.back().timestamp_s, frames),
-      "the sequence that the map was built from");
-}
+
+  std::vector<SeenFrame> seen(const LandmarkMap& map) const {
+    std::vector<SeenFrame> seen;
+    if (sequence_) seen = seen_frames(map, sequence_->frames());
+    if (!seen.empty()) return seen;
+    const std::vector<std::string>& names = map.frames().image_names;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      std::error_code ignored;
+      const bool is_there =
+          !names[i].empty() && std::filesystem::is_regular_file(folder_ / names[i], ignored);
+      if (is_there) seen.push_back({i, std::nullopt});
+    }
+    return seen;
+  }
+
+  ColorImage read(const LandmarkMap& map, const SeenFrame& seen) const {
+    return seen.image ? sequence_->read_color(*seen.image)
+                      : read_color_image(folder_ / map.frames().image_names[seen.frame]);
+  }
+
+  // Of a map with no image here.
+  [[noreturn]] void refuse(const LandmarkMap& map) const {
+    if (!sequence_) {
+      const std::vector<std::string>& names = map.frames().image_names;
+      throw Error(ErrorKind::kInput, folder_.string(),
+                  names.empty() ? "holds no sequence, and the map names no images"
+                                : fmt::format("has none of the map's {} images, such as {}",
+                                              names.size(), printable(names.front())),
+                  "the folder of the map's images, or the sequence that it was built from");
+    }
+    double first = std::numeric_limits<double>::infinity();
+    double last = -first;
+    for (const auto& time : map.frames().timestamps_s) {
+      if (!time) continue;
+      first = std::min(first, *time);
+      last = std::max(last, *time);
+    }
+    const std::string frames =
+        first <= last ? fmt::format("are from {:.3f} to {:.3f} s", first, last) : "have no times";
+    const std::span<const SequenceFrame> images = sequence_->frames();
+    throw Error(
+        ErrorKind::kInput, folder_.string(),
+        fmt::format("its images, from {:.3f} to {:.3f} s, fit no keyframe of the map: these {}",
+                    images.front().timestamp_s, images.back().timestamp_s, frames),
+        "the sequence that the map was built from");
+  }
+
+ private:
+  std::filesystem::path folder_;
+  std::optional<ImageSequence> sequence_;
+};
 
 // At most `count` of them, from the first to the last.
 std::vector<SeenFrame> spread(const std::vector<SeenFrame>& all, std::size_t count) {
@@ -190,22 +245,257 @@ class Shrinkings {
   std::map<std::tuple<std::size_t, std::uint32_t, std::uint32_t>, Shrinking> known_;
 };
 
+FrameImage frame_image(std::size_t frame, const ColorImage& color, Shrinkings& shrinkings) {
+  constexpr int kQuality = 80;  // of the JPEG, 0 to 100
+  const std::string jpeg = jpeg_bytes(shrinkings.of(frame, color)(color), kQuality);
+  return {frame, ImageType::kJpeg, {jpeg.begin(), jpeg.end()}};
+}
+
+// The images of one map of a network.
+class KeyframeImages {
+ public:
+  KeyframeImages(const LandmarkMap& map, const ImageFolder& folder)
+      : map_(map), folder_(folder), shrinkings_(map, kWidestFrameImage), seen_(map.frame_count()) {
+    for (const SeenFrame& one : folder.seen(map)) seen_[one.frame] = one;
+  }
+
+  const LandmarkMap& map() const { return map_; }
+  const ImageFolder& folder() const { return folder_; }
+  bool has(FrameIndex frame) const { return seen_[frame.value].has_value(); }
+  std::size_t missing() const {
+    return static_cast<std::size_t>(std::count(seen_.begin(), seen_.end(), std::nullopt));
+  }
+  bool has_any() const { return missing() < seen_.size(); }
+
+  const FrameImage& read(std::size_t frame) {
+    const auto known = read_.find(frame);
+    if (known != read_.end()) return known->second;
+    return read_.emplace(frame, frame_image(frame, folder_.read(map_, *seen_[frame]), shrinkings_))
+        .first->second;
+  }
+
+ private:
+  const LandmarkMap& map_;
+  const ImageFolder& folder_;
+  Shrinkings shrinkings_;
+  std::vector<std::optional<SeenFrame>> seen_;  // by frame
+  std::map<std::size_t, FrameImage> read_;      // by frame
+};
+
+// Landmarks of the target and the source that a pose brings nearer than the target's landmarks are to each other, by
+// the median; one to one.
+std::vector<std::pair<LandmarkIndex, LandmarkIndex>> matches_at(const LandmarkMap& target,
+                                                                const LandmarkMap& source,
+                                                                const Similarity3& pose,
+                                                                const Executor& executor) {
+  const std::vector<Eigen::Vector3d>& places = target.landmarks().positions;
+  if (places.size() < 2) return {};
+  const BatchTree tree(places);
+  std::vector<double> gaps(places.size());
+  tree.batch(2).for_each(places, executor, [&](std::size_t i, const auto& nearest) {
+    gaps[i] = nearest.squared_distance(1);
+  });
+  const std::vector<Eigen::Vector3d> moved = moved_points(source.landmarks().positions, pose);
+  std::vector<Neighbor> found(moved.size());
+  tree.batch(1).for_each(moved, executor, [&](std::size_t i, const auto& nearest) {
+    found[i] = {nearest.index(0), nearest.squared_distance(0)};
+  });
+  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> nearest(places.size(),
+                                     kNone);  // source landmark of each of the target
+  std::vector<double> least(places.size(), upper_median(gaps));
+  for (std::uint32_t i = 0; i < found.size(); ++i) {
+    const auto& [at, squared_distance] = found[i];
+    if (squared_distance >= least[at]) continue;
+    least[at] = squared_distance;
+    nearest[at] = i;
+  }
+  std::vector<std::pair<LandmarkIndex, LandmarkIndex>> matches;
+  for (std::uint32_t i = 0; i < nearest.size(); ++i) {
+    if (nearest[i] != kNone) matches.emplace_back(LandmarkIndex{i}, LandmarkIndex{nearest[i]});
+  }
+  return matches;
+}
+
+// The keyframes with images that see the most matches; the first of several.
+std::optional<LinkView> best_view(const KeyframeImages& target, const KeyframeImages& source,
+                                  const Similarity3& pose, const Executor& executor) {
+  if (!target.map().has_observations() || !source.map().has_observations()) return std::nullopt;
+  std::vector<std::vector<LandmarkIndex>> matched(target.map().frame_count());  // of the source
+  for (const auto& [there, here] : matches_at(target.map(), source.map(), pose, executor)) {
+    for (const FrameIndex frame : target.map().observing_frames(there)) {
+      if (target.has(frame)) matched[frame.value].push_back(here);
+    }
+  }
+  LinkView best;
+  std::vector<std::size_t> counts(source.map().frame_count());
+  for (std::size_t i = 0; i < matched.size(); ++i) {
+    if (matched[i].size() <= best.matches) continue;
+    std::fill(counts.begin(), counts.end(), 0);
+    for (const LandmarkIndex landmark : matched[i]) {
+      for (const FrameIndex frame : source.map().observing_frames(landmark)) {
+        if (source.has(frame)) ++counts[frame.value];
+      }
+    }
+    const auto most = std::max_element(counts.begin(), counts.end());
+    if (*most > best.matches) {
+      best = {i, static_cast<std::size_t>(most - counts.begin()), *most};
+    }
+  }
+  return best.matches > 0 ? std::optional(best) : std::nullopt;
+}
+
+// Contradicted links first, then the least probable; those that were stated last.
+std::vector<std::size_t> least_certain_first(std::span<const NetworkEdge> edges) {
+  std::vector<std::size_t> order(edges.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    const auto rank = [&](const NetworkEdge& edge) {
+      return std::pair(edge.use != LinkUse::kContradicted, edge.probability.value_or(2.0));
+    };
+    return rank(edges[a]) < rank(edges[b]);
+  });
+  return order;
+}
+
+// What becomes of a link, and how the page says so.
+enum class Outcome { kShown, kNoPose, kNoView, kUnreadable, kBeyondLimit };
+constexpr std::array kOutcomeTexts = {
+    "", "without a pose", "without two keyframes that have images and see the same landmarks",
+    "with an image that cannot be read", "beyond the page's limit of 8 MB"};
+static_assert(kMostLinkImageBytes == std::size_t{8} << 20U, "the text says so");
+
 }  // namespace
 
-std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
+std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& folder,
                                      const LogSink& log) {
-  constexpr int kQuality = 80;  // of the JPEG, 0 to 100
-  const ImageSequence recorded(sequence, {}, log);
-  const auto seen = seen_frames(map, recorded.frames());
-  if (seen.empty()) refuse(map, recorded.frames(), sequence);
+  const ImageFolder images_of(folder, log);
+  const auto seen = images_of.seen(map);
+  if (seen.empty()) images_of.refuse(map);
   Shrinkings shrinkings(map, kWidestFrameImage);
   std::vector<FrameImage> images;
-  for (const auto& [frame, image] : spread(seen, kMostFrameImages)) {
-    const ColorImage color = recorded.read_color(image);
-    const std::string jpeg = jpeg_bytes(shrinkings.of(frame, color)(color), kQuality);
-    images.push_back({frame, ImageType::kJpeg, {jpeg.begin(), jpeg.end()}});
+  for (const SeenFrame& one : spread(seen, kMostFrameImages)) {
+    images.push_back(frame_image(one.frame, images_of.read(map, one), shrinkings));
   }
   return images;
+}
+
+// Chooses the images of links as long as they fit on the page.
+class LinkImages::Maps {
+ public:
+  Maps(std::span<const LandmarkMap* const> maps, std::span<const std::filesystem::path> folders,
+       const LogSink& log)
+      : maps_(maps.size()), shown_(maps.size()) {
+    std::set<const ImageFolder*> used;
+    for (std::size_t i = 0; i < maps.size(); ++i) {
+      if (maps[i] == nullptr) continue;
+      const ImageFolder& folder = folders_.try_emplace(folders[i], folders[i], log).first->second;
+      maps_[i].emplace(*maps[i], folder);
+      if (maps_[i]->has_any()) used.insert(&folder);
+    }
+    for (const auto& map : maps_) {
+      if (!map || map->map().frame_count() == 0 || used.contains(&map->folder())) continue;
+      map->folder().refuse(map->map());
+    }
+  }
+
+  std::size_t count() const { return maps_.size(); }
+
+  Outcome show(const NetworkEdge& edge, NetworkLink& link, const Execution& execution) {
+    if (!edge.target_from_source) return Outcome::kNoPose;
+    if (is_full_) return Outcome::kBeyondLimit;
+    if (!maps_[edge.target] || !maps_[edge.source]) return Outcome::kNoView;
+    KeyframeImages& target = *maps_[edge.target];
+    KeyframeImages& source = *maps_[edge.source];
+    const auto view = best_view(target, source, *edge.target_from_source, execution.executor);
+    if (!view) return Outcome::kNoView;
+    try {
+      std::size_t bytes = bytes_;
+      if (!shown_[edge.target].contains(view->target_frame)) {
+        bytes += target.read(view->target_frame).bytes.size();
+      }
+      if (!shown_[edge.source].contains(view->source_frame)) {
+        bytes += source.read(view->source_frame).bytes.size();
+      }
+      is_full_ = bytes > kMostLinkImageBytes;
+      if (is_full_) return Outcome::kBeyondLimit;
+      bytes_ = bytes;
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::kInput) throw;
+      if (execution.log) execution.log(std::string_view(error.what()));
+      return Outcome::kUnreadable;
+    }
+    shown_[edge.target].insert(view->target_frame);
+    shown_[edge.source].insert(view->source_frame);
+    link.view = view;
+    return Outcome::kShown;
+  }
+
+  // The shown images of a map, in the order of its frames.
+  std::vector<FrameImage> images(std::size_t map) {
+    std::vector<FrameImage> images;
+    for (const std::size_t frame : shown_[map]) images.push_back(maps_[map]->read(frame));
+    return images;
+  }
+
+  // "3 of 240 keyframes have no image."; empty if all have one.
+  std::string missing_text() const {
+    std::size_t keyframes = 0;
+    std::size_t missing = 0;
+    for (const auto& map : maps_) {
+      if (!map) continue;
+      keyframes += map->map().frame_count();
+      missing += map->missing();
+    }
+    return missing == 0 ? ""
+                        : fmt::format(" {} of {} keyframes have no image.", missing, keyframes);
+  }
+
+ private:
+  std::map<std::filesystem::path, ImageFolder> folders_;
+  std::vector<std::optional<KeyframeImages>> maps_;
+  std::vector<std::set<std::size_t>> shown_;  // frames by map
+  std::size_t bytes_ = 0;
+  bool is_full_ = false;
+};
+
+LinkImages::LinkImages(std::span<const LandmarkMap* const> maps,
+                       std::span<const std::filesystem::path> folders, const LogSink& log) {
+  refuse_if(folders.size() != maps.size(), "LinkImages", fmt::format("{} folders", folders.size()),
+            fmt::format("{}, one for each map", maps.size()));
+  maps_ = std::make_unique<Maps>(maps, folders, log);
+}
+
+LinkImages::~LinkImages() = default;
+
+void LinkImages::add_to(Report& report, std::span<const NetworkEdge> edges,
+                        const Execution& execution) {
+  const auto section = std::find_if(report.sections.begin(), report.sections.end(),
+                                    [](const Section& one) { return one.id == "network"; });
+  auto* const network =
+      section == report.sections.end() ? nullptr : std::get_if<Network>(&section->content);
+  refuse_if(network == nullptr || network->nodes.size() != maps_->count() ||
+                network->links.size() != edges.size(),
+            "LinkImages", "the report has no network of these maps and edges",
+            "add_network() before");
+  std::array<std::size_t, kOutcomeTexts.size()> counts = {};
+  for (const std::size_t index : least_certain_first(edges)) {
+    const Outcome outcome = maps_->show(edges[index], network->links[index], execution);
+    ++counts[static_cast<std::size_t>(outcome)];
+  }
+  for (std::size_t i = 0; i < maps_->count(); ++i) {
+    for (Map& map : report.maps) {
+      if (map.id == network->nodes[i].map && map.frames) map.frames->images = maps_->images(i);
+    }
+  }
+  std::vector<std::string> others;
+  for (std::size_t i = 1; i < counts.size(); ++i) {
+    if (counts[i] > 0) others.push_back(fmt::format("{} {}", counts[i], kOutcomeTexts[i]));
+  }
+  std::string text = section->text ? *section->text + " " : std::string();
+  text += fmt::format("{} of {} links show the images of two keyframes", counts[0], edges.size());
+  if (!others.empty()) text += fmt::format("; the others: {}", fmt::join(others, ", "));
+  section->text = text + "." + maps_->missing_text();
 }
 
 }  // namespace cairn::report

@@ -4,27 +4,62 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <span>
 #include <vector>
 
+#include "cairn/core/execution.hpp"
 #include "cairn/core/log.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/report/report.hpp"
+#include "cairn/report/sections.hpp"
 
 namespace cairn::report {
 
 inline constexpr std::size_t kMostFrameImages = 60;
 inline constexpr std::uint32_t kWidestFrameImage = 320;  ///< pixels
 
-/// Images for frames of a map, from the RGB-D sequence that the map was built from. The image of a
-/// frame is the colour image nearest in time, if it is within half the median interval between
-/// colour images. If more frames have an image than are returned, they are chosen evenly. If a frame
-/// has a camera, its image is resampled to fill the frustum that the page draws, without lens
-/// distortion; pixels outside the camera's view are grey.
-/// @param sequence folder of the sequence
+/// Largest number of bytes of the images that LinkImages adds; a page has a third more.
+inline constexpr std::size_t kMostLinkImageBytes = std::size_t{8} << 20U;
+
+/// Images for frames of a map, from the sequence that the map was built from, or from a folder of
+/// images with the names that the map's frames have. In a sequence, the image of a frame is the
+/// colour image nearest in time, if it is within half the median interval between colour images. If
+/// more frames have an image than are returned, they are chosen evenly. If a frame has a camera,
+/// its image is resampled to fill the frustum that the page draws, without lens distortion; pixels
+/// outside the camera's view are grey.
+/// @param folder of the sequence or of the images
 /// @return images in the order of the frames
-/// @throws Error (input) naming the folder if no colour image is close in time to a frame, and as
-///        ImageSequence and read_color_image()
-std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& sequence,
+/// @throws Error (input) naming the folder if no frame has an image there, and as ImageSequence and
+///        read_color_image()
+std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& folder,
                                      const LogSink& log = {});
+
+/// The images of several maps' keyframes, of which a page shows two for each link.
+class LinkImages {
+ public:
+  /// @param maps null: not shown. The others must outlive this
+  /// @param folders as for frame_images(), one per map
+  /// @throws Error (input) if a folder has no image of its maps, (misuse) for another number of
+  ///        folders
+  LinkImages(std::span<const LandmarkMap* const> maps,
+             std::span<const std::filesystem::path> folders, const LogSink& log = {});
+  ~LinkImages();
+  LinkImages(const LinkImages&) = delete;
+  LinkImages& operator=(const LinkImages&) = delete;
+
+  /// Adds to each link with a pose the two keyframes that see the most common landmarks, with their
+  /// images, and to the text of the section how many links have none. Landmarks are common if they
+  /// are one to one the nearest at the link's pose, and nearer than the target's landmarks are to
+  /// each other. The least certain links come first if not all images fit. A missing or unreadable
+  /// image is left out; the log names the unreadable file.
+  /// @param report after add_network() of these maps and edges
+  /// @throws Error (misuse) without a network of as many maps
+  void add_to(Report& report, std::span<const NetworkEdge> edges, const Execution& execution = {});
+
+ private:
+  class Maps;
+  std::unique_ptr<Maps> maps_;
+};
 
 }  // namespace cairn::report

@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/report/frame_images.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <string>
+#include <utility>
+#include <variant>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
 #include "cairn/map/camera.hpp"
 #include "cairn/report/detail/map_builder.hpp"
 #include "cairn/vision/image.hpp"
@@ -172,6 +178,26 @@ TEST(FrameImages, ASequenceOfAnotherTimeIsRefusedWithBothRanges) {
   EXPECT_THROW(frame_images(map_at({1.0}), folder / "nowhere"), Error);
 }
 
+TEST(FrameImages, AreFoundByNameInAFolderThatIsNoSequence) {
+  const TemporaryFolder folder;
+  write_png(folder / "b.png", ColorImage(64, 48, 30));
+  MapTables tables = map_at({std::nullopt, 1.0, std::nullopt}).tables();
+  tables.frames.image_names = {"a.png", "b.png", ""};
+  const LandmarkMap map(std::move(tables));
+  EXPECT_THAT(frames_of_images(frame_images(map, folder / ".")), ElementsAre(1));
+  std::filesystem::remove(folder / "b.png");
+  const auto message = [&](const LandmarkMap& of) {
+    try {
+      frame_images(of, folder / ".");
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  EXPECT_THAT(message(map), HasSubstr("none of the map's 3 images, such as 'a.png'"));
+  EXPECT_THAT(message(map_at({1.0})), HasSubstr("holds no sequence, and the map names no images"));
+}
+
 TEST(FrameImages, ADamagedImageIsNamed) {
   const TemporaryFolder folder;
   write_sequence(folder / "s", {1});
@@ -182,6 +208,147 @@ TEST(FrameImages, ADamagedImageIsNamed) {
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("1.000000.png"));
   }
+}
+
+// A map of landmarks in a row, 1 m apart, each frame with a name and the landmarks that it sees.
+LandmarkMap map_of_views(
+    const std::vector<std::pair<std::string, std::vector<std::size_t>>>& views) {
+  constexpr std::size_t kLandmarks = 7;
+  MapTables tables = map_at(std::vector<std::optional<double>>(views.size())).tables();
+  for (const auto& view : views) tables.frames.image_names.push_back(view.first);
+  tables.observations.offsets = {0};
+  for (std::size_t i = 0; i < kLandmarks; ++i) {
+    tables.landmarks.ids.push_back(LandmarkId{i});
+    tables.landmarks.positions.emplace_back(static_cast<double>(i), 0.0, 0.0);
+    for (std::uint32_t k = 0; k < views.size(); ++k) {
+      if (std::count(views[k].second.begin(), views[k].second.end(), i) == 0) continue;
+      tables.observations.frames.push_back(FrameIndex{k});
+      tables.observations.pixels.push_back({});
+    }
+    tables.observations.offsets.push_back(tables.observations.frames.size());
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+// Two maps whose frames are images in a folder; frame i of a map is as grey as 10 * i, more by 100 in the source.
+class LinkImagesTest : public ::testing::Test {
+ protected:
+  LinkImagesTest() {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto grey = static_cast<std::uint8_t>(10 * i);
+      write_png(folder_ / fmt::format("t{}.png", i), ColorImage(64, 48, grey));
+      write_png(folder_ / fmt::format("s{}.png", i), ColorImage(64, 48, 100 + grey));
+    }
+  }
+
+  Report report(const std::vector<NetworkEdge>& edges, const Execution& execution = {}) const {
+    const std::vector<NetworkMap> maps = {{.name = "t", .map = &target_},
+                                          {.name = "s", .map = &source_}};
+    const std::vector<std::filesystem::path> folders(2, folder_ / ".");
+    Report report;
+    add_network(report, maps, edges);
+    LinkImages(std::vector<const LandmarkMap*>{&target_, &source_}, folders, execution.log)
+        .add_to(report, edges, execution);
+    write_report(report, "<!--CAIRN:TITLE--><!--CAIRN:DATA-->", [](std::string_view) {});
+    return report;
+  }
+
+  static const Network& network(const Report& report) {
+    return std::get<Network>(report.sections.front().content);
+  }
+
+  TemporaryFolder folder_;
+  LandmarkMap target_ =
+      map_of_views({{"t0.png", {0, 1}}, {"t1.png", {0, 1, 2, 3}}, {"t2.png", {3, 4, 5, 6}}});
+  LandmarkMap source_ = map_of_views({{"s0.png", {1, 2, 3}}, {"s1.png", {4, 5}}, {"s2.png", {}}});
+  NetworkEdge identity_ = {
+      .target = 0, .source = 1, .use = LinkUse::kUsed, .target_from_source = Similarity3()};
+};
+
+TEST_F(LinkImagesTest, AreOfTheKeyframesThatSeeTheMostCommonLandmarks) {
+  NetworkEdge shifted = identity_;  // source landmark i is at target landmark i + 1
+  shifted.target_from_source = Rigid3(Eigen::Matrix3d::Identity(), {1.0, 0.3, 0.0});
+  const Report page = report({identity_, {.target = 0, .source = 1}, shifted});
+  const auto& links = network(page).links;
+  ASSERT_TRUE(links[0].view);
+  EXPECT_EQ(links[0].view->target_frame, 1U);
+  EXPECT_EQ(links[0].view->source_frame, 0U);
+  EXPECT_EQ(links[0].view->matches, 3U);
+  EXPECT_FALSE(links[1].view) << "it has no pose";
+  ASSERT_TRUE(links[2].view);
+  EXPECT_EQ(links[2].view->target_frame, 1U) << "the first of several that see as many";
+  EXPECT_EQ(links[2].view->source_frame, 0U);
+  EXPECT_EQ(links[2].view->matches, 2U);
+  const auto& images = page.maps[1].frames->images;
+  EXPECT_THAT(frames_of_images(images), ElementsAre(0));
+  EXPECT_NEAR(decoded(folder_, images[0]).at(5, 5), 100, 2);
+  EXPECT_EQ(page.sections.front().text,
+            "2 of 3 links show the images of two keyframes; the others: 1 without a pose.");
+}
+
+TEST_F(LinkImagesTest, LandmarksFartherApartThanNeighboursAreNotCommon) {
+  NetworkEdge far = identity_;
+  far.target_from_source = Rigid3(Eigen::Matrix3d::Identity(), {0.0, 1.1, 0.0});
+  const Report page = report({far});
+  EXPECT_FALSE(network(page).links[0].view);
+  EXPECT_THAT(*page.sections.front().text, HasSubstr("1 without two keyframes that have images"));
+}
+
+TEST_F(LinkImagesTest, WhatIsMissingOrDamagedIsLeftOutAndCounted) {
+  std::filesystem::remove(folder_ / "s0.png");
+  const Report without = report({identity_});
+  EXPECT_EQ(network(without).links[0].view->target_frame, 2U);
+  EXPECT_EQ(network(without).links[0].view->source_frame, 1U);
+  EXPECT_EQ(without.sections.front().text,
+            "1 of 1 links show the images of two keyframes. 1 of 6 keyframes have no image.");
+  folder_.write("s1.png", "text");
+  std::string log;
+  Execution execution;
+  execution.log = [&](std::string_view text) { log += text; };
+  const Report damaged = report({identity_}, execution);
+  EXPECT_FALSE(network(damaged).links[0].view);
+  EXPECT_THAT(*damaged.sections.front().text,
+              HasSubstr("the others: 1 with an image that cannot be read."));
+  EXPECT_THAT(log, HasSubstr("s1.png"));
+  for (const char* const name : {"s1.png", "s2.png"}) std::filesystem::remove(folder_ / name);
+  EXPECT_NO_THROW(report({identity_})) << "images of the other map are there";
+  for (const char* const name : {"t0.png", "t1.png", "t2.png"})
+    std::filesystem::remove(folder_ / name);
+  EXPECT_THROW(report({identity_}), Error);
+}
+
+TEST_F(LinkImagesTest, TheLeastCertainLinksComeFirstUpToALimit) {
+  ColorImage noise(320, 2560);
+  Random rng(1);
+  for (std::uint8_t& value : noise.values) value = static_cast<std::uint8_t>(rng.index(256));
+  write_png(folder_ / "noise.png", noise);
+  const LandmarkMap map = map_of_views({{"noise.png", {0, 1, 2}}});
+  constexpr std::size_t kLinks = 8;
+  std::vector<NetworkMap> maps;
+  std::vector<NetworkEdge> edges;
+  for (std::size_t i = 0; i < kLinks; ++i) {
+    for (int k = 0; k < 2; ++k) maps.push_back({.name = fmt::format("{} {}", i, k), .map = &map});
+    edges.push_back(identity_);
+    edges.back().target = 2 * i;
+    edges.back().source = 2 * i + 1;
+    if (i > 0) edges.back().probability = 1.0 - 0.01 * static_cast<double>(i);
+  }
+  edges[1].use = LinkUse::kContradicted;
+  Report page;
+  add_network(page, maps, edges);
+  const std::vector<std::filesystem::path> folders(maps.size(), folder_ / ".");
+  LinkImages(std::vector<const LandmarkMap*>(maps.size(), &map), folders).add_to(page, edges);
+  std::size_t bytes = 0;
+  for (const Map& one : page.maps) {
+    for (const FrameImage& image : one.frames->images) bytes += image.bytes.size();
+  }
+  EXPECT_LE(bytes, kMostLinkImageBytes);
+  EXPECT_GT(bytes, kMostLinkImageBytes / 2);
+  const auto& links = network(page).links;
+  EXPECT_TRUE(links[1].view) << "contradicted";
+  EXPECT_TRUE(links[kLinks - 1].view);
+  EXPECT_FALSE(links[0].view) << "stated";
+  EXPECT_THAT(*page.sections.front().text, HasSubstr("beyond the page's limit of 8 MB"));
 }
 
 }  // namespace

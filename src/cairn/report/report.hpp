@@ -304,6 +304,13 @@ enum class LinkUse {
   kRejected,
 };
 
+/// Two keyframes of a link, whose images are shown side by side.
+struct LinkView {
+  std::size_t target_frame = 0;  ///< position in Frames::world_from_camera of the target's map
+  std::size_t source_frame = 0;
+  std::size_t matches = 0;  ///< landmarks that both keyframes see
+};
+
 struct NetworkLink {
   std::size_t target = 0;  ///< index of a node
   std::size_t source = 0;
@@ -315,6 +322,7 @@ struct NetworkLink {
   /// source's centre, in the target's unit, and angle.
   std::optional<double> residual = {};
   std::optional<double> residual_deg = {};
+  std::optional<LinkView> view = {};  ///< both keyframes have an image
 };
 
 /// A place where two maps differ.

@@ -229,6 +229,7 @@ CAIRN_REPORT_STRUCT(TableColumn, name, unit, type, digits)
 CAIRN_REPORT_STRUCT(NetworkGroup, frame, up)
 CAIRN_REPORT_STRUCT(NetworkLink, target, source, use, kind, probability, reason, residual,
                     residual_deg)
+CAIRN_REPORT_STRUCT(LinkView, target_frame, source_frame, matches)
 CAIRN_REPORT_STRUCT(AnswerDirection, translation, rotation, log_scale)
 
 template <class Value>
@@ -626,6 +627,11 @@ class Document {
       Json& one = json["links"].emplace_back(to_json(link));
       one["kind"] = text_or_null(link.kind);
       one["reason"] = text_or_null(link.reason);
+      if (!link.view) continue;
+      require(has_image(network.nodes[link.target], link.view->target_frame) &&
+                  has_image(network.nodes[link.source], link.view->source_frame),
+              where, "a link with a keyframe without an image", "keyframes with images");
+      one["view"] = to_json(*link.view);
     }
     json["things"] = Json::array();
     for (const NetworkThing& thing : network.things) {
@@ -687,6 +693,14 @@ class Document {
     const auto found = std::find_if(report_.maps.begin(), report_.maps.end(),
                                     [&](const Map& map) { return map.id == id; });
     return found == report_.maps.end() ? nullptr : &*found;
+  }
+
+  bool has_image(const NetworkNode& node, std::size_t frame) const {
+    const Map* const map = node.map ? find_map(*node.map) : nullptr;
+    if (map == nullptr || !map->frames) return false;
+    const std::vector<FrameImage>& images = map->frames->images;
+    return std::any_of(images.begin(), images.end(),
+                       [&](const FrameImage& image) { return image.frame == frame; });
   }
 
   const Report& report_;
