@@ -659,7 +659,7 @@ export function networkSample() {
       reason: use === "used" ? "412 landmarks agree, and nothing stands where keyframes saw through" : use === "ambiguous" ? "two poses fit nearly as well" : use === "contradicted" ? "388 landmarks agree" : "too few landmarks agree",
       residual: target < 4 && source < 4 && use !== "ambiguous" ? (use === "contradicted" ? 0.41 : 0.002 + 0.002 * target) : null,
       residual_deg: target < 4 && source < 4 && use !== "ambiguous" ? (use === "contradicted" ? 9 : 0.04) : null,
-      ...(target === 0 && source < 4 && source !== 2 && { view: { target_frame: 5, source_frame: 0, matches: source === 1 ? 112 : 1 } }),
+      ...(target !== 1 && source < 4 && { view: { target_frame: 5, source_frame: 0, matches: target === 0 && source === 3 ? 1 : 112 } }),
     })),
     things: [
       { name: "moved 1", kind: "moved", group: 0, boxes: [{ low: [-0.5, 1, 0.74], high: [-0.25, 1.2, 1] }, { low: [0.4, 1.3, 0.74], high: [0.65, 1.5, 1] }] },

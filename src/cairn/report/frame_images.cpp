@@ -110,7 +110,8 @@ class ImageFolder {
                   names.empty() ? "holds no sequence, and the map names no images"
                                 : fmt::format("has none of the map's {} images, such as {}",
                                               names.size(), printable(names.front())),
-                  "the folder of the map's images, or the sequence that it was built from");
+                  "the sequence that the map was built from, or the folder of the images that it "
+                  "names");
     }
     double first = std::numeric_limits<double>::infinity();
     double last = -first;
@@ -126,7 +127,7 @@ class ImageFolder {
         ErrorKind::kInput, folder_.string(),
         fmt::format("its images, from {:.3f} to {:.3f} s, fit no keyframe of the map: these {}",
                     images.front().timestamp_s, images.back().timestamp_s, frames),
-        "the sequence that the map was built from");
+        "the sequence that the map was built from, or the folder of the images that it names");
   }
 
  private:
@@ -345,17 +346,28 @@ std::optional<LinkView> best_view(const KeyframeImages& target, const KeyframeIm
   return best.matches > 0 ? std::optional(best) : std::nullopt;
 }
 
-// Contradicted links first, then the least probable; those that were stated last.
+// Links with a pose first: contradicted ones, then from the least probable on, then the stated ones. Then those without a
+// pose, from the most probable on.
 std::vector<std::size_t> least_certain_first(std::span<const NetworkEdge> edges) {
   std::vector<std::size_t> order(edges.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    const auto rank = [&](const NetworkEdge& edge) {
-      return std::pair(edge.use != LinkUse::kContradicted, edge.probability.value_or(2.0));
-    };
-    return rank(edges[a]) < rank(edges[b]);
-  });
+  const auto rank = [&](std::size_t index) {
+    const NetworkEdge& edge = edges[index];
+    if (!edge.target_from_source) return 4.0 - edge.probability.value_or(0.0);
+    return edge.use == LinkUse::kContradicted ? -1.0 : edge.probability.value_or(2.0);
+  };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
   return order;
+}
+
+// The pose of a link, or else of its maps if they are in one frame.
+std::optional<Similarity3> pose_of(const NetworkEdge& edge, const Network& network) {
+  if (edge.target_from_source) return edge.target_from_source;
+  const NetworkNode& target = network.nodes[edge.target];
+  const NetworkNode& source = network.nodes[edge.source];
+  if (!target.group || target.group != source.group) return std::nullopt;
+  return target.group_from_node.back().inverse() * source.group_from_node.back();
 }
 
 // What becomes of a link, and how the page says so.
@@ -401,13 +413,16 @@ class LinkImages::Maps {
 
   std::size_t count() const { return maps_.size(); }
 
-  Outcome show(const NetworkEdge& edge, NetworkLink& link, const Execution& execution) {
-    if (!edge.target_from_source) return Outcome::kNoPose;
+  // Sets the view of the link with that index.
+  Outcome show(const NetworkEdge& edge, std::size_t index, Network& network,
+               const Execution& execution) {
+    const auto pose = pose_of(edge, network);
+    if (!pose) return Outcome::kNoPose;
     if (is_full_) return Outcome::kBeyondLimit;
     if (!maps_[edge.target] || !maps_[edge.source]) return Outcome::kNoView;
     KeyframeImages& target = *maps_[edge.target];
     KeyframeImages& source = *maps_[edge.source];
-    const auto view = best_view(target, source, *edge.target_from_source, execution.executor);
+    const auto view = best_view(target, source, *pose, execution.executor);
     if (!view) return Outcome::kNoView;
     try {
       std::size_t bytes = bytes_;
@@ -427,7 +442,7 @@ class LinkImages::Maps {
     }
     shown_[edge.target].insert(view->target_frame);
     shown_[edge.source].insert(view->source_frame);
-    link.view = view;
+    network.links[index].view = view;
     return Outcome::kShown;
   }
 
@@ -480,7 +495,7 @@ void LinkImages::add_to(Report& report, std::span<const NetworkEdge> edges,
             "add_network() before");
   std::array<std::size_t, kOutcomeTexts.size()> counts = {};
   for (const std::size_t index : least_certain_first(edges)) {
-    const Outcome outcome = maps_->show(edges[index], network->links[index], execution);
+    const Outcome outcome = maps_->show(edges[index], index, *network, execution);
     ++counts[static_cast<std::size_t>(outcome)];
   }
   for (std::size_t i = 0; i < maps_->count(); ++i) {

@@ -48,11 +48,12 @@ class LinkImages {
   LinkImages(const LinkImages&) = delete;
   LinkImages& operator=(const LinkImages&) = delete;
 
-  /// Adds to each link with a pose the two keyframes that see the most common landmarks, with their
-  /// images, and to the text of the section how many links have none. Landmarks are common if they
-  /// are one to one the nearest at the link's pose, and nearer than the target's landmarks are to
-  /// each other. The least certain links come first if not all images fit. A missing or unreadable
-  /// image is left out; the log names the unreadable file.
+  /// Adds to each link the two keyframes that see the most common landmarks, with their images, and
+  /// to the text of the section how many links have none. Landmarks are common if they are one to
+  /// one the nearest at the link's pose, and nearer than the target's landmarks are to each other.
+  /// A link without a pose is shown at the final poses of its maps, if they are in one frame. If
+  /// not all images fit, links with a pose come first, the least certain ones before the others. A
+  /// missing or unreadable image is left out; the log names the unreadable file.
   /// @param report after add_network() of these maps and edges
   /// @throws Error (misuse) without a network of as many maps
   void add_to(Report& report, std::span<const NetworkEdge> edges, const Execution& execution = {});

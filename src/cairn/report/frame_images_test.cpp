@@ -242,11 +242,9 @@ class LinkImagesTest : public ::testing::Test {
   }
 
   Report report(const std::vector<NetworkEdge>& edges, const Execution& execution = {}) const {
-    const std::vector<NetworkMap> maps = {{.name = "t", .map = &target_},
-                                          {.name = "s", .map = &source_}};
     const std::vector<std::filesystem::path> folders(2, folder_ / ".");
     Report report;
-    add_network(report, maps, edges);
+    add_network(report, maps_, edges);
     LinkImages(std::vector<const LandmarkMap*>{&target_, &source_}, folders, execution.log)
         .add_to(report, edges, execution);
     write_report(report, "<!--CAIRN:TITLE--><!--CAIRN:DATA-->", [](std::string_view) {});
@@ -261,6 +259,7 @@ class LinkImagesTest : public ::testing::Test {
   LandmarkMap target_ =
       map_of_views({{"t0.png", {0, 1}}, {"t1.png", {0, 1, 2, 3}}, {"t2.png", {3, 4, 5, 6}}});
   LandmarkMap source_ = map_of_views({{"s0.png", {1, 2, 3}}, {"s1.png", {4, 5}}, {"s2.png", {}}});
+  std::vector<NetworkMap> maps_ = {{.name = "t", .map = &target_}, {.name = "s", .map = &source_}};
   NetworkEdge identity_ = {
       .target = 0, .source = 1, .use = LinkUse::kUsed, .target_from_source = Similarity3()};
 };
@@ -284,6 +283,17 @@ TEST_F(LinkImagesTest, AreOfTheKeyframesThatSeeTheMostCommonLandmarks) {
   EXPECT_NEAR(decoded(folder_, images[0]).at(5, 5), 100, 2);
   EXPECT_EQ(page.sections.front().text,
             "2 of 3 links show the images of two keyframes; the others: 1 without a pose.");
+}
+
+TEST_F(LinkImagesTest, OfALinkWithoutAPoseAreThoseAtThePosesOfItsMaps) {
+  for (NetworkMap& map : maps_) map.frame = 0;
+  maps_[1].frame_from_map = Similarity3(2.0, Rigid3(Eigen::Matrix3d::Identity(), {0.0, 0.0, 0.0}));
+  const Report page = report({{.target = 0, .source = 1, .probability = 0.4}});
+  const auto& view = network(page).links[0].view;  // source landmarks 1, 2, 3 are at 2, 4, 6
+  ASSERT_TRUE(view);
+  EXPECT_EQ(view->target_frame, 2U);
+  EXPECT_EQ(view->source_frame, 0U);
+  EXPECT_EQ(view->matches, 2U);
 }
 
 TEST_F(LinkImagesTest, LandmarksFartherApartThanNeighboursAreNotCommon) {

@@ -4,7 +4,7 @@ import { h } from "../dom";
 import type { FrameImage } from "../document/report";
 import { formatCount } from "../math/format";
 import { keyframeText } from "../scene/keyframes";
-import type { NetworkModel } from "./network_model";
+import { hasPose, type NetworkModel } from "./network_model";
 
 const urls = new WeakMap<FrameImage, string>();
 
@@ -19,7 +19,7 @@ function urlOf(image: FrameImage): string {
 
 /** Both images of a link, the target's first; null if it has none. */
 export function linkImages(model: NetworkModel, index: number): HTMLElement | null {
-  const { target, source, view } = model.links[index];
+  const { target, source, use, view } = model.links[index];
   if (!view) {
     return null;
   }
@@ -37,5 +37,6 @@ export function linkImages(model: NetworkModel, index: number): HTMLElement | nu
     return h("figure", null, picture, h("figcaption", null, name, " ", h("span", { class: "muted" }, keyframe)));
   });
   const seen = `${formatCount(view.matches)} common ${view.matches === 1 ? "landmark" : "landmarks"} in both images`;
-  return h("div", { class: "link-images" }, ...sides, h("p", { class: "muted small" }, seen));
+  const at = hasPose(use) ? "" : ", at the poses of the maps";
+  return h("div", { class: "link-images" }, ...sides, h("p", { class: "muted small" }, seen + at));
 }

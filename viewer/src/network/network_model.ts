@@ -30,6 +30,11 @@ export function counts(link: NetworkLink): boolean {
   return link.use === "used" || link.use === "undecided";
 }
 
+/** Whether such a link has a pose of its own. */
+export function hasPose(use: LinkUse): boolean {
+  return use !== "ambiguous" && use !== "rejected";
+}
+
 function hexOf(css: string): string {
   if (css.startsWith("#")) {
     return css;

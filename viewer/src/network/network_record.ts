@@ -4,7 +4,7 @@ import { formatCount, formatLength, formatNumber, formatProbability, idText, pos
 import { apply, positionOf, subtract } from "../math/pose";
 import type { NetworkLink } from "../document/report";
 import { linkImages } from "./link_images";
-import { kUseTexts, middleOf, type NetworkModel, type Selection } from "./network_model";
+import { hasPose, kUseTexts, middleOf, type NetworkModel, type Selection } from "./network_model";
 
 type Choose = (selection: Selection) => void;
 
@@ -141,7 +141,7 @@ export function networkRecord(model: NetworkModel, selection: Selection, stage: 
 export function linkGallery(model: NetworkModel, choose: Choose): HTMLElement | null {
   const rank = (index: number) => {
     const { use, probability } = model.links[index];
-    return use === "contradicted" ? -1 : (probability ?? 2);
+    return use === "contradicted" ? -1 : hasPose(use) ? (probability ?? 2) : 4 - (probability ?? 0);
   };
   const shown = model.links.flatMap(({ view }, index) => (view ? [index] : [])).sort((a, b) => rank(a) - rank(b));
   if (shown.length === 0) {
@@ -169,7 +169,7 @@ export function linkGallery(model: NetworkModel, choose: Choose): HTMLElement | 
     h(
       "p",
       { class: "muted small" },
-      "Of each link, the two keyframes that see the most common landmarks; the least certain links first.",
+      "Of each link, the two keyframes that see the most common landmarks; the least certain links first, rejected ones last.",
     ),
     h("ul", null, ...items),
   );
