@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/report/report.hpp"
 
 #include "cli.hpp"
 #include "support/real_data.hpp"
+#include "support/report_page.hpp"
 #include "support/splats.hpp"
 
 namespace cairn::testing {
@@ -338,19 +343,29 @@ TEST_F(MergeTest, RunsWhatTheGuideShows) {
 }
 
 #ifdef CAIRN_HAS_ODOMETRY
+// Pose of the keyframe with that time.
+Rigid3 pose_at(const LandmarkMap& map, double time) {
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    if (map.frames().timestamps_s[i] == time) return map.world_from_camera(FrameIndex{i});
+  }
+  throw std::runtime_error("no such keyframe");
+}
+
 // Two sessions of one office, whose ground truths are in one frame: after one rigid alignment the keyframes of
-// both must be where they were.
+// both must be where they were. The page shows two keyframes that saw the same.
 TEST_F(MergeTest, PutsTwoRealSessionsIntoOneFrame) {
   const auto data = real_data();
   if (!data) GTEST_SKIP() << kNoRealData;
   std::string truth;
+  Words merge = {"merge", "xyz.map", "desk.map", "-o", "office.cairn"};
+  if (report::has_viewer()) merge.insert(merge.end(), {"--report", "r.html", "--images"});
   for (const std::string name : {"xyz", "desk"}) {
     const fs::path sequence = *data / ("tum_fr1_" + name);
+    if (report::has_viewer()) merge.push_back(sequence.string());
     answer({"map", sequence.string(), "--camera", "fr1", "-o", name + ".map"});
     truth += read_text(sequence / "groundtruth.txt");  // xyz was recorded first
   }
-  EXPECT_THAT(answer({"merge", "xyz.map", "desk.map", "-o", "office.cairn"}),
-              HasSubstr("placed 2 of 2: xyz <- desk "));
+  EXPECT_THAT(answer(merge), HasSubstr("placed 2 of 2: xyz <- desk "));
   const LandmarkMap map = read_map(path("office.cairn"));
   EXPECT_EQ(map.frame_count(),
             read_map(path("xyz.map")).frame_count() + read_map(path("desk.map")).frame_count());
@@ -366,6 +381,20 @@ TEST_F(MergeTest, PutsTwoRealSessionsIntoOneFrame) {
   write("truth.tum", truth);
   const Json errors = document({"evaluate", "trajectory", "keyframes.tum", "truth.tum"});
   EXPECT_LT(errors.at("absolute").at("translation_m").at("rmse"), 0.03);
+  if (!report::has_viewer()) return;
+  const Json page = ReportPage(content("r.html")).document;
+  const Json& link = page.at("sections").at(0).at("links").at(0);
+  Rigid3 poses[2];
+  for (const std::size_t side : {0U, 1U}) {
+    const std::string name = side == 0 ? "target" : "source";
+    const LandmarkMap one = read_map(path(link.at(name) == 0 ? "xyz.map" : "desk.map"));
+    const auto frame = link.at("view").at(name + "_frame").get<std::size_t>();
+    poses[side] = pose_at(map, one.frames().timestamps_s[frame].value());
+  }
+  EXPECT_GE(link.at("view").at("matches"), 50);
+  const Rigid3 between = poses[0].inverse() * poses[1];
+  EXPECT_LT(between.translation().norm(), 0.5);
+  EXPECT_GT(between.rotation()(2, 2), std::cos(radians(30.0))) << "they look the same way";
 }
 #endif
 

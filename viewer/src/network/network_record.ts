@@ -171,6 +171,6 @@ export function linkGallery(model: NetworkModel, choose: Choose): HTMLElement | 
       { class: "muted small" },
       "Of each link, the two keyframes that see the most common landmarks; the least certain links first, rejected ones last.",
     ),
-    h("ul", null, ...items),
+    h("ul", { tabindex: 0, "aria-label": "Keyframes of the links" }, ...items),
   );
 }
