@@ -137,10 +137,9 @@ void add_images_to(const Command& command, std::vector<std::string>& folders) {
   command
       .add_words(
           "--images", folders,
-          "Show in the report the images of two keyframes of each link, those that see the "
-          "most common landmarks: folder of the images by their names in the maps, or of the "
-          "sequence that the maps were built from; one, or one for each session in the "
-          "maps' order, where a map outside of a folder is a session",
+          "Show in the report two keyframes of each link that see the most common landmarks: "
+          "folder of the sequence that the maps were built from, or of the images by their names "
+          "in the maps; one for all, or one for each session in the maps' order",
           "FOLDER...")
       .needs(command.option("--report"));
 }

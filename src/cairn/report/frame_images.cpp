@@ -35,8 +35,6 @@ namespace {
 struct SeenFrame {
   std::size_t frame;
   std::optional<std::size_t> image;  // of a sequence; std::nullopt: the file of the frame's name
-
-  friend bool operator==(const SeenFrame&, const SeenFrame&) = default;
 };
 
 double median_interval_s(std::span<const SequenceFrame> images) {

@@ -327,6 +327,13 @@ TEST_F(LinkImagesTest, WhatIsMissingOrDamagedIsLeftOutAndCounted) {
   EXPECT_THROW(report({identity_}), Error);
 }
 
+TEST_F(LinkImagesTest, AViewOfAKeyframeWithoutAnImageIsNotWritten) {
+  Report page = report({identity_});
+  std::get<Network>(page.sections.front().content).links[0].view->target_frame = 0;
+  EXPECT_THROW(write_report(page, "<!--CAIRN:TITLE--><!--CAIRN:DATA-->", [](std::string_view) {}),
+               Error);
+}
+
 TEST_F(LinkImagesTest, TheLeastCertainLinksComeFirstUpToALimit) {
   ColorImage noise(320, 2560);
   Random rng(1);

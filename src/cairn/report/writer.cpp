@@ -622,16 +622,7 @@ class Document {
     }
     json["links"] = Json::array();
     for (const NetworkLink& link : network.links) {
-      require(link.target < network.nodes.size() && link.source < network.nodes.size(), where,
-              "a link of a map that is not there", "one of the maps");
-      Json& one = json["links"].emplace_back(to_json(link));
-      one["kind"] = text_or_null(link.kind);
-      one["reason"] = text_or_null(link.reason);
-      if (!link.view) continue;
-      require(has_image(network.nodes[link.target], link.view->target_frame) &&
-                  has_image(network.nodes[link.source], link.view->source_frame),
-              where, "a link with a keyframe without an image", "keyframes with images");
-      one["view"] = to_json(*link.view);
+      json["links"].push_back(link_json(link, network, where));
     }
     json["things"] = Json::array();
     for (const NetworkThing& thing : network.things) {
@@ -662,6 +653,21 @@ class Document {
     for (const AlignmentAnswer& alignment : answer.alignments) {
       json["alignments"].push_back(alignment_json(alignment));
     }
+  }
+
+  Json link_json(const NetworkLink& link, const Network& network, const std::string& where) const {
+    require(link.target < network.nodes.size() && link.source < network.nodes.size(), where,
+            "a link of a map that is not there", "one of the maps");
+    Json json = to_json(link);
+    json["kind"] = text_or_null(link.kind);
+    json["reason"] = text_or_null(link.reason);
+    if (const auto& view = link.view) {
+      require(has_image(network.nodes[link.target], view->target_frame) &&
+                  has_image(network.nodes[link.source], view->source_frame),
+              where, "a link with a keyframe without an image", "keyframes with images");
+      json["view"] = to_json(*view);
+    }
+    return json;
   }
 
   Json node_json(const NetworkNode& node, const Network& network, const std::string& where) {
