@@ -26,7 +26,7 @@ report::ShownAlignment shown_of(const StrategyResult& result) {
 
 std::optional<std::string> taken(Json& object, std::string_view key) {
   const std::string* const text = object.at(key).text();
-  const auto value = text != nullptr ? std::optional(*text) : std::nullopt;
+  auto value = text != nullptr ? std::optional(*text) : std::nullopt;
   object.erase(key);
   return value;
 }
