@@ -266,19 +266,17 @@ class KeyframeImages {
   }
   bool has_any() const { return missing() < seen_.size(); }
 
-  const FrameImage& read(std::size_t frame) {
-    const auto known = read_.find(frame);
-    if (known != read_.end()) return known->second;
-    return read_.emplace(frame, frame_image(frame, folder_.read(map_, *seen_[frame]), shrinkings_))
-        .first->second;
+  FrameImage read(std::size_t frame) {
+    return frame_image(frame, folder_.read(map_, *seen_[frame]), shrinkings_);
   }
+
+  std::map<std::size_t, FrameImage> shown;  // by frame
 
  private:
   const LandmarkMap& map_;
   const ImageFolder& folder_;
   Shrinkings shrinkings_;
   std::vector<std::optional<SeenFrame>> seen_;  // by frame
-  std::map<std::size_t, FrameImage> read_;      // by frame
 };
 
 // Landmarks of the target and the source that a pose brings nearer than the target's landmarks are to each other, by
@@ -395,7 +393,7 @@ class LinkImages::Maps {
  public:
   Maps(std::span<const LandmarkMap* const> maps, std::span<const std::filesystem::path> folders,
        const LogSink& log)
-      : maps_(maps.size()), shown_(maps.size()) {
+      : maps_(maps.size()) {
     std::set<const ImageFolder*> used;
     for (std::size_t i = 0; i < maps.size(); ++i) {
       if (maps[i] == nullptr) continue;
@@ -422,32 +420,34 @@ class LinkImages::Maps {
     KeyframeImages& source = *maps_[edge.source];
     const auto view = best_view(target, source, *pose, execution.executor);
     if (!view) return Outcome::kNoView;
+    const std::pair<KeyframeImages*, std::size_t> sides[] = {{&target, view->target_frame},
+                                                             {&source, view->source_frame}};
+    std::vector<std::pair<KeyframeImages*, FrameImage>> added;
+    std::size_t bytes = bytes_;
     try {
-      std::size_t bytes = bytes_;
-      if (!shown_[edge.target].contains(view->target_frame)) {
-        bytes += target.read(view->target_frame).bytes.size();
+      for (const auto& [map, frame] : sides) {
+        if (map->shown.contains(frame)) continue;
+        bytes += added.emplace_back(map, map->read(frame)).second.bytes.size();
       }
-      if (!shown_[edge.source].contains(view->source_frame)) {
-        bytes += source.read(view->source_frame).bytes.size();
-      }
-      is_full_ = bytes > kMostLinkImageBytes;
-      if (is_full_) return Outcome::kBeyondLimit;
-      bytes_ = bytes;
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
       if (execution.log) execution.log(std::string_view(error.what()));
       return Outcome::kUnreadable;
     }
-    shown_[edge.target].insert(view->target_frame);
-    shown_[edge.source].insert(view->source_frame);
+    is_full_ = bytes > kMostLinkImageBytes;
+    if (is_full_) return Outcome::kBeyondLimit;
+    bytes_ = bytes;
+    for (auto& [map, image] : added) map->shown.emplace(image.frame, std::move(image));
     network.links[index].view = view;
     return Outcome::kShown;
   }
 
   // The shown images of a map, in the order of its frames.
-  std::vector<FrameImage> images(std::size_t map) {
+  std::vector<FrameImage> images(std::size_t map) const {
     std::vector<FrameImage> images;
-    for (const std::size_t frame : shown_[map]) images.push_back(maps_[map]->read(frame));
+    if (maps_[map]) {
+      for (const auto& [frame, image] : maps_[map]->shown) images.push_back(image);
+    }
     return images;
   }
 
@@ -467,7 +467,6 @@ class LinkImages::Maps {
  private:
   std::map<std::filesystem::path, ImageFolder> folders_;
   std::vector<std::optional<KeyframeImages>> maps_;
-  std::vector<std::set<std::size_t>> shown_;  // frames by map
   std::size_t bytes_ = 0;
   bool is_full_ = false;
 };
