@@ -554,7 +554,7 @@ struct LocateArguments {
   // @param files those of the map's last frames
   LandmarkMap with_landmarks_of(const std::vector<std::string>& files,
                                 const LandmarkMap& in_map) const {
-    std::vector<FrameImage> new_images;
+    std::vector<ImageOfFrame> new_images;
     const std::size_t first = in_map.frame_count() - files.size();
     for (std::size_t i = 0; i < files.size(); ++i) {
       new_images.push_back(

@@ -100,7 +100,7 @@ LandmarkMap map_with_frames(const LandmarkMap& map,
 LandmarkMap map_with_new_landmarks(const LandmarkMap& map,
                                    const std::vector<std::pair<std::uint32_t, py::object>>& given,
                                    const std::string& channels, unsigned threads) {
-  std::vector<FrameImage> images;
+  std::vector<ImageOfFrame> images;
   for (const auto& [frame, image] : given) {
     const auto& cameras = map.frames().cameras;
     refuse_if(frame >= cameras.size() || !cameras[frame], "images", fmt::format("frame {}", frame),

@@ -30,7 +30,7 @@ struct LocatedImage {
 LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images);
 
 /// Image of a frame of a map.
-struct FrameImage {
+struct ImageOfFrame {
   FrameIndex frame;
   ColorImage image;
 };
@@ -45,7 +45,7 @@ struct FrameImage {
 /// @param images at most one for each frame; the frames have cameras
 /// @throws Error (input) for an image without the size of its frame's camera, or other descriptors;
 ///         (misuse) for a frame without a camera; (cancelled)
-LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const FrameImage> images,
+LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const ImageOfFrame> images,
                                const FeatureOptions& features = {},
                                const Execution& execution = {});
 

@@ -71,7 +71,7 @@ struct NewLandmark {
 
 class NewLandmarkSearch {
  public:
-  NewLandmarkSearch(const LandmarkMap& map, std::span<const FrameImage> images,
+  NewLandmarkSearch(const LandmarkMap& map, std::span<const ImageOfFrame> images,
                     const FeatureOptions& options, const Execution& execution)
       : map_(map), options_(options), execution_(execution), views_(images.size()) {
     const auto& column = map.landmarks().descriptors;
@@ -136,7 +136,7 @@ class NewLandmarkSearch {
     throw Error(ErrorKind::kCancelled, "finding landmarks", "was cancelled", "");
   }
 
-  NewView view_of(const FrameImage& image) const {
+  NewView view_of(const ImageOfFrame& image) const {
     const auto& cameras = map_.frames().cameras;
     const std::size_t frame = image.frame.value;
     refuse_if(cameras.empty() || !cameras[frame], fmt::format("frame {}", frame), "has no camera",
@@ -316,7 +316,7 @@ void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark>
 
 }  // namespace
 
-LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const FrameImage> images,
+LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const ImageOfFrame> images,
                                const FeatureOptions& features, const Execution& execution) {
   const NewLandmarkSearch search(map, images, features, execution);
   const std::vector<NewLandmark> found = search.find();

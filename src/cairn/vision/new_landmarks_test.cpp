@@ -56,8 +56,8 @@ LandmarkMap wall_map(int frames, double unit = 1.0, const std::vector<Pixel>& kn
   return LandmarkMap(std::move(tables));
 }
 
-std::vector<FrameImage> images_of(int frames) {
-  std::vector<FrameImage> images;
+std::vector<ImageOfFrame> images_of(int frames) {
+  std::vector<ImageOfFrame> images;
   for (int k = 0; k < frames; ++k) {
     cv::Mat color;
     cv::cvtColor(TexturedWall().gray(k * kStep), color, cv::COLOR_GRAY2BGR);
@@ -99,7 +99,7 @@ TEST(WithNewLandmarks, FindsWhatTheImagesShowOfTheWall) {
 }
 
 TEST(WithNewLandmarks, KeepsWhatTheMapHas) {
-  const std::vector<FrameImage> images = images_of(3);
+  const std::vector<ImageOfFrame> images = images_of(3);
   const LandmarkMap once = with_new_landmarks(wall_map(3), images);
   const LandmarkMap twice = with_new_landmarks(once, images);
   // A feature that is no landmark's may be found again, at another octave.
@@ -146,7 +146,7 @@ TEST(WithNewLandmarks, RefusesOtherImagesAndDescriptors) {
     }
     return std::string("no error");
   };
-  const std::vector<FrameImage> small = {{FrameIndex{0}, ColorImage(320, 240)}};
+  const std::vector<ImageOfFrame> small = {{FrameIndex{0}, ColorImage(320, 240)}};
   EXPECT_THAT(message([&] { with_new_landmarks(wall_map(1), small); }),
               HasSubstr("320 x 240 pixels"));
   MapTables tables = wall_map(1).tables();
