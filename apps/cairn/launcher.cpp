@@ -3,6 +3,7 @@
 // rest of `cairn --version`.
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 
 #include <limits.h>
@@ -34,6 +35,8 @@ int main(int argc, char** argv) {
     path[length] = '\0';
     char* const name = std::strrchr(path, '/') + 1;
     std::snprintf(name, 256, "%s/%s", CAIRN_LIBEXEC, is_quick ? "cairn-quick" : "cairn");
+    // Ceres's logger prints each step that fails; the result says whether the adjustment converged.
+    setenv("GLOG_minloglevel", "2", 0);
     execv(path, argv);
   }
   std::fprintf(stderr, "cairn: '%s': cannot be started: %s; it is a part of cairn\n", path,

@@ -480,7 +480,7 @@ struct LocateArguments {
 
   Located located(const std::string& path, Locators& locators, const DepthImage& depth_m) const {
     const std::string bytes = read_file(path);
-    const GrayImage image = decode_image<GrayImage>(bytes, path);
+    const auto image = decode_image<GrayImage>(bytes, path);
     const Execution execution{.seed = common.seed};
     Located found;
     with_option_names({{"image", path}, {"depth image", depth}}, [&] {

@@ -217,6 +217,22 @@ StatedCamera read_stated_camera(const CameraYaml& yaml) {
   return {stated};
 }
 
+// Between the cameras; or by where each is on an IMU, as Kalibr (T_cam_imu) or OpenVINS (T_imu_cam) state it.
+Rigid3 right_from_left(const CameraYaml& yaml) {
+  const auto both = [&](const std::string& key) {
+    return yaml.has("cam0." + key) && yaml.has("cam1." + key);
+  };
+  const auto pose = [&](const std::string& key) { return yaml.pose(key, yaml.matrix<16>(key)); };
+  constexpr const char* kPose = "cam1.T_cn_cnm1";
+  if (!yaml.has(kPose) && both("T_cam_imu")) {
+    return pose("cam1.T_cam_imu") * pose("cam0.T_cam_imu").inverse();
+  }
+  if (!yaml.has(kPose) && both("T_imu_cam")) {
+    return pose("cam1.T_imu_cam").inverse() * pose("cam0.T_imu_cam");
+  }
+  return pose(kPose);
+}
+
 StereoRig read_kalibr_chain(const CameraYaml& yaml) {
   reject_if(yaml.has("cam2.intrinsics"), yaml.place("cam2.intrinsics"), "a third camera",
             "cam0 and cam1 alone");
@@ -224,9 +240,7 @@ StereoRig read_kalibr_chain(const CameraYaml& yaml) {
     return camera_of(listed_calibration(yaml, name + ".", name + ".distortion_coeffs"), false,
                      yaml.place(name));
   };
-  constexpr const char* kPose = "cam1.T_cn_cnm1";
-  const Rigid3 right_from_left = yaml.pose(kPose, yaml.matrix<16>(kPose));
-  return {camera("cam0"), camera("cam1"), right_from_left.inverse()};
+  return {camera("cam0"), camera("cam1"), right_from_left(yaml).inverse()};
 }
 
 StereoRig read_opencv_pair(const CameraYaml& yaml, const std::string& matrix) {

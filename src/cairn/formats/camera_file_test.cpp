@@ -160,6 +160,35 @@ TEST(CameraFile, APairSeesAPointWhereItsProgramSays) {
   EXPECT_THAT(camera_refusal(kChain), HasSubstr("camera.yaml: holds a stereo pair"));
 }
 
+// Rows as Kalibr lists them.
+std::string rows(const std::string& key, const std::string& x, const std::string& y,
+                 const std::string& z) {
+  return "  " + key + ":\n  - [" + x + "]\n  - [" + y + "]\n  - [" + z +
+         "]\n  - [0.0, 0.0, 0.0, 1.0]\n";
+}
+
+// Kalibr's T_cam_imu takes points from the IMU to a camera; OpenVINS's T_imu_cam takes them back.
+TEST(CameraFile, APairMayStateWhereItsImuIs) {
+  const std::string imu = rows("T", "0, -1, 0, 0.1", "1, 0, 0, 0.2", "0, 0, 1, 0.3");
+  const std::string moved = rows("T", "0, -0.8, 0.6, 0.19", "1, 0, 0, 0.21", "0, 0.6, 0.8, 0.2");
+  const std::string back = rows("T", "0, -1, 0, 0.09", "0.8, 0, 0.6, 0.13", "-0.6, 0, 0.8, 0.32");
+  const std::string between =
+      rows("T_cn_cnm1", "0.8, 0.0, 0.6, -0.07", "0.0, 1.0, 0.0, 0.01", "-0.6, 0.0, 0.8, 0.02");
+  const auto chain = [&](const std::string& key, const std::string& left,
+                         const std::string& right) {
+    return with(with(kChain, between, with(right, "T", key)), "cam0:\n",
+                "cam0:\n" + with(left, "T", key));
+  };
+  const Rigid3 stated = parsed_calibration(kChain).rig->left_from_right;
+  for (const std::string& text : {chain("T_cam_imu", imu, moved), chain("T_imu_cam", back, imu)}) {
+    const CameraFile file = parsed_calibration(text);
+    ASSERT_TRUE(file.rig);
+    EXPECT_LT(file.rig->left_from_right.difference_to(stated).norm(), 1e-12) << text;
+  }
+  EXPECT_THAT(calibration_refusal(with(kChain, between, with(imu, "T", "T_cam_imu"))),
+              HasSubstr("cam1.T_cn_cnm1 is missing"));
+}
+
 TEST(CameraFile, APairOfFilesSaysWhereItsCamerasAre) {
   // Both turned by 90 degrees about z on the body, so that the body's y is the left camera's x.
   const StereoRig euroc = parsed_pair(kSensor, with(kSensor, "0.2,", "0.32,"));

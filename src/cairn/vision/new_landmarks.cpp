@@ -26,7 +26,6 @@ namespace cairn {
 namespace {
 
 using detail::DescribedImage;
-using detail::Features;
 using detail::ImageDescriber;
 using detail::Pinhole;
 
@@ -268,8 +267,11 @@ class NewLandmarkSearch {
 };
 
 Color color_at(const ColorImage& image, const Pixel& pixel) {
-  const std::uint8_t* const bgr = &image.at(static_cast<std::size_t>(std::max(pixel.u, 0.0) + 0.5),
-                                            static_cast<std::size_t>(std::max(pixel.v, 0.0) + 0.5));
+  const auto nearest = [](double at, std::uint32_t size) {
+    return static_cast<std::size_t>(std::clamp(std::lround(at), 0L, static_cast<long>(size) - 1));
+  };
+  const std::uint8_t* const bgr =
+      &image.at(nearest(pixel.u, image.width), nearest(pixel.v, image.height));
   return {bgr[2], bgr[1], bgr[0]};
 }
 

@@ -12,12 +12,14 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/vision/map_images.hpp"
 
+#include "support/refusal.hpp"
 #include "support/textured_wall.hpp"
 
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::message_of;
 using testing::TexturedWall;
 
 // Far enough to the right for lines of sight that differ by 2 degrees.
@@ -138,21 +140,14 @@ TEST(WithNewLandmarks, IsTheSameWithAnyNumberOfThreads) {
 }
 
 TEST(WithNewLandmarks, RefusesOtherImagesAndDescriptors) {
-  const auto message = [](const auto& call) {
-    try {
-      call();
-    } catch (const Error& error) {
-      return std::string(error.what());
-    }
-    return std::string("no error");
-  };
   const std::vector<ImageOfFrame> small = {{FrameIndex{0}, ColorImage(320, 240)}};
-  EXPECT_THAT(message([&] { with_new_landmarks(wall_map(1), small); }),
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { with_new_landmarks(wall_map(1), small); }),
               HasSubstr("320 x 240 pixels"));
   MapTables tables = wall_map(1).tables();
   tables.landmarks.descriptors.reset();
   const LandmarkMap bare(std::move(tables));
-  EXPECT_THAT(message([&] { with_new_landmarks(bare, images_of(1)); }), HasSubstr("descriptors"));
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { with_new_landmarks(bare, images_of(1)); }),
+              HasSubstr("descriptors"));
 }
 
 }  // namespace
