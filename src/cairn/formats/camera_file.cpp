@@ -37,8 +37,13 @@ class CameraYaml {
   const std::string& text(std::string_view key) const {
     const auto found = values_.find(key);
     reject_if(found == values_.end(), name_, fmt::format("{} is missing", key),
-              "a camera as Cairn, ROS, EuRoC, Kalibr or OpenCV writes it");
+              "a camera as Cairn, ROS, EuRoC, Kalibr, OpenCV, ORB-SLAM or stella_vslam writes it");
     return found->second.text;
+  }
+  double number(std::string_view key) const {
+    const auto number = parse_number(text(key));
+    reject_if(!number, place(key), printable(text(key)) + " is not a number", "a number");
+    return *number;
   }
   double positive(std::string_view key) const {
     const auto number = parse_number(text(key));
@@ -111,7 +116,8 @@ CameraYaml::CameraYaml(ByteSource& source) : name_(source.name()) {
     const std::string_view text = trimmed(line->substr(0, line->find('#')));
     if (text.empty() || text.starts_with('%') || text == "---" || text == "...") continue;
     const bool is_item = text == "-" || text.starts_with("- ");
-    if (list != nullptr && (open_brackets > 0 || is_item)) {
+    const bool begins_list = list != nullptr && list->empty() && text.starts_with('[');
+    if (list != nullptr && (open_brackets > 0 || is_item || begins_list)) {
       list->append(1, ' ').append(text);
     } else {
       const std::string place = fmt::format("{}:{}", name_, lines.line_number());
@@ -263,6 +269,96 @@ StereoRig read_opencv_pair(const CameraYaml& yaml, const std::string& matrix) {
   return {camera("1"), camera("2"), right_from_left.inverse()};
 }
 
+// The settings of ORB-SLAM2, ORB-SLAM3 and stella_vslam. The latter nests the keys that the others write with points.
+
+bool are_slam_settings(const CameraYaml& yaml) {
+  return yaml.has("Camera.fx") || yaml.has("Camera1.fx");
+}
+
+bool is_fisheye(const CameraYaml& yaml, const std::string& key) {
+  if (!yaml.has(key)) return false;
+  const std::string& model = yaml.text(key);
+  constexpr std::string_view kPinholes[] = {"PinHole", "Pinhole", "Rectified", "perspective"};
+  if (model == "KannalaBrandt8" || model == "fisheye") return true;
+  reject_if(std::ranges::find(kPinholes, model) == std::end(kPinholes), yaml.place(key),
+            printable(model), "PinHole, Rectified, KannalaBrandt8, perspective or fisheye");
+  return false;
+}
+
+// @param within of the camera's keys
+CameraCalibration settings_calibration(const CameraYaml& yaml, const std::string& within) {
+  const bool fisheye = is_fisheye(yaml, yaml.has("Camera.model") ? "Camera.model" : "Camera.type");
+  const auto number = [&](const std::string& key) { return yaml.number(within + key); };
+  CameraCalibration stated;
+  stated.width = yaml.image_size(yaml.has("Camera.cols") ? "Camera.cols" : "Camera.width");
+  stated.height = yaml.image_size(yaml.has("Camera.rows") ? "Camera.rows" : "Camera.height");
+  stated.intrinsics = {number("fx"), 0, number("cx"), 0, number("fy"), number("cy"), 0, 0, 1};
+  stated.distortion_model = fisheye ? "equidistant" : "plumb_bob";
+  for (const char* const key : {"k1", "k2", fisheye ? "k3" : "p1", fisheye ? "k4" : "p2", "k3"}) {
+    if (fisheye && stated.distortion.size() == 4) break;
+    stated.distortion.push_back(yaml.has(within + key) ? number(key) : 0.0);
+  }
+  return stated;
+}
+
+// A pair by the images as taken, which the program rectifies: matrices, and the baseline of rectified images.
+StereoRig unrectified_pair(const CameraYaml& yaml, const CameraCalibration& rectified,
+                           double baseline) {
+  const bool is_stella = yaml.has("StereoRectifier.K_left");
+  const bool fisheye = is_fisheye(yaml, "StereoRectifier.model");
+  const auto camera = [&](std::string_view side, std::string_view in_capitals) {
+    const auto key = [&](char matrix) {
+      return is_stella ? fmt::format("StereoRectifier.{}_{}", matrix, side)
+                       : fmt::format("{}.{}.data", in_capitals, matrix);
+    };
+    CameraCalibration stated = rectified;
+    stated.intrinsics = yaml.matrix<9>(key('K'));
+    stated.distortion = yaml.numbers(key('D'));
+    stated.distortion_model = fisheye ? "equidistant" : "plumb_bob";
+    stated.rectification = yaml.matrix<9>(key('R'));
+    const auto& k = rectified.intrinsics;
+    const double right = side == "right" ? -k[0] * baseline : 0.0;
+    stated.projection = {k[0], 0, k[2], right, 0, k[4], k[5], 0, 0, 0, 1, 0};
+    return stated;
+  };
+  const CameraCalibration left = camera("left", "LEFT");
+  const CameraCalibration right = camera("right", "RIGHT");
+  return {camera_of(left, false, yaml.name()), camera_of(right, false, yaml.name()),
+          *left_from_right(left, right, false, yaml.name())};
+}
+
+CameraFile read_slam_settings(const CameraYaml& yaml) {
+  const std::string first = yaml.has("Camera1.fx") ? "Camera1." : "Camera.";
+  const CameraCalibration stated = settings_calibration(yaml, first);
+  const Camera camera = camera_of(stated, false, yaml.place(first + "fx"));
+  for (const char* const key : {"DepthMapFactor", "RGBD.DepthMapFactor", "depthmap_factor",
+                                "Preprocessing.depthmap_factor"}) {
+    // A baseline beside it is not that of a pair of images.
+    if (yaml.has(key)) return {camera, yaml.positive(key), {}, {}};
+  }
+  if (yaml.has("Camera2.fx")) {
+    constexpr const char* kPose = "Stereo.T_c1_c2.data";
+    const CameraCalibration second = settings_calibration(yaml, "Camera2.");
+    return {camera,
+            {},
+            {},
+            StereoRig{camera, camera_of(second, false, yaml.place("Camera2.fx")),
+                      yaml.pose(kPose, yaml.matrix<16>(kPose))}};
+  }
+  std::optional<double> baseline;
+  if (yaml.has("Stereo.b")) baseline = yaml.positive("Stereo.b");
+  for (const char* const key : {"Camera.bf", "Camera.focal_x_baseline"}) {
+    if (yaml.has(key)) baseline = yaml.positive(key) / stated.intrinsics[0];
+  }
+  if (!baseline) return {camera, {}, {}, {}};
+  const StereoRig rig =
+      yaml.has("LEFT.K.data") || yaml.has("StereoRectifier.K_left")
+          ? unrectified_pair(yaml, stated, *baseline)
+          : StereoRig{camera, camera,
+                      Rigid3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(*baseline, 0, 0))};
+  return {rig.left, {}, {}, rig};
+}
+
 CameraFile read_own_camera(const CameraYaml& yaml) {
   constexpr std::string_view kKeys[] = {"model",      "width",     "height",
                                         "parameters", "readout_s", "depth_units_per_metre"};
@@ -311,6 +407,7 @@ CameraFile read_calibration_file(ByteSource& source) {
   const auto single = [&](const CameraCalibration& stated) {
     return CameraFile{camera_of(stated, false, yaml.name()), {}, {}, {}};
   };
+  if (are_slam_settings(yaml)) return read_slam_settings(yaml);
   if (yaml.has("cam1.intrinsics")) return pair(read_kalibr_chain(yaml));
   if (yaml.has("cam0.intrinsics"))
     return single(listed_calibration(yaml, "cam0.", "cam0.distortion_coeffs"));

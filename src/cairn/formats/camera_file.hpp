@@ -30,7 +30,8 @@ struct CameraFile {
 /// Reads the file of one camera: lines `key: value` with model, width, height, parameters (a list
 /// in brackets), depth_units_per_metre and readout_s; '#' starts a comment. Also reads other
 /// programs' YAML, recognised by its keys: ROS's camera_info, EuRoC's sensor.yaml, Kalibr's
-/// camchain.yaml, or OpenCV's matrices. From these, returns the camera of the raw images.
+/// camchain.yaml, OpenCV's matrices, or settings of ORB-SLAM2, ORB-SLAM3 or stella_vslam. From
+/// these, returns the camera of the raw images.
 /// @throws Error (input) naming source, line and key; also for a file of two cameras
 CameraFile read_camera_file(ByteSource& source);
 /// As read_camera_file(), or a stereo pair: Kalibr's cam0 and cam1, or OpenCV's M1, D1, M2, D2 (or

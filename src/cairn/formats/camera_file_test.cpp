@@ -189,6 +189,104 @@ TEST(CameraFile, APairMayStateWhereItsImuIs) {
               HasSubstr("cam1.T_cn_cnm1 is missing"));
 }
 
+constexpr const char* kSettings =
+    "%YAML:1.0\n# Camera Parameters. Adjust them!\nCamera.type: \"PinHole\"\nCamera.fx: 500\n"
+    "Camera.fy: 510\nCamera.cx: 320\nCamera.cy: 240\nCamera.k1: 0.1\nCamera.k2: -0.2\n"
+    "Camera.p1: 0.001\nCamera.p2: 0.002\nCamera.width: 640\nCamera.height: 480\nCamera.fps: 30.\n"
+    "Camera.RGB: 1\nViewer.PointSize:2\n";
+constexpr const char* kNested =
+    "Camera:\n  name: \"a camera\"\n  setup: \"RGBD\"\n  model: \"perspective\"\n\n  fx: 500\n  "
+    "fy: 510\n"
+    "  cx: 320\n  cy: 240\n\n  k1: 0.1\n  k2: -0.2\n  p1: 0.001\n  p2: 0.002\n  k3: 0.0\n\n  fps: "
+    "30.0\n"
+    "  cols: 640\n  rows: 480\n";
+
+TEST(CameraFile, ReadsTheSettingsOfSlamSystems) {
+  const std::string orb(kSettings);
+  const std::string nested(kNested);
+  for (const std::string& text : {orb, nested}) {
+    const CameraFile file = parsed_camera(text);
+    EXPECT_EQ(file.camera, kDistorted) << text;
+    EXPECT_FALSE(file.depth_units_per_metre);
+  }
+  // A baseline beside a depth factor is that of the depth camera's projector.
+  for (const std::string& text :
+       {orb + "Camera.bf: 40.0\nDepthMapFactor: 5000.0 # 1.0 for bags\n",
+        orb + "Stereo.b: 0.08\nRGBD.DepthMapFactor: 5000.0\n",
+        nested + "  focal_x_baseline: 40.0\nPreprocessing:\n  depthmap_factor: 5000.0\n"}) {
+    const CameraFile file = parsed_camera(text);
+    EXPECT_EQ(file.camera, kDistorted) << text;
+    EXPECT_EQ(file.depth_units_per_metre, 5000.0);
+  }
+  const std::string fisheye = with(
+      with(with(with(orb, "PinHole", "KannalaBrandt8"), "p1", "k3"), "p2", "k4"), "0.002", "0.003");
+  EXPECT_EQ(
+      parsed_camera(fisheye).camera,
+      (Camera{
+          CameraId{0}, "OPENCV_FISHEYE", 640, 480, {500, 510, 320, 240, 0.1, -0.2, 0.001, 0.003}}));
+  EXPECT_THAT(camera_refusal(with(orb, "PinHole", "Omni")),
+              HasSubstr("camera.yaml:3: Camera.type: 'Omni'; expected PinHole, Rectified"));
+  EXPECT_THAT(camera_refusal(with(orb, "Camera.width: 640\n", "")),
+              HasSubstr("Camera.width is missing"));
+  EXPECT_THAT(camera_refusal(with(orb, "0.001", "x")), HasSubstr("Camera.p1: 'x' is not a number"));
+}
+
+TEST(CameraFile, ReadsPairsInTheSettingsOfSlamSystems) {
+  const std::string orb(kSettings);
+  for (const std::string& text : {orb + "Stereo.b: 0.08\n", orb + "Camera.bf: 40.0\n",
+                                  kNested + std::string("  focal_x_baseline: 40.0\n")}) {
+    const CameraFile file = parsed_calibration(text);
+    ASSERT_TRUE(file.rig) << text;
+    EXPECT_EQ(file.rig->right, kDistorted);
+    EXPECT_LT(file.rig->left_from_right
+                  .difference_to({Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.08, 0.0, 0.0)})
+                  .norm(),
+              1e-12);
+  }
+  const std::string second =
+      "Camera2.fx: 400\nCamera2.fy: 410\nCamera2.cx: 300\nCamera2.cy: 200\n"
+      "Stereo.T_c1_c2: !!opencv-matrix\n  rows: 4\n  cols: 4\n  dt: f\n"
+      "  data: [ 0.8, 0, -0.6, 0.1,\n    0, 1, 0, 0.2,\n    0.6, 0, 0.8, 0.3,\n    0, 0, 0, 1]\n";
+  std::string first = orb;
+  for (const char* const key : {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"}) {
+    first = with(first, std::string("Camera.") + key, std::string("Camera1.") + key);
+  }
+  const StereoRig apart = *parsed_calibration(first + second).rig;
+  EXPECT_EQ(apart.left, kDistorted);
+  EXPECT_EQ(apart.right, (Camera{CameraId{0}, "PINHOLE", 640, 480, {400, 410, 300, 200}}));
+  EXPECT_LT(
+      (apart.left_from_right * Eigen::Vector3d(1, 1, 1) - Eigen::Vector3d(0.3, 1.2, 1.7)).norm(),
+      1e-12);
+  // Of the raw images: the left camera is turned to the rectified one by 0.8, 0.6; the right one is not.
+  const std::string turned = "[0.8, 0, 0.6, 0, 1, 0, -0.6, 0, 0.8]";
+  const std::string straight = "[1, 0, 0, 0, 1, 0, 0, 0, 1]";
+  const auto raw = [&](const std::string& left, const std::string& right, const std::string& end,
+                       const std::string& indent) {
+    const std::string data = end.empty() ? "" : end + "data:";
+    return indent + with(left, "?", "K") + data + "[600, 0, 310, 0, 610, 230, 0, 0, 1]\n" + indent +
+           with(left, "?", "D") + data + "[0.1, -0.2, 0.001, 0.002]\n" + indent +
+           with(left, "?", "R") + data + turned + "\n" + indent + with(right, "?", "K") + data +
+           "[700, 0, 310, 0, 710, 230, 0, 0, 1]\n" + indent + with(right, "?", "D") + data +
+           "[0, 0, 0, 0, 0]\n" + indent + with(right, "?", "R") + data + "\n" + indent + "  " +
+           straight + "\n";
+  };
+  const std::string of_orb = orb + "Camera.bf: 40.0\n" +
+                             raw("LEFT.?: ", "RIGHT.?: ", "!!opencv-matrix\n   rows: 3\n   ", "");
+  const std::string of_stella = kNested +
+                                std::string("  focal_x_baseline: 40.0\nStereoRectifier:\n") +
+                                raw("?_left: ", "?_right: ", "", "  ");
+  for (const std::string& text : {of_orb, of_stella}) {
+    const StereoRig rig = *parsed_calibration(text).rig;
+    EXPECT_EQ(rig.left.parameters[0], 600) << text;
+    EXPECT_EQ(rig.left.model, "OPENCV");
+    EXPECT_EQ(rig.right, (Camera{CameraId{0}, "PINHOLE", 640, 480, {700, 710, 310, 230}}));
+    EXPECT_LT((rig.left_from_right * Eigen::Vector3d(0, 0, 1) -
+               Eigen::Vector3d(0.08 * 0.8 - 0.6, 0.0, 0.08 * 0.6 + 0.8))
+                  .norm(),
+              1e-12);
+  }
+}
+
 TEST(CameraFile, APairOfFilesSaysWhereItsCamerasAre) {
   // Both turned by 90 degrees about z on the body, so that the body's y is the left camera's x.
   const StereoRig euroc = parsed_pair(kSensor, with(kSensor, "0.2,", "0.32,"));
