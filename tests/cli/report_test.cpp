@@ -343,7 +343,9 @@ TEST_F(WrittenReportTest, MergeAndAtlasShowTwoKeyframesOfEachLink) {
       const Json& shown = report.document.at("maps").at(map).at("frames").at("images");
       ASSERT_EQ(shown.size(), 1U);
       EXPECT_EQ(shown.at(0).at("frame"), view.at(std::string(side) + "_frame"));
-      if (map == 2) EXPECT_GE(shown.at(0).at("frame"), 4);
+      if (map == 2) {
+        EXPECT_GE(shown.at(0).at("frame"), 4);
+      }
     }
   }
   EXPECT_EQ(views, 1U);

@@ -323,8 +323,9 @@ StereoRig unrectified_pair(const CameraYaml& yaml, const CameraCalibration& rect
   };
   const CameraCalibration left = camera("left", "LEFT");
   const CameraCalibration right = camera("right", "RIGHT");
-  return {camera_of(left, false, yaml.name()), camera_of(right, false, yaml.name()),
-          *left_from_right(left, right, false, yaml.name())};
+  const auto pose = left_from_right(left, right, false, yaml.name());
+  reject_if(!pose, yaml.name(), "states no baseline", "one other than 0");
+  return {camera_of(left, false, yaml.name()), camera_of(right, false, yaml.name()), *pose};
 }
 
 CameraFile read_slam_settings(const CameraYaml& yaml) {
