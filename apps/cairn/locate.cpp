@@ -267,14 +267,15 @@ struct LocateArguments {
         "FILE");
     const Option together = command.add_text(
         "--poses", poses,
-        "Locate all images as one, by their poses relative to each other: a trajectory of the same "
-        "timestamps in metres, world_from_camera of any world, as odometry gives it",
+        "Locate all images as one. FILE has their poses relative to each other, as odometry gives "
+        "them: a trajectory in metres, world_from_camera of any world, whose times are the images' "
+        "names",
         "FILE");
     together.excludes(measured);
     const Option written = command.add_text(
         "-o,--output", output,
         fmt::format("Also write the map with the located images as further frames, each with "
-                    "its matches as observations: {}",
+                    "its matches as observations and descriptors: {}",
                     all_formats().endings_text()),
         "FILE");
     command
@@ -297,7 +298,7 @@ struct LocateArguments {
         "  cairn locate sparse/0 photo1.jpg photo2.jpg\n"
         "Example: add them to the model\n"
         "  cairn locate sparse/0 photo1.jpg photo2.jpg -o bigger/ --triangulate --adjust\n"
-        "Example: where is the robot, whose last images show too little each?\n"
+        "Example: locate a robot by several images, each of which shows too little\n"
         "  cairn locate lab.map 12.0.png 12.5.png 13.0.png --camera fr1 --poses odometry.tum\n"
         "The exit code is 0 if every image is located, 3 if a file is no image, else 4. A pose is "
         "right if\n"
@@ -328,7 +329,7 @@ struct LocateArguments {
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
     const LengthUnit unit = loaded.map.info().length_unit;
-    reject_if(!poses.empty() && unit != LengthUnit::kMetres, map, "no unit of length",
+    reject_if(!poses.empty() && unit != LengthUnit::kMetres, loaded.path, "no unit of length",
               "a map in metres, as --poses are");
     const std::vector<Located> found =
         locate_all(loaded.map, file ? std::optional(file->camera) : std::nullopt, depth_m);
@@ -337,14 +338,11 @@ struct LocateArguments {
     bool all = true;
     bool all_read = true;
     const Console console = common.console();
-    const auto one =
-        std::ranges::find_if(found, [](const Located& it) { return it.defect.empty(); });
-    if (!poses.empty() && one != found.end()) {
-      console.print(
-          "{} images together: {}: {}\n",
-          std::ranges::count_if(found, [](const Located& it) { return it.defect.empty(); }),
-          decision_of(one->location), one->location.reason);
-      console.print(location_hints(one->location, loaded.map, one->lens, options));
+    const Located* const group = poses.empty() ? nullptr : best_of(found);
+    if (group != nullptr) {
+      console.print("all images together: {}: {}\n", decision_of(group->location),
+                    group->location.reason);
+      console.print(location_hints(group->location, loaded.map, std::nullopt, options));
     }
     for (std::size_t i = 0; i < images.size(); ++i) {
       const auto& [location, lens, stated, defect] = found[i];
@@ -360,11 +358,12 @@ struct LocateArguments {
       }
       json["results"].push_back(json_of(images[i], location));
       if (stated) json["results"].back()["exif_focal_length"] = *stated;
-      const std::string said = poses.empty()
-                                   ? fmt::format("{}: {}", decision_of(location), location.reason)
-                                   : fmt::format("{} matches", location.matches.size());
+      std::string said = fmt::format("{}: {}", decision_of(location), location.reason);
+      if (group != nullptr && location.located == group->location.located) {
+        said = fmt::format("{}, {} own matches", decision_of(location), location.matches.size());
+      }
       console.print(text_of(images[i], said, location, stated, unit));
-      if (poses.empty()) console.print(location_hints(location, loaded.map, lens, options));
+      if (group == nullptr) console.print(location_hints(location, loaded.map, lens, options));
       all = all && location.located;
     }
     write_document(json, common);
@@ -381,6 +380,16 @@ struct LocateArguments {
     std::optional<double> stated;
     std::string defect;  // of a file that is no image; empty for an image
   };
+
+  // Of images located together, the one whose verdict is that of all; null if no file is an image.
+  static const Located* best_of(const std::vector<Located>& found) {
+    const Located* best = nullptr;
+    for (const Located& one : found) {
+      if (!one.defect.empty()) continue;
+      if (best == nullptr || (one.location.located && !best->location.located)) best = &one;
+    }
+    return best;
+  }
 
   // The map; or the maps of an atlas that have poses, as one.
   LoadedMap load_world() const {
@@ -459,13 +468,15 @@ struct LocateArguments {
     constexpr double kSameTime = 0.02;  // as associate()
     const Trajectory odometry = read_trajectory(poses, common.console().log());
     std::vector<Rigid3> result;
-    for (const std::string& stamp : stamps_of(images)) {
-      const double time = *parse_number(stamp);
-      const TimedPose* const nearest = nearest_pose(odometry, time);
-      const std::string& image = images[result.size()];
+    for (const std::string& image : images) {
+      const std::string stamp = fs::path(image).stem().string();
+      const auto time = parse_number(stamp);
+      refuse_if(!time, image, printable(stamp) + " is no number",
+                "the time of a pose, because --poses are found by the images' names");
+      const TimedPose* const nearest = nearest_pose(odometry, *time);
       reject_if(nearest == nullptr, poses, "no pose", "one for each image");
-      std::optional<Rigid3> pose = interpolated(odometry, time);
-      if (!pose && std::abs(nearest->timestamp_s - time) <= kSameTime) {
+      std::optional<Rigid3> pose = interpolated(odometry, *time);
+      if (!pose && std::abs(nearest->timestamp_s - *time) <= kSameTime) {
         pose = nearest->world_from_camera;
       }
       reject_if(
@@ -554,13 +565,15 @@ struct LocateArguments {
   // @param files those of the map's last frames
   LandmarkMap with_landmarks_of(const std::vector<std::string>& files,
                                 const LandmarkMap& in_map) const {
-    std::vector<ImageOfFrame> new_images;
+    std::vector<FrameIndex> frames;
     const std::size_t first = in_map.frame_count() - files.size();
     for (std::size_t i = 0; i < files.size(); ++i) {
-      new_images.push_back(
-          {FrameIndex{static_cast<std::uint32_t>(first + i)}, read_color_image(files[i])});
+      frames.push_back(FrameIndex{static_cast<std::uint32_t>(first + i)});
     }
-    LandmarkMap bigger = with_new_landmarks(in_map, new_images, options.features,
+    const auto image_of = [&](FrameIndex frame) {
+      return read_color_image(files[frame.value - first]);
+    };
+    LandmarkMap bigger = with_new_landmarks(in_map, frames, image_of, options.features,
                                             common.execution("finding landmarks"));
     common.console().print("{} new landmarks, seen by two or more of the {} located images\n",
                            bigger.landmark_count() - in_map.landmark_count(), files.size());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -100,17 +101,20 @@ LandmarkMap map_with_frames(const LandmarkMap& map,
 LandmarkMap map_with_new_landmarks(const LandmarkMap& map,
                                    const std::vector<std::pair<std::uint32_t, py::object>>& given,
                                    const std::string& channels, unsigned threads) {
-  std::vector<ImageOfFrame> images;
+  std::vector<FrameIndex> frames;
+  std::map<FrameIndex, ColorImage> images;
   for (const auto& [frame, image] : given) {
     const auto& cameras = map.frames().cameras;
     refuse_if(frame >= cameras.size() || !cameras[frame], "images", fmt::format("frame {}", frame),
               "frames with cameras");
     const Camera& camera = map.cameras()[cameras[frame]->value];
-    images.push_back({FrameIndex{frame},
-                      ColorImage(camera.width, camera.height, image_of(image, camera, channels))});
+    frames.push_back(FrameIndex{frame});
+    images.emplace(frames.back(),
+                   ColorImage(camera.width, camera.height, image_of(image, camera, channels)));
   }
   return unlocked([&] {
-    return with_new_landmarks(map, images, {}, {Executor(threads), {}, {}, 0, {}});
+    return with_new_landmarks(map, frames, [&](FrameIndex frame) { return images.at(frame); }, {},
+                              {Executor(threads), {}, {}, 0, {}});
   });
 }
 
@@ -188,7 +192,7 @@ void bind_localization(py::module_& module) {
            py::kw_only(), py::arg("channels") = "rgb", py::arg("threads") = 0,
            "locate_together($self, images, poses, *, channels='rgb', threads=0)\n--\n\n"
            "Locates images as one. `poses` are the cameras' poses, 4x4, in any frame common to all "
-           "images and in\nthe map's unit of length, as odometry gives them, or a rig. Each image "
+           "images and in\nthe map's unit of length, as odometry or a rig gives them. Each image "
            "gets its own pose and\nmatches, and the common verdict.");
   module.def(
       "with_frames", &map_with_frames, py::arg("map"), py::arg("images"),
@@ -200,7 +204,7 @@ void bind_localization(py::module_& module) {
       py::kw_only(), py::arg("channels") = "rgb", py::arg("threads") = 0,
       "with_new_landmarks(map, images, *, channels='rgb', threads=0)\n--\n\n"
       "The map with landmarks that two or more of the images show and the map does not have. "
-      "`images` has\npairs of the number of a frame in the map and its image.");
+      "`images` has\npairs of the index of a frame, 0 to len(map.frame_ids) - 1, and its image.");
   module.def("with_image_descriptors", &map_with_descriptors, py::arg("map"), py::arg("folder"),
              py::kw_only(), py::arg("threads") = 0,
              "with_image_descriptors(map, folder, *, threads=0)\n--\n\n"

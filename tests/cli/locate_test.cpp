@@ -189,7 +189,7 @@ TEST_F(LocateCliTest, LocatesImagesTogetherByTheirPosesRelativeToEachOther) {
   const Words words = {"locate",  "desk.map",     "s/rgb/1.000000.jpg", "s/rgb/2.000000.jpg",
                        "--poses", "odometry.tum", "--trajectory",       "found.tum"};
   const std::string text = answer(words);
-  EXPECT_THAT(text, AllOf(HasSubstr("2 images together: located: probability >99"),
+  EXPECT_THAT(text, AllOf(HasSubstr("all images together: located: probability >99"),
                           HasSubstr("\n1.000000.jpg: "), HasSubstr("\n2.000000.jpg: ")));
   FileReader found(path("found.tum"));
   const Trajectory poses = read_trajectory(found);
@@ -206,15 +206,16 @@ TEST_F(LocateCliTest, LocatesImagesTogetherByTheirPosesRelativeToEachOther) {
   EXPECT_EQ(json.at("inputs").at("poses").at("path"), "odometry.tum");
   EXPECT_EQ(json.at("options").at("poses"), "odometry.tum");
   EXPECT_EQ(json.at("results").size(), 2U);
-  write("no.jpg", "no image");
-  const CommandResult one = cairn({"locate", "desk.map", "no.jpg", kImage, "--poses", "zero.tum"});
+  write("1.000000.jpg", "no image");
+  const CommandResult one =
+      cairn({"locate", "desk.map", "1.000000.jpg", kImage, "--poses", "zero.tum"});
   EXPECT_THAT(one.errors, HasSubstr("zero.tum"));
-  write("zero.tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n");
+  write("zero.tum", "1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n");
   const CommandResult other =
-      cairn({"locate", "desk.map", "no.jpg", kImage, "--poses", "zero.tum"});
+      cairn({"locate", "desk.map", "1.000000.jpg", kImage, "--poses", "zero.tum"});
   EXPECT_EQ(other.exit_code, kBadInput);
-  EXPECT_THAT(other.output,
-              AllOf(HasSubstr("1 images together: located"), HasSubstr("no.jpg: unreadable")));
+  EXPECT_THAT(other.output, AllOf(HasSubstr("all images together: located"),
+                                  HasSubstr("1.000000.jpg: unreadable")));
 }
 
 TEST_F(LocateCliTest, RefusesPosesThatDoNotFitTheImages) {
@@ -222,11 +223,14 @@ TEST_F(LocateCliTest, RefusesPosesThatDoNotFitTheImages) {
   write("still.tum", "1 0 0 0 0 0 0 1\n2 5 0 0 0 0 0 1\n");
   const CommandResult wrong = cairn({"locate", "desk.map", first, kImage, "--poses", "still.tum"});
   EXPECT_EQ(wrong.exit_code, kNoAlignment);
-  EXPECT_THAT(wrong.output, AllOf(HasSubstr("2 images together: rejected: the given poses "
+  EXPECT_THAT(wrong.output, AllOf(HasSubstr("all images together: rejected: the given poses "
                                             "contradict 1 of the 2 images"),
                                   HasSubstr("hint: Check --poses"), Not(HasSubstr("\n  tx ty"))));
   expect_refusal({"locate", "desk.map", "s/rgb/0.000000.jpg", "--poses", "still.tum"}, kBadInput,
                  {"still.tum", "0.000000.jpg at 0.000000 s", "within 0.02 s"});
+  fs::copy(path(first), path("photo.jpg"));
+  expect_refusal({"locate", "desk.map", first, "photo.jpg", "--poses", "still.tum"}, kWrongUsage,
+                 {"photo.jpg", "'photo' is no number", "found by the images' names"});
   expect_refusal({"locate", "desk.map", first, "--poses", "still.tum", "--camera", "unknown"},
                  kBadInput, {"1.000000.jpg", "an unknown camera", "--camera"});
   expect_refusal({"locate", "desk.map", first, "--poses", "still.tum", "--camera",

@@ -34,7 +34,7 @@ std::string place_of(const Rigid3& world_from_camera, const LandmarkMap& map) {
 }
 
 // What would have given more matches.
-std::vector<std::string> about_matches(const ImageLocation& found, FocalLength lens,
+std::vector<std::string> about_matches(const ImageLocation& found, std::optional<FocalLength> lens,
                                        const LocateOptions& options) {
   std::vector<std::string> hints;
   const auto asked = static_cast<std::size_t>(options.features.count);
@@ -47,7 +47,7 @@ std::vector<std::string> about_matches(const ImageLocation& found, FocalLength l
   hints.emplace_back("Check that the image shows what the map's images show, from nearby.");
   if (lens == FocalLength::kUnknown) {
     hints.emplace_back("Give the image's lens by --camera; then fewer matches decide.");
-  } else {
+  } else if (lens) {
     hints.push_back(
         fmt::format("Add --camera unknown if the image is cropped, or by another lens than {} of "
                     "{} x {} pixels and focal length {:.0f}.",
@@ -57,8 +57,8 @@ std::vector<std::string> about_matches(const ImageLocation& found, FocalLength l
   return hints;
 }
 
-std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& map, FocalLength lens,
-                               const LocateOptions& options) {
+std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& map,
+                               std::optional<FocalLength> lens, const LocateOptions& options) {
   switch (*found.failure) {
     case LocationFailure::kFewMatches:
     case LocationFailure::kFewInliers:
@@ -74,6 +74,7 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
       return {
           "Give the image's lens by --camera, or use an image that shows more than one surface."};
     case LocationFailure::kLens:
+      if (!lens) return {"State the images' camera by --camera."};
       return {
           "State the image's camera by --camera, or find its lens with the pose: --camera "
           "unknown."};
@@ -92,8 +93,8 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
 
 }  // namespace
 
-std::string location_hints(const ImageLocation& found, const LandmarkMap& map, FocalLength lens,
-                           const LocateOptions& options) {
+std::string location_hints(const ImageLocation& found, const LandmarkMap& map,
+                           std::optional<FocalLength> lens, const LocateOptions& options) {
   std::string text;
   if (!found.failure) return text;
   for (const std::string& hint : about(found, map, lens, options)) text += hint_line(hint);

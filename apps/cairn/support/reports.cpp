@@ -137,7 +137,7 @@ void add_images_to(const Command& command, std::vector<std::string>& folders) {
   command
       .add_words(
           "--images", folders,
-          "Show in the report two keyframes of each link that see the most common landmarks: "
+          "Show in the report two keyframes of each link that have the most landmarks in common: "
           "folder of the sequence that the maps were built from, or of the images by their names "
           "in the maps; one for all, or one for each session in the maps' order",
           "FOLDER...")

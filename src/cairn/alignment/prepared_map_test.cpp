@@ -152,7 +152,13 @@ LandmarkCloud scanned_floor(std::size_t count, std::uint64_t seed) {
   while (cloud.size() < count) {
     // Boxes by their surface; of a box, a point on its top or on a side.
     const Box& box = boxes[random.uniform() < 0.2 ? 0 : random.index(boxes.size())];
-    Eigen::Vector3d at(random.uniform(), random.uniform(), random.uniform());
+    // Drawn one by one: compilers differ in the order of arguments.
+    const auto drawn = [](const auto& draw) {
+      const double z = draw();
+      const double y = draw();
+      return Eigen::Vector3d(draw(), y, z);
+    };
+    Eigen::Vector3d at = drawn([&] { return random.uniform(); });
     const std::size_t face = random.index(3);
     if (face == 2 || &box == &boxes.front()) {
       at.z() = 1.0;
@@ -161,8 +167,7 @@ LandmarkCloud scanned_floor(std::size_t count, std::uint64_t seed) {
     }
     const Eigen::Vector3d point = box.least + box.size.cwiseProduct(at);
     if (point.x() > 2.0 && random.uniform() > 1.0 / 9.0) continue;
-    const Eigen::Vector3d noise(random.normal(), random.normal(), random.normal());
-    cloud.positions.push_back(point + 0.005 * noise);
+    cloud.positions.push_back(point + 0.005 * drawn([&] { return random.normal(); }));
   }
   return cloud;
 }

@@ -269,10 +269,11 @@ StereoRig read_opencv_pair(const CameraYaml& yaml, const std::string& matrix) {
   return {camera("1"), camera("2"), right_from_left.inverse()};
 }
 
-// The settings of ORB-SLAM2, ORB-SLAM3 and stella_vslam. The latter nests the keys that the others write with points.
+// The settings of ORB-SLAM2, ORB-SLAM3 and stella_vslam. stella_vslam nests the keys that ORB-SLAM writes with dots.
 
 bool are_slam_settings(const CameraYaml& yaml) {
-  return yaml.has("Camera.fx") || yaml.has("Camera1.fx");
+  return yaml.has("Camera.fx") || yaml.has("Camera1.fx") || yaml.has("Camera.model") ||
+         yaml.has("Camera.type");
 }
 
 bool is_fisheye(const CameraYaml& yaml, const std::string& key) {
@@ -324,7 +325,7 @@ StereoRig unrectified_pair(const CameraYaml& yaml, const CameraCalibration& rect
   const CameraCalibration left = camera("left", "LEFT");
   const CameraCalibration right = camera("right", "RIGHT");
   const auto pose = left_from_right(left, right, false, yaml.name());
-  reject_if(!pose, yaml.name(), "states no baseline", "one other than 0");
+  reject_if(!pose, yaml.name(), "the baseline is 0", "a positive number");
   return {camera_of(left, false, yaml.name()), camera_of(right, false, yaml.name()), *pose};
 }
 
@@ -346,12 +347,13 @@ CameraFile read_slam_settings(const CameraYaml& yaml) {
             StereoRig{camera, camera_of(second, false, yaml.place("Camera2.fx")),
                       yaml.pose(kPose, yaml.matrix<16>(kPose))}};
   }
+  const bool is_single = yaml.has("Camera.setup") && yaml.text("Camera.setup") != "stereo";
   std::optional<double> baseline;
   if (yaml.has("Stereo.b")) baseline = yaml.positive("Stereo.b");
   for (const char* const key : {"Camera.bf", "Camera.focal_x_baseline"}) {
     if (yaml.has(key)) baseline = yaml.positive(key) / stated.intrinsics[0];
   }
-  if (!baseline) return {camera, {}, {}, {}};
+  if (!baseline || is_single) return {camera, {}, {}, {}};
   const StereoRig rig =
       yaml.has("LEFT.K.data") || yaml.has("StereoRectifier.K_left")
           ? unrectified_pair(yaml, stated, *baseline)

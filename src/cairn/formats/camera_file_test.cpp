@@ -224,6 +224,9 @@ TEST(CameraFile, ReadsTheSettingsOfSlamSystems) {
       parsed_camera(fisheye).camera,
       (Camera{
           CameraId{0}, "OPENCV_FISHEYE", 640, 480, {500, 510, 320, 240, 0.1, -0.2, 0.001, 0.003}}));
+  EXPECT_EQ(parsed_camera(nested + "  focal_x_baseline: 40.0\n").camera, kDistorted) << "RGBD";
+  EXPECT_THAT(camera_refusal("Camera:\n  model: \"equirectangular\"\n  cols: 2\n"),
+              HasSubstr("Camera.model: 'equirectangular'; expected PinHole"));
   EXPECT_THAT(camera_refusal(with(orb, "PinHole", "Omni")),
               HasSubstr("camera.yaml:3: Camera.type: 'Omni'; expected PinHole, Rectified"));
   EXPECT_THAT(camera_refusal(with(orb, "Camera.width: 640\n", "")),
@@ -234,7 +237,7 @@ TEST(CameraFile, ReadsTheSettingsOfSlamSystems) {
 TEST(CameraFile, ReadsPairsInTheSettingsOfSlamSystems) {
   const std::string orb(kSettings);
   for (const std::string& text : {orb + "Stereo.b: 0.08\n", orb + "Camera.bf: 40.0\n",
-                                  kNested + std::string("  focal_x_baseline: 40.0\n")}) {
+                                  with(kNested, "RGBD", "stereo") + "  focal_x_baseline: 40.0\n"}) {
     const CameraFile file = parsed_calibration(text);
     ASSERT_TRUE(file.rig) << text;
     EXPECT_EQ(file.rig->right, kDistorted);
@@ -272,8 +275,8 @@ TEST(CameraFile, ReadsPairsInTheSettingsOfSlamSystems) {
   };
   const std::string of_orb = orb + "Camera.bf: 40.0\n" +
                              raw("LEFT.?: ", "RIGHT.?: ", "!!opencv-matrix\n   rows: 3\n   ", "");
-  const std::string of_stella = kNested +
-                                std::string("  focal_x_baseline: 40.0\nStereoRectifier:\n") +
+  const std::string of_stella = with(kNested, "RGBD", "stereo") +
+                                "  focal_x_baseline: 40.0\nStereoRectifier:\n" +
                                 raw("?_left: ", "?_right: ", "", "  ");
   for (const std::string& text : {of_orb, of_stella}) {
     const StereoRig rig = *parsed_calibration(text).rig;

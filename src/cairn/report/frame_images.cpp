@@ -270,6 +270,22 @@ class KeyframeImages {
     return frame_image(frame, folder_.read(map_, *seen_[frame]), shrinkings_);
   }
 
+  struct Places {
+    BatchTree tree;
+    double squared_gap;  // the median between neighbours
+  };
+  // Of the landmarks, two at least. Made once.
+  const Places& places(const Executor& executor) const {
+    if (places_) return *places_;
+    const std::vector<Eigen::Vector3d>& positions = map_.landmarks().positions;
+    BatchTree tree(positions);
+    std::vector<double> gaps(positions.size());
+    tree.batch(2).for_each(positions, executor, [&](std::size_t i, const auto& nearest) {
+      gaps[i] = nearest.squared_distance(1);
+    });
+    return places_.emplace(Places{std::move(tree), upper_median(gaps)});
+  }
+
   std::map<std::size_t, FrameImage> shown;  // by frame
 
  private:
@@ -277,21 +293,18 @@ class KeyframeImages {
   const ImageFolder& folder_;
   Shrinkings shrinkings_;
   std::vector<std::optional<SeenFrame>> seen_;  // by frame
+  mutable std::optional<Places> places_;
 };
 
 // Landmarks of the target and the source that a pose brings nearer than the target's landmarks are to each other, by
 // the median; one to one.
-std::vector<std::pair<LandmarkIndex, LandmarkIndex>> matches_at(const LandmarkMap& target,
+std::vector<std::pair<LandmarkIndex, LandmarkIndex>> matches_at(const KeyframeImages& target,
                                                                 const LandmarkMap& source,
                                                                 const Similarity3& pose,
                                                                 const Executor& executor) {
-  const std::vector<Eigen::Vector3d>& places = target.landmarks().positions;
+  const std::vector<Eigen::Vector3d>& places = target.map().landmarks().positions;
   if (places.size() < 2) return {};
-  const BatchTree tree(places);
-  std::vector<double> gaps(places.size());
-  tree.batch(2).for_each(places, executor, [&](std::size_t i, const auto& nearest) {
-    gaps[i] = nearest.squared_distance(1);
-  });
+  const auto& [tree, squared_gap] = target.places(executor);
   const std::vector<Eigen::Vector3d> moved = moved_points(source.landmarks().positions, pose);
   std::vector<Neighbor> found(moved.size());
   tree.batch(1).for_each(moved, executor, [&](std::size_t i, const auto& nearest) {
@@ -300,7 +313,7 @@ std::vector<std::pair<LandmarkIndex, LandmarkIndex>> matches_at(const LandmarkMa
   constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::uint32_t> nearest(places.size(),
                                      kNone);  // source landmark of each of the target
-  std::vector<double> least(places.size(), upper_median(gaps));
+  std::vector<double> least(places.size(), squared_gap);
   for (std::uint32_t i = 0; i < found.size(); ++i) {
     const auto& [at, squared_distance] = found[i];
     if (squared_distance >= least[at]) continue;
@@ -318,8 +331,9 @@ std::vector<std::pair<LandmarkIndex, LandmarkIndex>> matches_at(const LandmarkMa
 std::optional<LinkView> best_view(const KeyframeImages& target, const KeyframeImages& source,
                                   const Similarity3& pose, const Executor& executor) {
   if (!target.map().has_observations() || !source.map().has_observations()) return std::nullopt;
+  if (target.map().frame_count() == 0 || source.map().frame_count() == 0) return std::nullopt;
   std::vector<std::vector<LandmarkIndex>> matched(target.map().frame_count());  // of the source
-  for (const auto& [there, here] : matches_at(target.map(), source.map(), pose, executor)) {
+  for (const auto& [there, here] : matches_at(target, source.map(), pose, executor)) {
     for (const FrameIndex frame : target.map().observing_frames(there)) {
       if (target.has(frame)) matched[frame.value].push_back(here);
     }

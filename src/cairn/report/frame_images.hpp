@@ -48,9 +48,10 @@ class LinkImages {
   LinkImages(const LinkImages&) = delete;
   LinkImages& operator=(const LinkImages&) = delete;
 
-  /// Adds to each link the two keyframes that see the most common landmarks, with their images, and
-  /// to the text of the section how many links have none. Landmarks are common if they are one to
-  /// one the nearest at the link's pose, and nearer than the target's landmarks are to each other.
+  /// Adds to each link the two keyframes that have the most landmarks in common, with their images, and
+  /// to the text of the section how many links have none. A source landmark and the
+  /// target landmark nearest to it at the link's pose are common if their distance is below the
+  /// median distance of neighbouring target landmarks; of several, the nearest counts.
   /// A link without a pose is shown at the final poses of its maps, if they are in one frame. If
   /// not all images fit, links with a pose come first, the least certain ones before the others. A
   /// missing or unreadable image is left out; the log names the unreadable file.

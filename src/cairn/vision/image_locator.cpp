@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <map>
+#include <numeric>
 #include <utility>
 
 #include <fmt/format.h>
@@ -59,16 +62,17 @@ double matches_for(const PoseEvidence& pose, double probability) {
 
 // Sets what the result says of the pose with most evidence.
 // @param next another pose; null if there is none
+// @param image what the text calls the image that contradicts
 // @return whether the other pose lowers the probability
 bool judge(const PoseEvidence& best, const PoseEvidence* next, double min_probability,
-           ImageLocation& result) {
+           std::string_view image, ImageLocation& result) {
   result.probability = probability_of(best);
   std::string found = fmt::format(
       "{} of the {} landmarks projected near a corner match it ({:.1f} expected by chance)",
       best.agreeing, best.visible, best.expected);
   if (best.unmatched_cells > 0) {
-    found += fmt::format(", and {} of {} parts of the image match nothing that was seen there",
-                         best.unmatched_cells, detail::kImageCells);
+    found += fmt::format(", and {} of {} parts of {} match nothing that was seen there",
+                         best.unmatched_cells, detail::kImageCells, image);
   }
   bool has_rival = false;
   if (next != nullptr && probability_of(*next) > kWorthCounting * result.probability) {
@@ -93,6 +97,11 @@ bool judge(const PoseEvidence& best, const PoseEvidence* next, double min_probab
   }
   result.reason = fmt::format("{}: {}", decision_text(result.probability, min_probability), found);
   return has_rival;
+}
+
+std::string no_pose_text(std::size_t matches, std::size_t corners) {
+  return fmt::format("no pose explains enough matches: {} of {} corners match a landmark", matches,
+                     corners);
 }
 
 ImageDescriptor descriptor_kind(const LandmarkMap& map) {
@@ -227,6 +236,7 @@ class ImageLocator::View {
   static void refuse(LocationFailure failure, const std::string& reason, ImageLocation& result) {
     if (reason.empty() || !result.located) return;
     result.located = false;
+    result.probability = 0.0;
     result.failure = failure;
     result.world_from_camera.reset();
     result.covariance.reset();
@@ -240,9 +250,7 @@ class ImageLocator::View {
     result.corners = image.features.size();
     result.proposals = search.proposals();
     result.failure = LocationFailure::kFewMatches;
-    result.reason =
-        fmt::format("no pose explains enough matches: {} of {} corners match a landmark",
-                    search.proposals(), image.features.size());
+    result.reason = no_pose_text(search.proposals(), image.features.size());
     return result;
   }
 
@@ -331,7 +339,8 @@ class ImageLocator::View {
     std::optional<ImagePose> next;
     if (probability_of(*best) >= options_.min_probability) next = search.rival(sensor(), *best);
     if (next && search.same(*best, *next)) next.reset();
-    const bool has_rival = judge(*best, next ? &*next : nullptr, options_.min_probability, result);
+    const bool has_rival =
+        judge(*best, next ? &*next : nullptr, options_.min_probability, "the image", result);
     report(image, *best, has_rival ? &*next : nullptr, result);
     return result;
   }
@@ -360,25 +369,33 @@ void require_sound(const Camera& camera) {
 // Images with poses relative to each other, and what is seen in them.
 class ImageLocator::Together {
  public:
-  Together(std::span<const BodyView> views, const Execution& execution) : seen_(views.size()) {
+  Together(std::span<const BodyView> views, const Execution& execution)
+      : execution_(execution), seen_(views.size()) {
     for (const BodyView& view : views) views_.push_back(view.locator->view_.get());
+    // The body is where the first camera is: far from it, rotations and positions could not be told apart.
+    const Rigid3 first_from_body = views.front().body_from_camera.inverse();
     execution.executor.for_blocks(views.size(), 1, [&](std::size_t k, std::size_t) {
+      require_not_stopped();
       seen_[k] =
           views_[k]->seen(*views[k].image, fmt::format("views[{}].image", k), execution.seed);
     });
     for (std::size_t k = 0; k < views.size(); ++k) {
-      images_.push_back(views_[k]->on_body(*seen_[k], views[k].body_from_camera));
+      images_.push_back(views_[k]->on_body(*seen_[k], first_from_body * views[k].body_from_camera));
     }
   }
 
   std::vector<ImageLocation> locate() const {
     std::vector<ImageLocation> results;
+    std::size_t corners = 0;
+    std::size_t matches = 0;
     for (std::size_t k = 0; k < views_.size(); ++k) {
       results.push_back(views_[k]->blank(*seen_[k]->search, seen_[k]->image));
+      corners += results.back().corners;
+      matches += results.back().proposals;
     }
-    std::vector<std::optional<ImagePose>> proposals;
-    for (const auto& seen : seen_) proposals.push_back(seen->best);
-    const std::optional<BodyPose> best = most_evident(proposals, nullptr);
+    for (ImageLocation& result : results) result.reason = no_pose_text(matches, corners);
+    const std::optional<BodyPose> best =
+        most_evident([&](std::size_t k) { return seen_[k]->best; }, nullptr);
     if (!best) return results;
     const double least = views_[0]->options().min_probability;
     std::optional<BodyPose> next;
@@ -388,16 +405,9 @@ class ImageLocator::Together {
       if (contradiction.empty()) next = rival(*best);
     }
     ImageLocation verdict;
-    const bool has_rival = judge(*best, next ? &*next : nullptr, least, verdict);
-    std::string lens_defect;
-    if (verdict.located && contradiction.empty()) {
-      // Without the error of the poses relative to each other.
-      const std::size_t most = most_matches(*best);
-      const ImagePoseSearch& search = *seen_[most]->search;
-      const auto alone =
-          search.settled(images_[most].sensor, best->images[most].pose.world_from_camera);
-      if (alone) lens_defect = views_[most]->lens_defect(search, *alone);
-    }
+    const bool has_rival = judge(*best, next ? &*next : nullptr, least, "an image", verdict);
+    const std::string lens_defect =
+        verdict.located && contradiction.empty() ? lens_defect_of(*best) : "";
     for (std::size_t k = 0; k < views_.size(); ++k) {
       results[k].located = verdict.located;
       results[k].probability = verdict.probability;
@@ -407,20 +417,40 @@ class ImageLocator::Together {
                         results[k]);
       View::refuse(LocationFailure::kGivenPoses, contradiction, results[k]);
       View::refuse(LocationFailure::kLens, lens_defect, results[k]);
+      View::refuse(LocationFailure::kFewMatches, too_few_text(best->images[k]), results[k]);
     }
     return results;
   }
 
  private:
-  // The pose of the body with most evidence, of those that poses of its images propose.
-  // @param other a pose that is not wanted; null if each is
-  std::optional<BodyPose> most_evident(std::span<const std::optional<ImagePose>> proposals,
-                                       const BodyPose* other) const {
+  void require_not_stopped() const {
+    if (!execution_.stop.stop_requested()) return;
+    throw Error(ErrorKind::kCancelled, "locating images", "was cancelled", "");
+  }
+
+  // The pose of the body with most evidence, of those that the images with most evidence propose.
+  // @param proposed the pose that an image proposes
+  // @param other    a pose to leave out; null for none
+  template <class Proposed>
+  std::optional<BodyPose> most_evident(const Proposed& proposed, const BodyPose* other) const {
+    constexpr std::size_t kMost = 8;
+    std::vector<std::size_t> order(images_.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::stable_sort(order, std::ranges::greater(), [&](std::size_t k) {
+      return seen_[k]->best ? seen_[k]->best->evidence : 0.0;
+    });
+    order.resize(std::min(order.size(), kMost));
+    std::vector<std::optional<BodyPose>> bodies(order.size());
+    execution_.executor.for_blocks(order.size(), 1, [&](std::size_t i, std::size_t) {
+      require_not_stopped();
+      const std::size_t k = order[i];
+      const std::optional<ImagePose> pose = proposed(k);
+      if (!pose) return;
+      bodies[i] = ImagePoseSearch::settled_together(
+          images_, pose->pose.world_from_camera * images_[k].camera_from_body);
+    });
     std::vector<BodyPose> found;  // each once
-    for (std::size_t k = 0; k < proposals.size(); ++k) {
-      if (!proposals[k]) continue;
-      auto body = ImagePoseSearch::settled_together(
-          images_, proposals[k]->pose.world_from_camera * images_[k].camera_from_body);
+    for (std::optional<BodyPose>& body : bodies) {
       const auto is_known = [&](const BodyPose& pose) { return same(pose, *body); };
       if (!body || (other != nullptr && is_known(*other))) continue;
       const auto known = std::ranges::find_if(found, is_known);
@@ -437,14 +467,39 @@ class ImageLocator::Together {
   }
 
   std::optional<BodyPose> rival(const BodyPose& best) const {
-    std::vector<std::optional<ImagePose>> proposals;
-    for (std::size_t k = 0; k < images_.size(); ++k) {
-      proposals.push_back(images_[k].search->rival(images_[k].sensor, best.images[k]));
-    }
-    return most_evident(proposals, &best);
+    return most_evident(
+        [&](std::size_t k) { return images_[k].search->rival(images_[k].sensor, best.images[k]); },
+        &best);
   }
 
-  // Of images that show well enough where they are, and that it is not where the body puts them.
+  // Why the lens of a camera is refused, by the camera's image with most matches; empty if none is.
+  std::string lens_defect_of(const BodyPose& body) const {
+    std::map<const View*, std::size_t> image_of;
+    for (std::size_t k = 0; k < images_.size(); ++k) {
+      const auto [place, is_new] = image_of.try_emplace(views_[k], k);
+      if (body.images[k].agreeing > body.images[place->second].agreeing) place->second = k;
+    }
+    for (std::size_t k = 0; k < images_.size(); ++k) {
+      if (image_of.at(views_[k]) != k) continue;
+      // Without the error of the poses relative to each other.
+      const ImagePoseSearch& search = *seen_[k]->search;
+      const auto alone = search.settled(images_[k].sensor, body.images[k].pose.world_from_camera);
+      const std::string defect = alone ? views_[k]->lens_defect(search, *alone) : "";
+      if (!defect.empty()) return defect;
+    }
+    return "";
+  }
+
+  // Why an image has no pose though the body has one; empty if its own matches show where it is.
+  static std::string too_few_text(const ImagePose& image) {
+    if (image.agreeing >= detail::kFewestMatches) return "";
+    return fmt::format(
+        "{} of its own matches agree with the pose of all images: what is stated of it rests on "
+        "the given poses alone",
+        image.agreeing);
+  }
+
+  // Why the given poses are refused: an image that would be located alone does not fit them. Empty if none is.
   std::string contradiction_of(const BodyPose& body) const {
     std::size_t elsewhere = 0;
     std::string most;
@@ -474,6 +529,7 @@ class ImageLocator::Together {
     return images_[k].search->same(a.images[k], b.images[k]);
   }
 
+  const Execution& execution_;
   std::vector<const View*> views_;
   std::vector<std::unique_ptr<View::Seen>> seen_;
   std::vector<BodyImage> images_;

@@ -136,7 +136,8 @@ struct BodyView {
 /// over which the odometry's error stays within some pixels.
 /// @param views     at least one; their locators share one prepared map (with_camera())
 /// @param execution executor, for the images side by side, and seed
-/// @return for each image its own pose, matches and covariance, with the common verdict
+/// @return for each image its own pose, matches and covariance, with the common verdict; an image
+///         with fewer than six matches of its own is not located
 /// @throws Error (misuse) for no image, locators of several maps, or an unknown focal length;
 ///         (input) for an image of another size
 std::vector<ImageLocation> locate_together(std::span<const BodyView> views,

@@ -484,12 +484,15 @@ TEST(LocateTogether, FindsWhatNoImageShowsAlone) {
 TEST(LocateTogether, IsTheSameInAnyFrameOfTheOdometry) {
   const ImageLocator locator(wall_map(), TexturedWall::camera());
   const auto here = four_parts(Rigid3()).located_by(locator);
-  const Rigid3 moved = Rigid3().perturbed((Vector6d() << -30, 7, 2, -1, 0.3, 2).finished());
-  const auto there = four_parts(moved).located_by(locator);
-  for (std::size_t i = 0; i < here.size(); ++i) {
-    EXPECT_EQ(here[i].reason, there[i].reason);
-    EXPECT_LT(here[i].estimate->difference_to(*there[i].estimate).norm(), 1e-6);
-    EXPECT_NEAR((*here[i].covariance / (*there[i].covariance)(0, 0))(0, 0), 1.0, 1e-4);
+  for (const double far : {1.0, 100000.0}) {  // as of UTM coordinates
+    const Rigid3 moved =
+        Rigid3().perturbed((Vector6d() << -30 * far, 7 * far, 2, -1, 0.3, 2).finished());
+    const auto there = four_parts(moved).located_by(locator);
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      EXPECT_EQ(here[i].reason, there[i].reason);
+      EXPECT_LT(here[i].estimate->difference_to(*there[i].estimate).norm(), 1e-6);
+      EXPECT_NEAR((*here[i].covariance / (*there[i].covariance)(0, 0))(0, 0), 1.0, 1e-4);
+    }
   }
 }
 
@@ -511,15 +514,18 @@ TEST(LocateTogether, LearnsNothingFromAnImageGivenAgain) {
   }
 }
 
-TEST(LocateTogether, GivesAPoseToAnImageThatShowsNothing) {
+TEST(LocateTogether, DoesNotLocateAnImageThatShowsNothing) {
   const ImageLocator locator(wall_map(), TexturedWall::camera());
   Sequence images;
   images.add(image_at(60, 40), pose_at(60, 40));
   images.add(GrayImage(640, 480, 90), pose_at(90, 40));
   const auto found = images.located_by(locator);
-  ASSERT_TRUE(found[1].located) << found[1].reason;
-  EXPECT_TRUE(found[1].matches.empty());
-  EXPECT_LT(found[1].world_from_camera->difference_to(pose_at(90, 40)).norm(), 0.006);
+  EXPECT_TRUE(found[0].located) << found[0].reason;
+  EXPECT_FALSE(found[1].located);
+  EXPECT_EQ(found[1].failure, LocationFailure::kFewMatches);
+  EXPECT_EQ(found[1].probability, 0.0);
+  EXPECT_THAT(found[1].reason, HasSubstr("0 of its own matches"));
+  EXPECT_LT(found[1].estimate->difference_to(pose_at(90, 40)).norm(), 0.006);
   Sequence nothing;
   nothing.add(GrayImage(640, 480, 90), Rigid3());
   const auto none = nothing.located_by(locator);
@@ -537,6 +543,24 @@ TEST(LocateTogether, RefusesPosesThatTheImagesContradict) {
     EXPECT_FALSE(found.world_from_camera);
     EXPECT_EQ(found.failure, LocationFailure::kGivenPoses) << found.reason;
     EXPECT_THAT(found.reason, HasSubstr("the given poses contradict 1 of the 2 images"));
+  }
+}
+
+TEST(LocateTogether, ChecksTheLensOfEachCamera) {
+  const LandmarkMap map =
+      sift_map(true, [](std::size_t i) { return 1.5 + 0.37 * static_cast<double>(i * 7 % 11); });
+  const Camera flat = TexturedWall::camera();
+  const ImageLocator first(map, flat);
+  const ImageLocator second = first.with_camera(flat);
+  const GrayImage right = image_of(posters(60, 40));
+  const GrayImage distorted = image_of(posters_through(barrel_camera(-0.12)));
+  const auto found = locate_together(
+      std::vector<BodyView>{{&first, &right, Rigid3()}, {&second, &distorted, Rigid3()}});
+  EXPECT_EQ(found[0].failure, LocationFailure::kLens) << found[0].reason;
+  const ImageLocator barrel = first.with_camera(barrel_camera(-0.12));
+  for (const ImageLocation& one : locate_together(
+           std::vector<BodyView>{{&first, &right, Rigid3()}, {&barrel, &distorted, Rigid3()}})) {
+    EXPECT_TRUE(one.located) << one.reason;
   }
 }
 

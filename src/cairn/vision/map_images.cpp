@@ -117,12 +117,14 @@ DescriptorColumn with_views(const DescriptorColumn& old, std::span<const Located
   const DescriptorNorm norm =
       is_binary(old.kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    std::vector<std::span<const std::uint8_t>> chosen;
     const std::size_t most = std::max(kDistinctViews, old.count(i));
-    if (!views[i].empty()) {
-      for (const std::size_t k : distinct_descriptors(views[i], 0, most, norm)) {
-        chosen.push_back(views[i][k]);
-      }
+    if (views[i].size() == old.count(i)) {
+      append_descriptors(column, views[i]);
+      continue;
+    }
+    std::vector<std::span<const std::uint8_t>> chosen;
+    for (const std::size_t k : distinct_descriptors(views[i], 0, most, norm)) {
+      chosen.push_back(views[i][k]);
     }
     append_descriptors(column, chosen);
   }

@@ -29,23 +29,20 @@ struct LocatedImage {
 /// @throws Error (misuse) for an image that is not located, or a name that occurs twice
 LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images);
 
-/// Image of a frame of a map.
-struct ImageOfFrame {
-  FrameIndex frame;
-  ColorImage image;
-};
-
-/// Adds landmarks that two or more images show and the map does not have. Features with descriptors
-/// of the map's kind are matched between images (mutual nearest neighbours, Lowe's ratio), joined to
-/// tracks, and triangulated at the frames' poses. A landmark is kept if its lines of sight differ by
-/// at least 2°, and each of its projections is within 2 pixels of the feature's octave. New
-/// landmarks have a colour and descriptors; their covariances are unknown until the map is adjusted.
-/// The UUID is computed from the new content.
-/// @param map    map with ORB or SIFT descriptors
-/// @param images at most one for each frame; the frames have cameras
+/// Adds landmarks that the images of two or more frames show and the map does not have. Features
+/// with descriptors of the map's kind are matched between images (mutual nearest neighbours, Lowe's
+/// ratio), joined to tracks, and triangulated at the frames' poses. A landmark is kept if its lines
+/// of sight differ by at least 2°, each of its projections is within 2 pixels of the feature's
+/// octave, and no landmark of the map is nearer than 2 pixels at its depth. New landmarks have a
+/// colour and descriptors and, if the map has covariances, one of the error of their features; the
+/// errors of the poses are not in it. The UUID is computed from the new content.
+/// @param map      map with ORB or SIFT descriptors
+/// @param frames   each once; they have cameras
+/// @param image_of returns a frame's image; called by several threads
 /// @throws Error (input) for an image without the size of its frame's camera, or other descriptors;
-///         (misuse) for a frame without a camera; (cancelled)
-LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const ImageOfFrame> images,
+///         (misuse) for a frame that is not in the map, is given twice, or has no camera; (cancelled)
+LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const FrameIndex> frames,
+                               const std::function<ColorImage(FrameIndex)>& image_of,
                                const FeatureOptions& features = {},
                                const Execution& execution = {});
 

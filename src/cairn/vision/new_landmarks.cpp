@@ -6,10 +6,12 @@
 #include <map>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <fmt/format.h>
 
 #include "cairn/core/detail/descriptor_kernel.hpp"
@@ -34,12 +36,12 @@ constexpr double kNear = 2.0;  // pixels of an octave: largest distance of one p
 // An image of the map with the features of which the map has no landmark.
 struct NewView {
   FrameIndex frame;
-  const ColorImage* image = nullptr;
   Pinhole pinhole;
   std::vector<double> scales;  // pixel sizes of the octaves
   Rigid3 world_from_camera;
   Rigid3 camera_from_world;
   std::vector<detail::Keypoint> keypoints;
+  std::vector<Color> colors;
   std::vector<std::uint8_t> descriptors;
 
   Eigen::Vector3d ray(std::uint32_t feature) const {
@@ -65,14 +67,25 @@ struct Sighting {
 
 struct NewLandmark {
   Eigen::Vector3d position;
+  Eigen::Matrix3d covariance;
   std::vector<Sighting> seen;  // at most one for each view
 };
 
+Color color_at(const ColorImage& image, const Pixel& pixel) {
+  const auto nearest = [](double at, std::uint32_t size) {
+    return static_cast<std::size_t>(std::clamp(std::lround(at), 0L, static_cast<long>(size) - 1));
+  };
+  const std::uint8_t* const bgr =
+      &image.at(nearest(pixel.u, image.width), nearest(pixel.v, image.height));
+  return {bgr[2], bgr[1], bgr[0]};
+}
+
 class NewLandmarkSearch {
  public:
-  NewLandmarkSearch(const LandmarkMap& map, std::span<const ImageOfFrame> images,
+  NewLandmarkSearch(const LandmarkMap& map, std::span<const FrameIndex> frames,
+                    const std::function<ColorImage(FrameIndex)>& image_of,
                     const FeatureOptions& options, const Execution& execution)
-      : map_(map), options_(options), execution_(execution), views_(images.size()) {
+      : map_(map), options_(options), execution_(execution), views_(frames.size()) {
     const auto& column = map.landmarks().descriptors;
     const auto kind = column ? detail::image_descriptor_of(*column) : std::nullopt;
     reject_if(!kind, "descriptors", column ? column->kind : "none",
@@ -82,9 +95,15 @@ class NewLandmarkSearch {
     for (std::size_t i = 0; i < map.observations().frames.size(); ++i) {
       observed_[map.observations().frames[i].value].push_back(map.observations().pixels[i]);
     }
-    execution.executor.for_blocks(images.size(), 1, [&](std::size_t k, std::size_t) {
+    std::set<FrameIndex> given;
+    for (const FrameIndex frame : frames) {
+      refuse_if(frame.value >= map.frame_count() || !given.insert(frame).second, "frames",
+                fmt::format("{}", frame.value),
+                fmt::format("each once, below {}", map.frame_count()));
+    }
+    execution.executor.for_blocks(frames.size(), 1, [&](std::size_t k, std::size_t) {
       require_not_stopped();
-      views_[k] = view_of(images[k]);
+      views_[k] = view_of(frames[k], image_of);
     });
   }
 
@@ -102,22 +121,27 @@ class NewLandmarkSearch {
       matches[k] = matches_of(views_[pairs[k].first], views_[pairs[k].second]);
     });
     detail::DisjointSets tracks(count);
+    std::vector<bool> is_matched(count, false);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       for (const auto& [a, b] : matches[k]) {
-        tracks.join(first[pairs[k].first] + a, first[pairs[k].second] + b);
+        const std::uint32_t one = first[pairs[k].first] + a;
+        const std::uint32_t other = first[pairs[k].second] + b;
+        tracks.join(one, other);
+        is_matched[one] = is_matched[other] = true;
       }
     }
     std::map<std::size_t, std::vector<Sighting>> seen;
     for (std::uint32_t v = 0; v < views_.size(); ++v) {
       for (std::uint32_t i = 0; i < views_[v].keypoints.size(); ++i) {
-        seen[tracks.first_of(first[v] + i)].push_back({v, i});
+        if (is_matched[first[v] + i]) seen[tracks.first_of(first[v] + i)].push_back({v, i});
       }
     }
     const BatchTree known(map_.landmarks().positions);
     std::vector<NewLandmark> found;
     for (const auto& [track, sightings] : seen) {
       const auto x = triangulated(sightings);
-      if (x && !has_near(known, *x, view(sightings.front()))) found.push_back({*x, sightings});
+      if (!x || has_near(known, *x, view(sightings.front()))) continue;
+      found.push_back({*x, covariance_of(*x, sightings), sightings});
     }
     return found;
   }
@@ -135,34 +159,37 @@ class NewLandmarkSearch {
     throw Error(ErrorKind::kCancelled, "finding landmarks", "was cancelled", "");
   }
 
-  NewView view_of(const ImageOfFrame& image) const {
+  NewView view_of(FrameIndex index, const std::function<ColorImage(FrameIndex)>& image_of) const {
     const auto& cameras = map_.frames().cameras;
-    const std::size_t frame = image.frame.value;
+    const std::size_t frame = index.value;
     refuse_if(cameras.empty() || !cameras[frame], fmt::format("frame {}", frame), "has no camera",
               "a frame with a camera");
     const Camera& camera = map_.cameras()[cameras[frame]->value];
-    reject_if(image.image.width != camera.width || image.image.height != camera.height,
-              frame_name(image.frame),
-              fmt::format("{} x {} pixels", image.image.width, image.image.height),
+    const ColorImage image = image_of(index);
+    reject_if(image.width != camera.width || image.height != camera.height, frame_name(index),
+              fmt::format("{} x {} pixels", image.width, image.height),
               fmt::format("{} x {}, as its camera has", camera.width, camera.height));
     const ImageDescriber describer(camera, options_, kind_);
-    const auto gray = frame_images(0.0, camera.width, camera.height, image.image.values, {}).gray;
+    const auto gray = frame_images(0.0, camera.width, camera.height, image.values, {}).gray;
     const DescribedImage described = describer.describe(detail::matrix_of(gray), cv::Mat());
     NewView view;
-    view.frame = image.frame;
-    view.image = &image.image;
+    view.frame = index;
     view.pinhole = describer.extractor().pinhole();
     view.scales = describer.extractor().scales();
-    view.world_from_camera = map_.world_from_camera(image.frame);
+    view.world_from_camera = map_.world_from_camera(index);
     view.camera_from_world = view.world_from_camera.inverse();
     std::vector<bool> is_observed(described.features.size(), false);
     for (const Pixel& pixel : observed_[frame]) {
+      const bool is_inside =
+          pixel.u >= 0.0 && pixel.v >= 0.0 && pixel.u < camera.width && pixel.v < camera.height;
+      if (!is_inside) continue;
       described.features.visit_near(describer.extractor().undistorted(pixel).cast<double>(), kNear,
                                     [&](std::uint32_t feature) { is_observed[feature] = true; });
     }
     for (std::uint32_t i = 0; i < is_observed.size(); ++i) {
       if (is_observed[i]) continue;
       view.keypoints.push_back(described.features.keypoints()[i]);
+      view.colors.push_back(color_at(image, view.keypoints.back().raw));
       const auto row = std::span(described.descriptors).subspan(i * bytes_each(), bytes_each());
       view.descriptors.insert(view.descriptors.end(), row.begin(), row.end());
     }
@@ -251,6 +278,21 @@ class NewLandmarkSearch {
     return x && std::ranges::all_of(seen, shows_x) ? x : std::nullopt;
   }
 
+  // By the errors of the features alone.
+  Eigen::Matrix3d covariance_of(const Eigen::Vector3d& x, const std::vector<Sighting>& seen) const {
+    constexpr double kNoise = 1.0;  // pixels of the octave, as SensorNoise
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    for (const Sighting& one : seen) {
+      const NewView& by = view(one);
+      const Eigen::Vector3d ray = by.ray(one.feature);
+      const double distance = (x - by.world_from_camera.translation()).norm();
+      const double across =
+          kNoise * by.scales[by.keypoints[one.feature].octave] * distance / by.pinhole.fx;
+      information += (Eigen::Matrix3d::Identity() - ray * ray.transpose()) / (across * across);
+    }
+    return information.inverse();
+  }
+
   // Whether a landmark of the map appears at the same place.
   static bool has_near(const BatchTree& known, const Eigen::Vector3d& x, const NewView& view) {
     const double radius = kNear * (view.camera_from_world * x).z() / view.pinhole.fx;
@@ -266,15 +308,6 @@ class NewLandmarkSearch {
   std::vector<NewView> views_;
 };
 
-Color color_at(const ColorImage& image, const Pixel& pixel) {
-  const auto nearest = [](double at, std::uint32_t size) {
-    return static_cast<std::size_t>(std::clamp(std::lround(at), 0L, static_cast<long>(size) - 1));
-  };
-  const std::uint8_t* const bgr =
-      &image.at(nearest(pixel.u, image.width), nearest(pixel.v, image.height));
-  return {bgr[2], bgr[1], bgr[0]};
-}
-
 void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark> found,
                    MapTables& tables) {
   LandmarkTable& landmarks = tables.landmarks;
@@ -283,6 +316,8 @@ void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark>
   for (const LandmarkId id : landmarks.ids) next_id = std::max(next_id, id.value + 1);
   landmarks.colors.resize(landmarks.ids.size());
   if (observations.offsets.empty()) observations.offsets.resize(landmarks.ids.size() + 1, 0);
+  const bool has_covariances = !landmarks.covariances.empty();
+  const std::size_t old_rows = observations.frames.size();
   const DescriptorNorm norm =
       is_binary(landmarks.descriptors->kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
   for (const NewLandmark& landmark : found) {
@@ -296,14 +331,11 @@ void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark>
     }
     observations.offsets.push_back(observations.frames.size());
     append_distinct(*landmarks.descriptors, descriptors, norm);
-    landmarks.colors.push_back(
-        color_at(*search.view(landmark.seen.front()).image,
-                 search.view(landmark.seen.front()).keypoints[landmark.seen.front().feature].raw));
+    const Sighting& first = landmark.seen.front();
+    landmarks.colors.push_back(search.view(first).colors[first.feature]);
+    if (has_covariances) landmarks.covariances.push_back(landmark.covariance);
   }
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-  if (!landmarks.covariances.empty()) {
-    landmarks.covariances.resize(landmarks.ids.size(), Eigen::Matrix3d::Constant(kUnknown));
-  }
   for (NamedColumn& column : landmarks.columns)
     column.values.resize(landmarks.ids.size(), kUnknown);
   const auto extend = [&](auto& column) {
@@ -312,20 +344,28 @@ void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark>
   extend(observations.keypoints);
   extend(observations.depths);
   extend(observations.octaves);
+  std::size_t row = old_rows;
+  for (const NewLandmark& landmark : found) {
+    for (const Sighting& one : landmark.seen) {
+      if (observations.octaves.empty()) break;
+      observations.octaves[row++] = search.view(one).keypoints[one.feature].octave;
+    }
+  }
   extend(observations.sources);
   extend(observations.sigmas_px);
 }
 
 }  // namespace
 
-LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const ImageOfFrame> images,
+LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const FrameIndex> frames,
+                               const std::function<ColorImage(FrameIndex)>& image_of,
                                const FeatureOptions& features, const Execution& execution) {
-  const NewLandmarkSearch search(map, images, features, execution);
+  const NewLandmarkSearch search(map, frames, image_of, features, execution);
   const std::vector<NewLandmark> found = search.find();
   MapTables tables = LandmarkMap(map).tables();
   add_landmarks(search, found, tables);
   tables.info.provenance.push_back(
-      fmt::format("{} landmarks found in {} images", found.size(), images.size()));
+      fmt::format("{} landmarks found in {} images", found.size(), frames.size()));
   return with_content_uuid(LandmarkMap(std::move(tables)));
 }
 

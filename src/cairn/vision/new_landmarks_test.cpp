@@ -58,21 +58,32 @@ LandmarkMap wall_map(int frames, double unit = 1.0, const std::vector<Pixel>& kn
   return LandmarkMap(std::move(tables));
 }
 
-std::vector<ImageOfFrame> images_of(int frames) {
-  std::vector<ImageOfFrame> images;
+struct Images {
+  std::vector<FrameIndex> frames;
+  std::vector<ColorImage> images;
+};
+
+Images images_of(int frames) {
+  Images all;
   for (int k = 0; k < frames; ++k) {
     cv::Mat color;
     cv::cvtColor(TexturedWall().gray(k * kStep), color, cv::COLOR_GRAY2BGR);
     ColorImage image(640, 480);
     std::memcpy(image.values.data(), color.data, image.values.size());
-    images.push_back({FrameIndex{static_cast<std::uint32_t>(k)}, std::move(image)});
+    all.frames.push_back(FrameIndex{static_cast<std::uint32_t>(k)});
+    all.images.push_back(std::move(image));
   }
-  return images;
+  return all;
+}
+
+LandmarkMap grown(const LandmarkMap& map, const Images& all, const Execution& execution = {}) {
+  return with_new_landmarks(
+      map, all.frames, [&](FrameIndex frame) { return all.images[frame.value]; }, {}, execution);
 }
 
 TEST(WithNewLandmarks, FindsWhatTheImagesShowOfTheWall) {
   for (const double unit : {1.0, 0.01, 300.0}) {
-    const LandmarkMap map = with_new_landmarks(wall_map(5, unit, {{100, 100}}), images_of(5));
+    const LandmarkMap map = grown(wall_map(5, unit, {{100, 100}}), images_of(5));
     ASSERT_GT(map.landmark_count(), 200U) << unit;
     EXPECT_EQ(map.landmarks().ids[1], LandmarkId{8});
     std::size_t by_three = 0;
@@ -101,9 +112,9 @@ TEST(WithNewLandmarks, FindsWhatTheImagesShowOfTheWall) {
 }
 
 TEST(WithNewLandmarks, KeepsWhatTheMapHas) {
-  const std::vector<ImageOfFrame> images = images_of(3);
-  const LandmarkMap once = with_new_landmarks(wall_map(3), images);
-  const LandmarkMap twice = with_new_landmarks(once, images);
+  const Images images = images_of(3);
+  const LandmarkMap once = grown(wall_map(3), images);
+  const LandmarkMap twice = grown(once, images);
   // A feature that is no landmark's may be found again, at another octave.
   EXPECT_LT(twice.landmark_count() - once.landmark_count(), once.landmark_count() / 20);
   for (std::uint32_t i = 0; i < once.landmark_count(); ++i) {
@@ -115,39 +126,66 @@ TEST(WithNewLandmarks, KeepsWhatTheMapHas) {
 
 TEST(WithNewLandmarks, FindsNothingInOneImageOrInImagesFromOnePlace) {
   const LandmarkMap map = wall_map(1, 1.0, {{100, 100}});
-  EXPECT_EQ(with_new_landmarks(map, images_of(1)).landmark_count(), 1U);
+  EXPECT_EQ(grown(map, images_of(1)).landmark_count(), 1U);
   MapTables tables = wall_map(2, 1.0, {{100, 100}}).tables();
   tables.frames.translations[1] = tables.frames.translations[0];
   const LandmarkMap still(std::move(tables));
-  auto images = images_of(1);
-  images.push_back({FrameIndex{1}, images[0].image});
-  EXPECT_EQ(with_new_landmarks(still, images).landmark_count(), 1U);
+  Images images = images_of(2);
+  images.images[1] = images.images[0];
+  EXPECT_EQ(grown(still, images).landmark_count(), 1U);
 }
 
 // The pose of the second image says that it shows other places.
 TEST(WithNewLandmarks, FindsHardlyAnythingAtWrongPoses) {
   MapTables tables = wall_map(2, 1.0, {{100, 100}}).tables();
   tables.frames.translations[1] += Eigen::Vector3d(0.0, 0.3, 0.0);
-  EXPECT_LT(with_new_landmarks(LandmarkMap(std::move(tables)), images_of(2)).landmark_count(), 5U);
+  EXPECT_LT(grown(LandmarkMap(std::move(tables)), images_of(2)).landmark_count(), 5U);
 }
 
 TEST(WithNewLandmarks, IsTheSameWithAnyNumberOfThreads) {
   const LandmarkMap map = wall_map(4);
   const auto images = images_of(4);
-  const LandmarkMap one = with_new_landmarks(map, images);
-  const LandmarkMap two = with_new_landmarks(map, images, {}, {.executor = Executor(2)});
+  const LandmarkMap one = grown(map, images);
+  const LandmarkMap two = grown(map, images, {.executor = Executor(2)});
   EXPECT_EQ(one.info().uuid, two.info().uuid);
 }
 
 TEST(WithNewLandmarks, RefusesOtherImagesAndDescriptors) {
-  const std::vector<ImageOfFrame> small = {{FrameIndex{0}, ColorImage(320, 240)}};
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { with_new_landmarks(wall_map(1), small); }),
+  const Images small = {{FrameIndex{0}}, {ColorImage(320, 240)}};
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { grown(wall_map(1), small); }),
               HasSubstr("320 x 240 pixels"));
   MapTables tables = wall_map(1).tables();
   tables.landmarks.descriptors.reset();
   const LandmarkMap bare(std::move(tables));
-  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { with_new_landmarks(bare, images_of(1)); }),
+  EXPECT_THAT(message_of(ErrorKind::kInput, [&] { grown(bare, images_of(1)); }),
               HasSubstr("descriptors"));
+  Images twice = images_of(1);
+  twice.frames.push_back(FrameIndex{0});
+  EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { grown(wall_map(1), twice); }),
+              HasSubstr("each once, below 1"));
+  twice.frames = {FrameIndex{7}};
+  EXPECT_THAT(message_of(ErrorKind::kMisuse, [&] { grown(wall_map(1), twice); }),
+              HasSubstr("frames: 7"));
+}
+
+// What one program observed outside the image, another must not trip over.
+TEST(WithNewLandmarks, TakesObservationsOutsideTheImage) {
+  const LandmarkMap map = wall_map(2, 1.0, {{1e6, 1e6}, {-5e6, 3.0}, {640.0, 480.0}});
+  EXPECT_GT(grown(map, images_of(2)).landmark_count(), 50U);
+}
+
+TEST(WithNewLandmarks, KnowsHowExactTheyAre) {
+  MapTables tables = wall_map(4, 1.0, {{100, 100}}).tables();
+  tables.landmarks.covariances = {1e-6 * Eigen::Matrix3d::Identity()};
+  const LandmarkMap map = grown(LandmarkMap(std::move(tables)), images_of(4));
+  double sum = 0.0;
+  for (std::uint32_t i = 1; i < map.landmark_count(); ++i) {
+    const double off = map.landmarks().positions[i].z() - TexturedWall::kDepthM;
+    sum += off * off / map.landmarks().covariances[i](2, 2);
+  }
+  const double mean = sum / static_cast<double>(map.landmark_count() - 1);
+  EXPECT_LT(mean, 1.5);
+  EXPECT_GT(mean, 0.02) << "corners of exact images are better than a pixel";
 }
 
 }  // namespace

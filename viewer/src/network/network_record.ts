@@ -169,7 +169,7 @@ export function linkGallery(model: NetworkModel, choose: Choose): HTMLElement | 
     h(
       "p",
       { class: "muted small" },
-      "Of each link, the two keyframes that see the most common landmarks; the least certain links first, rejected ones last.",
+      "Of each link, the two keyframes that have the most landmarks in common; the least certain links first, rejected ones last.",
     ),
     h("ul", { tabindex: 0, "aria-label": "Keyframes of the links" }, ...items),
   );

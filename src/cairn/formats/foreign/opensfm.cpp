@@ -632,6 +632,17 @@ class OpenSfmWriter {
           "otherwise; cairn convert --enu moves it there",
           path_.string()));
     }
+    const auto log = [&](const std::string& text) {
+      log_remark(execution_.log, path_.string(), text, RemarkKind::kLoss);
+    };
+    if (map_.rigs().size() > 1) {
+      log(fmt::format("the {} rigs become one, because OpenSfM does not name rigs",
+                      map_.rigs().size()));
+    }
+    const auto taken = shots_of_instants();
+    const auto alone =
+        std::ranges::count_if(taken, [](const auto& instant) { return instant.second.size() < 2; });
+    if (alone > 0) log(fmt::format("{} instants with one image each are left out", alone));
     const Holdings holdings{.timestamps = true,
                             .keypoints = true,
                             .georeference = is_georeferenced(),

@@ -131,8 +131,9 @@ TEST_F(OpenSfmTest, RigInstancesSayWhichShotsAreOfOneInstantAndPose) {
   EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
   EXPECT_LT(testing::off_rig(map), 1e-15);
   EXPECT_LT(testing::off_rig(ImportTest::read(write(map, "model/"))), 1e-15);
-  const LandmarkMap again = ImportTest::read(write(map, "again.json", {.format = "opensfm"}));
+  const std::string written = write(map, "again.json", {.format = "opensfm"});
   EXPECT_THAT(remarks_.losses, ElementsAre());
+  const LandmarkMap again = ImportTest::read(written);
   EXPECT_THAT(again.rigs(), ElementsAreArray(map.rigs()));
   EXPECT_EQ(again.frames().instants, map.frames().instants);
   EXPECT_LT(testing::off_rig(again), 1e-15);
@@ -140,8 +141,10 @@ TEST_F(OpenSfmTest, RigInstancesSayWhichShotsAreOfOneInstantAndPose) {
 
 TEST_F(OpenSfmTest, RigsAreWritten) {
   const LandmarkMap map = testing::rig_map();
-  const LandmarkMap again = ImportTest::read(write(map, "again.json", {.format = "opensfm"}));
+  const std::string written = write(map, "again.json", {.format = "opensfm"});
   EXPECT_THAT(remarks_.losses, Not(Contains(HasSubstr("rig"))));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("1 instants with one image each are left out")));
+  const LandmarkMap again = ImportTest::read(written);
   EXPECT_THAT(remarks_.texts, Not(Contains(HasSubstr("not where their rig"))));
   ASSERT_EQ(again.rigs().size(), 1U);
   for (std::size_t k = 0; k < 2; ++k) {

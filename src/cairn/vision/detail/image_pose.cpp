@@ -23,7 +23,6 @@
 namespace cairn::detail {
 namespace {
 
-constexpr std::size_t kFewestMatches = 6;  // three determine a pose, the others must confirm it
 constexpr double kProposalPixels = 5.0;
 constexpr int kProposalIterations = 3000;
 constexpr int kFrameIterations = 1000;
@@ -50,10 +49,10 @@ constexpr double kSameRotation = 0.1;   // radians: largest difference of equal 
 constexpr double kSameDistance = 0.05;  // the same, times the median distance of what is seen
 constexpr std::uint32_t kNoDistance = std::numeric_limits<std::uint32_t>::max();
 
-using Landmarks = std::set<std::uint32_t>;
+using LandmarkSet = std::set<std::uint32_t>;
 
 // The largest group of clusters that have landmarks in common: what one thing shows in several images.
-Landmarks largest_thing(const std::vector<ImagePose>& images) {
+LandmarkSet largest_thing(const std::vector<ImagePose>& images) {
   DisjointSets things(images.size());
   std::map<std::uint32_t, std::size_t>
       image_of;  // landmark: the first image with it in its cluster
@@ -62,17 +61,17 @@ Landmarks largest_thing(const std::vector<ImagePose>& images) {
       things.join(image_of.try_emplace(landmark, k).first->second, k);
     }
   }
-  std::map<std::size_t, Landmarks> found;
+  std::map<std::size_t, LandmarkSet> found;
   for (const auto& [landmark, k] : image_of) found[things.first_of(k)].insert(landmark);
-  Landmarks largest;
-  for (Landmarks& thing : found | std::views::values) {
+  LandmarkSet largest;
+  for (LandmarkSet& thing : found | std::views::values) {
     if (thing.size() > largest.size()) largest = std::move(thing);
   }
   return largest;
 }
 
-// Of a right pose to a wrong one, without some landmarks, by the share of right matches that is most likely.
-double log_likelihood_ratio(std::span<const ImagePose> images, const Landmarks& without) {
+// Log-likelihood ratio of a right pose to a wrong one without some landmarks, at the most likely share of right matches.
+double log_likelihood_ratio(std::span<const ImagePose> images, const LandmarkSet& without) {
   constexpr double kStep = 0.02;
   double most = 0.0;
   for (double share = kStep; share < 1.0; share += kStep) {
@@ -87,15 +86,15 @@ double log_likelihood_ratio(std::span<const ImagePose> images, const Landmarks& 
   return most;
 }
 
-// The share of the matches that images do not repeat: of landmarks that several images match, and of the directions in
-// which several images have matches. What an image shows beside a wrong match, the next image shows again.
+// Share of the matches that are independent: the smaller of distinct landmarks per match and of distinct directions per
+// match. What an image shows beside a wrong match, the next image shows again.
 double share_of_different(const std::vector<ImagePose>& images) {
-  Landmarks landmarks;
+  LandmarkSet landmarks;
   std::map<std::array<int, 3>, std::size_t> most;  // matches of one image in a direction
   std::size_t landmarks_of_each = 0;
   std::size_t matches = 0;
   for (const ImagePose& image : images) {
-    Landmarks own;
+    LandmarkSet own;
     for (const FeatureMatch& match : image.matches) own.insert(match.landmark);
     landmarks_of_each += own.size();
     matches += image.matches.size();
@@ -115,7 +114,7 @@ double share_of_different(const std::vector<ImagePose>& images) {
 // The evidence of a body from that of its images.
 void add_up(BodyPose& body) {
   const double once = share_of_different(body.images);
-  const Landmarks thing = largest_thing(body.images);
+  const LandmarkSet thing = largest_thing(body.images);
   std::size_t outside = 0;
   for (const ImagePose& image : body.images) {
     body.visible += image.visible;
@@ -129,7 +128,7 @@ void add_up(BodyPose& body) {
       once * std::min(log_likelihood_ratio(body.images, thing),
                       log_likelihood_ratio(body.images, {}) * static_cast<double>(outside) /
                           static_cast<double>(body.agreeing));
-  // Of a landmark's error, all its images have the same.
+  // All images of a landmark share its error.
   body.pose.covariance /= once;
   for (ImagePose& image : body.images) image.pose.covariance /= once;
 }

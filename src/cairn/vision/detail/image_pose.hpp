@@ -54,13 +54,15 @@ struct BodyImage {
   Rigid3 camera_from_body;
 };
 
-/// A pose of a body, with that of each of its images. The evidence counts each landmark once, however many images show
-/// it, and the cells of the image that contradicts most. A cluster is what one thing shows in several images.
+/// A pose of a body, with that of each of its images. `evidence` counts each landmark once, however many images show it;
+/// `unmatched_cells` is the largest of any image.
 struct BodyPose : PoseEvidence {
   PoseEstimate pose;  ///< world_from_body
   std::vector<ImagePose> images;
 };
 
+/// Fewest matches of a pose: three determine it, the others must confirm it.
+inline constexpr std::size_t kFewestMatches = 6;
 /// Number of cells into which an image is divided.
 inline constexpr std::size_t kImageCells = 48;
 

@@ -2,7 +2,9 @@
 #include "cairn/alignment/detail/search/placement.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <ranges>
 
 #include <fmt/format.h>
 
@@ -35,7 +37,10 @@ std::vector<Eigen::Quaterniond> rotations(const AlignOptions& options, Random ra
                           static_cast<std::size_t>(std::ceil(kTurns * options.effort)));
   } else {
     // A random rotation, so that each seed searches other rotations.
-    Eigen::Quaterniond turn(random.normal(), random.normal(), random.normal(), random.normal());
+    // Drawn one by one: compilers differ in the order of arguments.
+    std::array<double, 4> wxyz;
+    for (double& number : wxyz | std::views::reverse) number = random.normal();
+    Eigen::Quaterniond turn(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
     turn.normalize();
     all = all_rotations(static_cast<std::size_t>(std::ceil(kRotations * options.effort)));
     for (Eigen::Quaterniond& rotation : all) rotation = turn * rotation;
