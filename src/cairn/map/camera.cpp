@@ -324,6 +324,7 @@ std::optional<Eigen::Vector2d> solve_distortion(const Lens& lens, const double* 
     const Eigen::Matrix2d derivative = distortion_derivative(lens, k, x);
     if (!(derivative.determinant() > 0.0)) return std::nullopt;  // not invertible
     Eigen::Vector2d step = derivative.inverse() * left;
+    if (!step.allFinite()) return std::nullopt;  // half of it would be no smaller
     // Where the distortion grows fast, a whole step goes too far.
     constexpr double kSmall = 1e-12;
     Eigen::Vector2d then = missing(x + step);

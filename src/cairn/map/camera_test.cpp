@@ -485,5 +485,11 @@ TEST(Unproject, FindsNothingWhereTheImageIsFoldedOver) {
   EXPECT_FALSE(unproject(folded, {1200.0, 240.0})) << "no x is distorted that far";
 }
 
+// The step to a point that far is infinite, and so is half of it.
+TEST(Unproject, EndsWhateverTheFocalLength) {
+  const Camera tiny{CameraId{1}, "OPENCV", 640, 480, {500.0, 5e-324, 320.0, 240.0, 0.1, 0, 0, 0}};
+  EXPECT_FALSE(unproject(tiny, {10.0, 20.0}));
+}
+
 }  // namespace
 }  // namespace cairn
