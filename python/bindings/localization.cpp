@@ -65,17 +65,13 @@ std::vector<ImageLocation> locate_images_together(const Locator& self,
                                                   const std::string& channels, unsigned threads) {
   refuse_if(images.size() != poses.size(), "poses", fmt::format("{}", poses.size()),
             fmt::format("one for each of the {} images", images.size()));
-  std::vector<GrayImage> pixels;
-  std::vector<BodyView> views(images.size());
+  std::vector<GrayImage> pixels(images.size());
+  std::vector<BodyView> views;
   for (std::size_t i = 0; i < images.size(); ++i) {
-    pixels.push_back(frame_images(0.0, self.camera.width, self.camera.height,
-                                  image_of(images[i], self.camera, channels), {})
-                         .gray);
-    views[i].body_from_camera = rigid_of(poses[i], fmt::format("poses[{}]", i));
-  }
-  for (std::size_t i = 0; i < images.size(); ++i) {
-    views[i].locator = &self.locator;
-    views[i].image = &pixels[i];
+    pixels[i] = frame_images(0.0, self.camera.width, self.camera.height,
+                             image_of(images[i], self.camera, channels), {})
+                    .gray;
+    views.push_back({&self.locator, &pixels[i], rigid_of(poses[i], fmt::format("poses[{}]", i))});
   }
   return unlocked([&] {
     return locate_together(views, {Executor(threads), {}, {}, self.seed, {}});

@@ -295,8 +295,11 @@ CameraCalibration settings_calibration(const CameraYaml& yaml, const std::string
   stated.height = yaml.image_size(yaml.has("Camera.rows") ? "Camera.rows" : "Camera.height");
   stated.intrinsics = {number("fx"), 0, number("cx"), 0, number("fy"), number("cy"), 0, 0, 1};
   stated.distortion_model = fisheye ? "equidistant" : "plumb_bob";
-  for (const char* const key : {"k1", "k2", fisheye ? "k3" : "p1", fisheye ? "k4" : "p2", "k3"}) {
-    if (fisheye && stated.distortion.size() == 4) break;
+  constexpr std::string_view kPinhole[] = {"k1", "k2", "p1", "p2", "k3"};
+  constexpr std::string_view kFisheye[] = {"k1", "k2", "k3", "k4"};
+  using Keys = std::span<const std::string_view>;
+  for (const std::string_view name : fisheye ? Keys(kFisheye) : Keys(kPinhole)) {
+    const std::string key(name);
     stated.distortion.push_back(yaml.has(within + key) ? number(key) : 0.0);
   }
   return stated;

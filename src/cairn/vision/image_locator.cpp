@@ -104,15 +104,6 @@ std::string no_pose_text(std::size_t matches, std::size_t corners) {
                      corners);
 }
 
-ImageDescriptor descriptor_kind(const LandmarkMap& map) {
-  const auto& column = map.landmarks().descriptors;
-  const auto kind = column ? detail::image_descriptor_of(*column) : std::nullopt;
-  reject_if(!kind, "descriptors",
-            column ? fmt::format("{} of {} bytes", column->kind, column->bytes_each) : "none",
-            "ORB of 32 bytes or SIFT of 128: an image is compared with these");
-  return *kind;
-}
-
 }  // namespace
 
 std::string_view to_string(LocationFailure failure) {
@@ -150,7 +141,7 @@ void LocateOptions::validate() const {
 
 struct ImageLocator::Landmarks {
   explicit Landmarks(const LandmarkMap& map)
-      : kind(descriptor_kind(map)),
+      : kind(detail::image_descriptor_of(map)),
         described(map),
         metric(map.info().length_unit == LengthUnit::kMetres) {}
 

@@ -14,14 +14,10 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/vision/detail/described_image.hpp"
+#include "cairn/vision/detail/map_frames.hpp"
 
 namespace cairn {
 namespace {
-
-template <class Column>
-void extend(Column& column, std::size_t size) {
-  if (!column.empty()) column.resize(size);
-}
 
 CameraIndex index_of_camera(std::vector<Camera>& cameras, const Camera& camera) {
   std::uint64_t next_id = 0;
@@ -46,10 +42,10 @@ void add_frame(MapTables& tables, const LocatedImage& image, FrameId id) {
   frames.cameras[count - 1] = index_of_camera(tables.cameras, image.location.camera);
   frames.image_names.resize(count);
   frames.image_names.back() = image.name;
-  extend(frames.timestamps_s, count);
-  extend(frames.gnss, count);
-  extend(frames.pose_covariances, count);
-  extend(frames.instants, count);
+  detail::extend(frames.timestamps_s, count);
+  detail::extend(frames.gnss, count);
+  detail::extend(frames.pose_covariances, count);
+  detail::extend(frames.instants, count);
 }
 
 // The observations with those of the new frames, which are the last of each landmark.
@@ -158,17 +154,20 @@ std::optional<std::uint32_t> nearest_feature(const detail::Features& features, c
   return nearest;
 }
 
-void require_camera_size(const LandmarkMap& map, FrameIndex frame, const GrayImage& image) {
+}  // namespace
+
+void detail::require_camera_size(const LandmarkMap& map, FrameIndex frame, std::uint32_t width,
+                                 std::uint32_t height) {
   const FrameTable& frames = map.frames();
   if (frames.cameras.empty() || !frames.cameras[frame.value]) return;
   const Camera& camera = map.cameras()[frames.cameras[frame.value]->value];
-  if (image.width == camera.width && image.height == camera.height) return;
-  throw Error(ErrorKind::kInput, printable(frames.image_names[frame.value]),
-              fmt::format("{} x {} pixels", image.width, image.height),
+  if (width == camera.width && height == camera.height) return;
+  throw Error(ErrorKind::kInput,
+              frames.image_names.empty() ? fmt::format("frame {}", frame.value)
+                                         : printable(frames.image_names[frame.value]),
+              fmt::format("{} x {} pixels", width, height),
               fmt::format("{} x {}, as its camera has", camera.width, camera.height));
 }
-
-}  // namespace
 
 LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images) {
   MapTables tables = LandmarkMap(map).tables();
@@ -213,7 +212,7 @@ LandmarkMap with_image_descriptors(
     const FrameIndex index{static_cast<std::uint32_t>(frame)};
     const std::optional<GrayImage> image = image_of(index);
     if (!image) return;
-    require_camera_size(map, index, *image);
+    detail::require_camera_size(map, index, image->width, image->height);
     const cv::Mat gray = detail::matrix_of(*image);
     const detail::SiftFeatures sift = detail::sift_features(gray, kMostFeatures, true);
     const detail::Features features = features_of(sift, gray);

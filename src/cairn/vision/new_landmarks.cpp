@@ -22,6 +22,8 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 #include "cairn/vision/detail/described_image.hpp"
+#include "cairn/vision/detail/landmark_colors.hpp"
+#include "cairn/vision/detail/map_frames.hpp"
 #include "cairn/vision/map_images.hpp"
 
 namespace cairn {
@@ -41,7 +43,7 @@ struct NewView {
   Rigid3 world_from_camera;
   Rigid3 camera_from_world;
   std::vector<detail::Keypoint> keypoints;
-  std::vector<Color> colors;
+  std::vector<std::optional<Color>> colors;
   std::vector<std::uint8_t> descriptors;
 
   Eigen::Vector3d ray(std::uint32_t feature) const {
@@ -71,26 +73,16 @@ struct NewLandmark {
   std::vector<Sighting> seen;  // at most one for each view
 };
 
-Color color_at(const ColorImage& image, const Pixel& pixel) {
-  const auto nearest = [](double at, std::uint32_t size) {
-    return static_cast<std::size_t>(std::clamp(std::lround(at), 0L, static_cast<long>(size) - 1));
-  };
-  const std::uint8_t* const bgr =
-      &image.at(nearest(pixel.u, image.width), nearest(pixel.v, image.height));
-  return {bgr[2], bgr[1], bgr[0]};
-}
-
 class NewLandmarkSearch {
  public:
   NewLandmarkSearch(const LandmarkMap& map, std::span<const FrameIndex> frames,
                     const std::function<ColorImage(FrameIndex)>& image_of,
                     const FeatureOptions& options, const Execution& execution)
-      : map_(map), options_(options), execution_(execution), views_(frames.size()) {
-    const auto& column = map.landmarks().descriptors;
-    const auto kind = column ? detail::image_descriptor_of(*column) : std::nullopt;
-    reject_if(!kind, "descriptors", column ? column->kind : "none",
-              "ORB of 32 bytes or SIFT of 128, as images are compared with");
-    kind_ = *kind;
+      : map_(map),
+        options_(options),
+        execution_(execution),
+        kind_(detail::image_descriptor_of(map)),
+        views_(frames.size()) {
     observed_.resize(map.frame_count());
     for (std::size_t i = 0; i < map.observations().frames.size(); ++i) {
       observed_[map.observations().frames[i].value].push_back(map.observations().pixels[i]);
@@ -166,9 +158,7 @@ class NewLandmarkSearch {
               "a frame with a camera");
     const Camera& camera = map_.cameras()[cameras[frame]->value];
     const ColorImage image = image_of(index);
-    reject_if(image.width != camera.width || image.height != camera.height, frame_name(index),
-              fmt::format("{} x {} pixels", image.width, image.height),
-              fmt::format("{} x {}, as its camera has", camera.width, camera.height));
+    detail::require_camera_size(map_, index, image.width, image.height);
     const ImageDescriber describer(camera, options_, kind_);
     const auto gray = frame_images(0.0, camera.width, camera.height, image.values, {}).gray;
     const DescribedImage described = describer.describe(detail::matrix_of(gray), cv::Mat());
@@ -189,16 +179,11 @@ class NewLandmarkSearch {
     for (std::uint32_t i = 0; i < is_observed.size(); ++i) {
       if (is_observed[i]) continue;
       view.keypoints.push_back(described.features.keypoints()[i]);
-      view.colors.push_back(color_at(image, view.keypoints.back().raw));
+      view.colors.push_back(detail::color_at(image, view.keypoints.back().raw));
       const auto row = std::span(described.descriptors).subspan(i * bytes_each(), bytes_each());
       view.descriptors.insert(view.descriptors.end(), row.begin(), row.end());
     }
     return view;
-  }
-
-  std::string frame_name(FrameIndex frame) const {
-    const auto& names = map_.frames().image_names;
-    return names.empty() ? fmt::format("frame {}", frame.value) : printable(names[frame.value]);
   }
 
   // Each view with those nearest to it that look in about its direction.
@@ -228,10 +213,9 @@ class NewLandmarkSearch {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> matches_of(const NewView& a,
                                                                   const NewView& b) const {
     constexpr double kRatio = 0.8;  // Lowe 2004
-    const bool is_orb = kind_ == detail::ImageDescriptor::kOrb;
-    const double ratio = is_orb ? kRatio : kRatio * kRatio;  // SIFT's distances are squared
-    const auto norm = is_orb ? detail::descriptor_kernel::Norm::kHamming
-                             : detail::descriptor_kernel::Norm::kSquaredBytes;
+    const auto norm = detail::norm_of(kind_);
+    const bool is_squared = norm == detail::descriptor_kernel::Norm::kSquaredBytes;
+    const double ratio = is_squared ? kRatio * kRatio : kRatio;
     const auto nearest = detail::descriptor_kernel::nearest_both_ways(a.descriptors, b.descriptors,
                                                                       bytes_each(), norm);
     std::vector<std::pair<std::uint32_t, std::uint32_t>> matches;
@@ -303,7 +287,7 @@ class NewLandmarkSearch {
   const LandmarkMap& map_;
   const FeatureOptions& options_;
   const Execution& execution_;
-  detail::ImageDescriptor kind_ = detail::ImageDescriptor::kOrb;
+  detail::ImageDescriptor kind_;
   std::vector<std::vector<Pixel>> observed_;  // by frame
   std::vector<NewView> views_;
 };
@@ -338,12 +322,10 @@ void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark>
   constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   for (NamedColumn& column : landmarks.columns)
     column.values.resize(landmarks.ids.size(), kUnknown);
-  const auto extend = [&](auto& column) {
-    if (!column.empty()) column.resize(observations.frames.size());
-  };
-  extend(observations.keypoints);
-  extend(observations.depths);
-  extend(observations.octaves);
+  const std::size_t rows = observations.frames.size();
+  detail::extend(observations.keypoints, rows);
+  detail::extend(observations.depths, rows);
+  detail::extend(observations.octaves, rows);
   std::size_t row = old_rows;
   for (const NewLandmark& landmark : found) {
     for (const Sighting& one : landmark.seen) {
@@ -351,8 +333,8 @@ void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark>
       observations.octaves[row++] = search.view(one).keypoints[one.feature].octave;
     }
   }
-  extend(observations.sources);
-  extend(observations.sigmas_px);
+  detail::extend(observations.sources, rows);
+  detail::extend(observations.sigmas_px, rows);
 }
 
 }  // namespace

@@ -7,7 +7,10 @@
 #include <numeric>
 #include <utility>
 
+#include <fmt/format.h>
 #include <opencv2/features2d.hpp>
+
+#include "cairn/core/error.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -47,6 +50,20 @@ std::optional<ImageDescriptor> image_descriptor_of(const DescriptorColumn& colum
   const double mean =
       static_cast<double>(sum) / (kSiftBytes * std::max<double>(1.0, static_cast<double>(known)));
   return mean > kRootMean ? ImageDescriptor::kRootSift : ImageDescriptor::kSift;
+}
+
+ImageDescriptor image_descriptor_of(const LandmarkMap& map) {
+  const auto& column = map.landmarks().descriptors;
+  const auto kind = column ? image_descriptor_of(*column) : std::nullopt;
+  reject_if(!kind, "descriptors",
+            column ? fmt::format("{} of {} bytes", column->kind, column->bytes_each) : "none",
+            "ORB of 32 bytes or SIFT of 128: an image is compared with these");
+  return *kind;
+}
+
+descriptor_kernel::Norm norm_of(ImageDescriptor kind) {
+  return kind == ImageDescriptor::kOrb ? descriptor_kernel::Norm::kHamming
+                                       : descriptor_kernel::Norm::kSquaredBytes;
 }
 
 SiftFeatures sift_features(const cv::Mat& gray, int most, bool root) {

@@ -29,6 +29,12 @@ enum class ImageDescriptor {
 /// same name and length; they are told apart by the mean, which is larger for roots.
 std::optional<ImageDescriptor> image_descriptor_of(const DescriptorColumn& column);
 
+/// The same of a map.
+/// @throws Error (input) if no image can be compared with the map
+ImageDescriptor image_descriptor_of(const LandmarkMap& map);
+
+descriptor_kernel::Norm norm_of(ImageDescriptor kind);
+
 /// The features of an image with descriptors of one kind.
 struct DescribedImage {
   Features features;                      ///< without their own descriptors
@@ -60,10 +66,7 @@ class ImageDescriber {
   std::size_t bytes_each() const {
     return kind_ == ImageDescriptor::kOrb ? sizeof(Descriptor) : kSiftBytes;
   }
-  descriptor_kernel::Norm norm() const {
-    return kind_ == ImageDescriptor::kOrb ? descriptor_kernel::Norm::kHamming
-                                          : descriptor_kernel::Norm::kSquaredBytes;
-  }
+  descriptor_kernel::Norm norm() const { return norm_of(kind_); }
   /// Largest distance of descriptors that suggests a match.
   std::uint32_t most_distance() const { return kind_ == ImageDescriptor::kOrb ? 64 : 130000; }
 

@@ -72,15 +72,17 @@ LandmarkSet largest_thing(const std::vector<ImagePose>& images) {
 
 // Log-likelihood ratio of a right pose to a wrong one without some landmarks, at the most likely share of right matches.
 double log_likelihood_ratio(std::span<const ImagePose> images, const LandmarkSet& without) {
+  std::vector<double> ratios;
+  for (const ImagePose& image : images) {
+    for (const auto& [landmark, ratio] : image.likelihood_ratios) {
+      if (!without.contains(landmark)) ratios.push_back(ratio);
+    }
+  }
   constexpr double kStep = 0.02;
   double most = 0.0;
   for (double share = kStep; share < 1.0; share += kStep) {
     double sum = 0.0;
-    for (const ImagePose& image : images) {
-      for (const auto& [landmark, ratio] : image.likelihood_ratios) {
-        if (!without.contains(landmark)) sum += std::log1p(share * (ratio - 1.0));
-      }
-    }
+    for (const double ratio : ratios) sum += std::log1p(share * (ratio - 1.0));
     most = std::max(most, sum);
   }
   return most;
@@ -369,12 +371,20 @@ std::optional<ImagePose> ImagePoseSearch::rival(const SensorModel& sensor,
 std::optional<ImagePose> ImagePoseSearch::settled(const SensorModel& sensor,
                                                   const Rigid3& world_from_camera) const {
   const BodyImage alone{this, sensor, Rigid3()};
-  auto body = settled_together({&alone, 1}, world_from_camera);
+  auto body = settled_images({&alone, 1}, world_from_camera);
   return body ? std::optional(std::move(body->images.front())) : std::nullopt;
 }
 
 std::optional<BodyPose> ImagePoseSearch::settled_together(std::span<const BodyImage> images,
                                                           const Rigid3& world_from_body) {
+  std::optional<BodyPose> body = settled_images(images, world_from_body);
+  if (body) add_up(*body);
+  return body;
+}
+
+// Without the evidence of the body.
+std::optional<BodyPose> ImagePoseSearch::settled_images(std::span<const BodyImage> images,
+                                                        const Rigid3& world_from_body) {
   BodyPose body;
   body.pose.world_from_camera = world_from_body;
   body.images.resize(images.size());
@@ -402,7 +412,6 @@ std::optional<BodyPose> ImagePoseSearch::settled_together(std::span<const BodyIm
   for (std::size_t k = 0; k < images.size(); ++k) {
     images[k].search->weigh(views[k], found[k], body.images[k]);
   }
-  add_up(body);
   return body;
 }
 
@@ -543,9 +552,10 @@ std::vector<PointMatch> ImagePoseSearch::point_matches(const SensorModel& sensor
 // Moves the pose to where its matches fit best, and keeps those that do.
 void ImagePoseSearch::refine_together(std::span<const BodyImage> images, BodyPose& body) {
   std::vector<BodyCamera> cameras;
+  std::vector<std::vector<PointMatch>> matches;
   for (std::size_t k = 0; k < images.size(); ++k) {
-    cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body,
-                       images[k].search->point_matches(images[k].sensor, body.images[k])});
+    matches.push_back(images[k].search->point_matches(images[k].sensor, body.images[k]));
+    cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body, matches.back()});
   }
   body.pose = refine_pose(cameras, body.pose.world_from_camera);
   body.agreeing = body.pose.inlier_count;

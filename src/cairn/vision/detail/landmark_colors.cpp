@@ -15,25 +15,11 @@
 namespace cairn::detail {
 namespace {
 
-using Bgr = std::array<std::uint8_t, 3>;
-
-std::optional<Bgr> sampled(const ColorImage& image, const Pixel& at) {
-  const double column = std::floor(at.u + 0.5);
-  const double row = std::floor(at.v + 0.5);
-  if (!(column >= 0.0 && row >= 0.0 && column < image.width && row < image.height)) {
-    return std::nullopt;
-  }
-  const std::uint8_t* const pixel =
-      &image.at(static_cast<std::size_t>(column), static_cast<std::size_t>(row));
-  return Bgr{pixel[0], pixel[1], pixel[2]};
-}
-
 // Median; of an even number of values, the lower middle one.
-std::uint8_t median(std::vector<Bgr>& samples, std::size_t channel) {
+std::uint8_t median(std::vector<Color>& samples, std::uint8_t Color::*channel) {
   const auto middle = samples.begin() + static_cast<std::ptrdiff_t>((samples.size() - 1) / 2);
-  std::nth_element(samples.begin(), middle, samples.end(),
-                   [&](const Bgr& a, const Bgr& b) { return a[channel] < b[channel]; });
-  return (*middle)[channel];
+  std::ranges::nth_element(samples, middle, {}, channel);
+  return (*middle).*channel;
 }
 
 std::optional<std::size_t> frame_at(const ImageSequence& sequence, double timestamp_s) {
@@ -47,6 +33,17 @@ std::optional<std::size_t> frame_at(const ImageSequence& sequence, double timest
 
 }  // namespace
 
+std::optional<Color> color_at(const ColorImage& image, const Pixel& at) {
+  const double column = std::floor(at.u + 0.5);
+  const double row = std::floor(at.v + 0.5);
+  if (!(column >= 0.0 && row >= 0.0 && column < image.width && row < image.height)) {
+    return std::nullopt;
+  }
+  const std::uint8_t* const bgr =
+      &image.at(static_cast<std::size_t>(column), static_cast<std::size_t>(row));
+  return Color{bgr[2], bgr[1], bgr[0]};
+}
+
 LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence,
                         const Execution& execution) {
   const ObservationTable& observations = map.observations();
@@ -55,7 +52,7 @@ LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence,
   for (std::size_t i = 0; i < observations.frames.size(); ++i) {
     seen_by[observations.frames[i].value].push_back(i);
   }
-  std::vector<std::optional<Bgr>> samples(observations.frames.size());
+  std::vector<std::optional<Color>> samples(observations.frames.size());
   execution.executor.for_blocks(map.frame_count(), 1, [&](std::size_t frame, std::size_t) {
     if (execution.stop.stop_requested())
       throw Error(ErrorKind::kCancelled, "mapping", "was cancelled", "");
@@ -65,7 +62,7 @@ LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence,
     try {
       const ColorImage image = sequence.read_color(*in_sequence);
       for (const std::size_t i : seen_by[frame]) {
-        samples[i] = sampled(image, observations.pixels[i]);
+        samples[i] = color_at(image, observations.pixels[i]);
       }
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::kInput) throw;
@@ -73,16 +70,16 @@ LandmarkMap with_colors(LandmarkMap map, const ImageSequence& sequence,
   });
 
   OptionalColumn<Color> colors(map.landmark_count());
-  std::vector<Bgr> of_landmark;
+  std::vector<Color> of_landmark;
   for (std::size_t i = 0; i < map.landmark_count(); ++i) {
     of_landmark.clear();
     for (std::uint64_t k = observations.offsets[i]; k < observations.offsets[i + 1]; ++k) {
       if (samples[k]) of_landmark.push_back(*samples[k]);
     }
     if (of_landmark.empty()) continue;
-    const std::uint8_t blue = median(of_landmark, 0);
-    const std::uint8_t green = median(of_landmark, 1);
-    colors[i] = Color{median(of_landmark, 2), green, blue};
+    const std::uint8_t red = median(of_landmark, &Color::red);
+    const std::uint8_t green = median(of_landmark, &Color::green);
+    colors[i] = Color{red, green, median(of_landmark, &Color::blue)};
   }
   MapTables tables = std::move(map).tables();
   tables.landmarks.colors = std::move(colors);

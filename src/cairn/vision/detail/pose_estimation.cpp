@@ -32,14 +32,15 @@ NormalEquations accumulate(std::span<const BodyCamera> cameras, const std::vecto
   const Eigen::Matrix3d body_from_world = world_from_body.rotation().transpose();
   std::size_t i = 0;
   for (const BodyCamera& camera : cameras) {
-    const Eigen::Matrix3d camera_from_body = camera.camera_from_body.rotation();
+    const Eigen::Matrix3d camera_from_world = camera.camera_from_body.rotation() * body_from_world;
     for (const PointMatch& match : camera.matches) {
       if (!use[i++]) continue;
       const Eigen::Vector3d arm = match.x_in_world - world_from_body.translation();
-      const Eigen::Vector3d x_in_camera = camera.camera_from_body * (body_from_world * arm);
+      const Eigen::Vector3d x_in_camera =
+          camera_from_world * arm + camera.camera_from_body.translation();
       if (x_in_camera.z() < kNearestDepth) continue;
       const PointResidual residual = point_residual(camera.pinhole, match.measured, x_in_camera);
-      const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_body * body_from_world;
+      const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_world;
       const Eigen::Matrix<double, 3, 6> by_pose = derivative_by_pose(by_x, arm);
       const Eigen::Matrix<double, 3, 6> weighted =
           weights_of(residual, robust).asDiagonal() * by_pose;
@@ -50,16 +51,19 @@ NormalEquations accumulate(std::span<const BodyCamera> cameras, const std::vecto
   return sum;
 }
 
+// @param first place of the first match among the inliers
 std::size_t classify(const Pinhole& pinhole, std::span<const PointMatch> matches,
-                     const Rigid3& world_from_camera, std::vector<bool>& inliers) {
+                     const Rigid3& world_from_camera, std::vector<bool>& inliers,
+                     std::size_t first = 0) {
   const Rigid3 camera_from_world = world_from_camera.inverse();
   std::size_t count = 0;
   for (std::size_t i = 0; i < matches.size(); ++i) {
     const Eigen::Vector3d x_in_camera = camera_from_world * matches[i].x_in_world;
-    inliers[i] =
+    const bool is_inlier =
         x_in_camera.z() >= kNearestDepth &&
         point_residual(pinhole, matches[i].measured, x_in_camera).squared_pixel() <= kPixel99;
-    count += inliers[i] ? 1 : 0;
+    inliers[first + i] = is_inlier;
+    count += is_inlier ? 1 : 0;
   }
   return count;
 }
@@ -91,7 +95,7 @@ std::optional<Rigid3> triangle_pose(const std::array<Eigen::Vector3d, 3>& world,
 
 PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> matches,
                          const Rigid3& world_from_camera) {
-  const BodyCamera alone{pinhole, Rigid3(), {matches.begin(), matches.end()}};
+  const BodyCamera alone{pinhole, Rigid3(), matches};
   return refine_pose({&alone, 1}, world_from_camera);
 }
 
@@ -116,13 +120,12 @@ PoseEstimate refine_pose(std::span<const BodyCamera> cameras, const Rigid3& worl
       if (delta.norm() < kSettled) break;
     }
     estimate.inlier_count = 0;
-    auto inlier = estimate.inliers.begin();
+    std::size_t first = 0;
     for (const BodyCamera& camera : cameras) {
-      std::vector<bool> own(camera.matches.size());
-      estimate.inlier_count +=
-          classify(camera.pinhole, camera.matches,
-                   estimate.world_from_camera * camera.camera_from_body.inverse(), own);
-      inlier = std::copy(own.begin(), own.end(), inlier);
+      estimate.inlier_count += classify(
+          camera.pinhole, camera.matches,
+          estimate.world_from_camera * camera.camera_from_body.inverse(), estimate.inliers, first);
+      first += camera.matches.size();
     }
   }
   const NormalEquations sum =

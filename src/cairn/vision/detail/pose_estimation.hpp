@@ -35,7 +35,7 @@ PoseEstimate refine_pose(const Pinhole& pinhole, std::span<const PointMatch> mat
 struct BodyCamera {
   Pinhole pinhole;
   Rigid3 camera_from_body;
-  std::vector<PointMatch> matches;
+  std::span<const PointMatch> matches;
 };
 
 /// The same for a body with several cameras: estimates world_from_body in place of world_from_camera.

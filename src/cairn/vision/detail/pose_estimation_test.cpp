@@ -2,6 +2,7 @@
 #include "cairn/vision/detail/pose_estimation.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include <Eigen/LU>
 #include <gtest/gtest.h>
@@ -93,18 +94,20 @@ TEST(RefinePose, RecoversABodyFromItsCameras) {
   const View view = make_view(3, 200, 1.0);
   // Each camera of the body sees some of the points; alone, neither has enough.
   std::vector<BodyCamera> cameras;
-  for (int k = 0; k < 2; ++k) {
+  std::array<std::vector<PointMatch>, 2> matches;
+  for (std::size_t k = 0; k < 2; ++k) {
     const Rigid3 body_from_camera = Rigid3().perturbed(random_step(random, 0.5, 1.5));
     BodyCamera camera{kTestPinhole, body_from_camera.inverse(), {}};
     const Rigid3 world_from_camera = view.world_from_camera * body_from_camera;
     for (int i = 0; i < 40; ++i) {
       const Eigen::Vector3d x = kTestPinhole.back_project(
           {random.uniform(0.0, 639.0), random.uniform(0.0, 479.0)}, random.uniform(1.0, 4.0));
-      camera.matches.push_back(match_of(world_from_camera, x, 1.0, random));
+      matches[k].push_back(match_of(world_from_camera, x, 1.0, random));
     }
-    cameras.push_back(std::move(camera));
+    camera.matches = matches[k];
+    cameras.push_back(camera);
   }
-  cameras[1].matches[7].measured.pixel.x() += 60.0;
+  matches[1][7].measured.pixel.x() += 60.0;
   const PoseEstimate estimate =
       refine_pose(cameras, view.world_from_camera.perturbed(random_step(random, 0.03, 0.02)));
   ASSERT_EQ(estimate.inliers.size(), 80U);
