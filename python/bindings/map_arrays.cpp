@@ -314,7 +314,8 @@ SharedMap from_arrays(const py::object& positions, const py::kwargs& keywords) {
       const auto text = name.cast<std::string>();
       const auto array =
           real_array(values, fmt::format("columns['{}']", text), {size}, Masked::kUnknown);
-      landmarks.columns.push_back({text, {array.data(), array.data() + array.size()}});
+      landmarks.columns.push_back(
+          {text, std::vector<double>(array.data(), array.data() + array.size())});
     }
   }
   fill_frames(tables, given);

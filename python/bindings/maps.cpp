@@ -106,7 +106,8 @@ py::object descriptor_rows(const SharedMap& map, const std::vector<std::uint8_t>
 py::dict named_columns(const SharedMap& map) {
   py::dict result;
   for (const NamedColumn& column : map->landmarks().columns) {
-    result[py::str(column.name)] = rows<double>(column.values, map);
+    result[py::str(column.name)] = column.values.visit(
+        [&]<class T>(const std::vector<T>& values) { return rows<T>(values, map); });
   }
   return result;
 }
@@ -548,7 +549,8 @@ void bind_operations(MapClass& map) {
                 real_array(values, "values", {static_cast<py::ssize_t>(self->landmark_count())},
                            Masked::kUnknown);
             return derived([&] {
-              return with_column(*self, name, {array.data(), array.data() + array.size()});
+              return with_column(*self, name,
+                                 std::vector<double>(array.data(), array.data() + array.size()));
             });
           },
           py::arg("name"), py::arg("values"),

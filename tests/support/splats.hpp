@@ -56,7 +56,9 @@ inline LandmarkMap random_splats(std::size_t count, int degree, std::uint64_t se
     const double spread = name.starts_with("f_rest") ? 0.2 : 1.0;
     for (std::size_t i = 0; i < count; ++i) column.values.push_back(single(spread));
     if (!name.starts_with("scale")) continue;
-    for (double& value : column.values) value = static_cast<float>(0.5 * value - 2.5);
+    for (std::size_t i = 0; i < count; ++i) {
+      column.values.set(i, static_cast<float>(0.5 * column.values[i] - 2.5));
+    }
   }
   set_splat_looks(*splat_columns(landmarks.columns), landmarks);
   return LandmarkMap(std::move(tables));

@@ -168,7 +168,7 @@ Metric column_metric(const std::string& column) {
   return {"column:" + column, [column](const LandmarkMap& map) {
             const NamedColumn* const found = map.column(column);
             if (found == nullptr) fail_missing("column:" + column, "column " + printable(column));
-            std::vector<double> values = found->values;
+            std::vector<double> values(found->values.begin(), found->values.end());
             std::replace_if(
                 values.begin(), values.end(), [](double value) { return std::isnan(value); }, 0.0);
             return values;

@@ -21,6 +21,8 @@
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/splats.hpp"
+
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
 #define CAIRN_TEST_SANITIZED
@@ -177,6 +179,24 @@ TEST_F(MapMemory, OfReadingTheBinaryFormIsThatOfTheMap) {
   // Optional numbers take twice the room in memory.
   EXPECT_LE(usage.kept, 2 * bytes.size());
   EXPECT_LE(static_cast<double>(usage.peak), 1.1 * static_cast<double>(usage.kept));
+}
+
+TEST_F(MapMemory, OfSplatsIsLittleMoreThanTheirFile) {
+  constexpr std::size_t kSplats = 20000;
+  std::string ply = fmt::format(
+      "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\n"
+      "property float y\nproperty float z\n",
+      kSplats);
+  const std::vector<std::string> names = testing::splat_names(3);
+  for (const std::string& name : names) ply += fmt::format("property float {}\n", name);
+  ply += "end_header\n";
+  const std::string one((3 + names.size()) * sizeof(float), '\0');
+  for (std::size_t i = 0; i < kSplats; ++i) ply += one;
+  const Usage usage = read(ply, [](ByteSource& source) { return read_ply(source); });
+  ASSERT_EQ(usage.refusal, "");
+  // Ids, positions, covariances and colours are added.
+  EXPECT_LE(static_cast<double>(usage.kept), 1.5 * static_cast<double>(ply.size()));
+  EXPECT_LE(static_cast<double>(usage.peak), 1.6 * static_cast<double>(ply.size()));
 }
 
 TEST_F(MapMemory, IsNotDecidedByTheCountsOfTheBinaryForm) {

@@ -90,7 +90,7 @@ void move_columns(std::span<NamedColumn> columns, const Similarity3& new_from_ol
   for (std::size_t i = 0; i < columns.front().values.size(); ++i) {
     for (const std::size_t column : motion.changed()) row[column] = columns[column].values[i];
     motion.move(row);
-    for (const std::size_t column : motion.changed()) columns[column].values[i] = row[column];
+    for (const std::size_t column : motion.changed()) columns[column].values.set(i, row[column]);
   }
 }
 

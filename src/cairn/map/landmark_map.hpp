@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
+#include <iterator>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
@@ -166,10 +170,96 @@ struct DescriptorColumn {
   }
 };
 
+/// Numbers in single or double precision. A splat has up to 80 numbers in single precision, so that columns in double
+/// precision would take twice the memory of its file.
+class ColumnValues {
+ public:
+  using value_type = double;
+  class const_iterator;
+
+  /// Calls a function with the std::vector<double> or std::vector<float> of the numbers.
+  template <class Function>
+  decltype(auto) visit(const Function& function) const {
+    return std::visit(function, values_);
+  }
+  template <class Function>
+  decltype(auto) visit(const Function& function) {
+    return std::visit(function, values_);
+  }
+
+  ColumnValues() = default;  ///< in double precision
+  ColumnValues(std::vector<double> values) : values_(std::move(values)) {}
+  ColumnValues(std::vector<float> values) : values_(std::move(values)) {}
+  ColumnValues(std::initializer_list<double> values) : values_(std::vector<double>(values)) {}
+
+  std::size_t size() const {
+    return visit([](const auto& values) { return values.size(); });
+  }
+  bool empty() const { return size() == 0; }
+  bool is_single() const { return std::holds_alternative<std::vector<float>>(values_); }
+  double operator[](std::size_t i) const {
+    return visit([i](const auto& values) { return static_cast<double>(values[i]); });
+  }
+  double back() const { return (*this)[size() - 1]; }
+  const_iterator begin() const;
+  const_iterator end() const;
+
+  /// Changes a number. Rounds it in single precision, as the following functions do.
+  void set(std::size_t i, double value) {
+    visit([=]<class T>(std::vector<T>& values) { values[i] = static_cast<T>(value); });
+  }
+  void push_back(double value) {
+    visit([=]<class T>(std::vector<T>& values) { values.push_back(static_cast<T>(value)); });
+  }
+  void resize(std::size_t size, double added = 0.0) {
+    visit([=]<class T>(std::vector<T>& values) { values.resize(size, static_cast<T>(added)); });
+  }
+  void reserve(std::size_t size) {
+    visit([=](auto& values) { values.reserve(size); });
+  }
+
+  friend bool operator==(const ColumnValues& a, const ColumnValues& b);
+
+ private:
+  std::variant<std::vector<double>, std::vector<float>> values_;
+};
+
+class ColumnValues::const_iterator {
+ public:
+  using iterator_category = std::input_iterator_tag;
+  using value_type = double;
+  using difference_type = std::ptrdiff_t;
+  using pointer = void;
+  using reference = double;
+
+  const_iterator(const ColumnValues* column, std::size_t at) : column_(column), at_(at) {}
+  double operator*() const { return (*column_)[at_]; }
+  const_iterator& operator++() {
+    ++at_;
+    return *this;
+  }
+  const_iterator operator++(int) { return {column_, at_++}; }
+  friend bool operator==(const const_iterator&, const const_iterator&) = default;
+
+ private:
+  const ColumnValues* column_;
+  std::size_t at_;
+};
+
+inline ColumnValues::const_iterator ColumnValues::begin() const {
+  return {this, 0};
+}
+inline ColumnValues::const_iterator ColumnValues::end() const {
+  return {this, size()};
+}
+inline bool operator==(const ColumnValues& a, const ColumnValues& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end());
+}
+
 /// One number per landmark under a user-defined name; NaN if unknown.
 struct NamedColumn {
   std::string name;
-  std::vector<double> values;
+  ColumnValues values;
 };
 
 /// Names of the columns; views of `columns`.

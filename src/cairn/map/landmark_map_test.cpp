@@ -221,9 +221,9 @@ TEST(LandmarkMap, RefusesBrokenDescriptorsAndNamedColumns) {
       {"unknown but not zero", [](MapTables& t) { t.landmarks.descriptors->bytes[7] = 1; },
        "landmark 20: descriptor is neither known nor zero; expected 1 for known, or 0 and all its "
        "bytes zero"},
-      {"column short", [](MapTables& t) { t.landmarks.columns[1].values.pop_back(); },
+      {"column short", [](MapTables& t) { t.landmarks.columns[1].values.resize(3); },
        "column 'never_set': 3 entries; expected 4, one a row"},
-      {"column infinite", [](MapTables& t) { t.landmarks.columns[0].values[1] = -kMapInfinity; },
+      {"column infinite", [](MapTables& t) { t.landmarks.columns[0].values.set(1, -kMapInfinity); },
        "landmark 10: infinite in column 'confidence'; expected a number, or NaN where unknown"},
       {"column without name", [](MapTables& t) { t.landmarks.columns[0].name = ""; },
        "column '': not a name; expected visible ASCII, no blanks"},
@@ -290,7 +290,7 @@ TEST(LandmarkMap, SaysWhereABrokenEntryWasReadFrom) {
             "column 13 row 1: landmark 10: position (-1, 0.25, inf) is not finite; expected "
             "numbers from -1e9 to 1e9");
   EXPECT_EQ(
-      refusal([](MapTables& t) { t.landmarks.columns[1].values[2] = kMapInfinity; }),
+      refusal([](MapTables& t) { t.landmarks.columns[1].values.set(2, kMapInfinity); }),
       "column 20 row 6: landmark 9223372036854775808: infinite in column 'never_set'; expected "
       "a number, or NaN where unknown");
   EXPECT_EQ(refusal([](MapTables& t) { t.observations.pixels[3].v = kMapNan; }),
@@ -410,6 +410,26 @@ TEST(LandmarkMap, FindsByIdInAnyOrderOfIds) {
       EXPECT_EQ(map.find(LandmarkId{absent}), std::nullopt);
     }
   }
+}
+
+TEST(ColumnValues, RoundInSinglePrecisionOnly) {
+  ColumnValues single = std::vector<float>{0.5F};
+  ColumnValues twice = {0.5};
+  EXPECT_TRUE(single.is_single());
+  EXPECT_FALSE(twice.is_single());
+  EXPECT_EQ(single, twice) << "equal numbers";
+  for (ColumnValues* const values : {&single, &twice}) {
+    values->push_back(0.1);
+    values->resize(4, 0.3);
+    values->set(3, kMapNan);
+  }
+  EXPECT_EQ(twice[1], 0.1);
+  EXPECT_EQ(single[1], static_cast<double>(0.1F));
+  EXPECT_EQ(single[2], static_cast<double>(0.3F));
+  EXPECT_TRUE(std::isnan(single[3]) && std::isnan(twice.back()));
+  EXPECT_NE(single, twice);
+  const ColumnValues two = {1.0, 2.0};
+  EXPECT_EQ(std::vector<double>(two.begin(), two.end()), std::vector<double>({1.0, 2.0}));
 }
 
 TEST(LandmarkMap, FindsNamedColumns) {

@@ -56,7 +56,9 @@ LandmarkTable landmark_rows(const LandmarkTable& landmarks, std::span<const std:
                           {}};
   if (landmarks.descriptors) result.descriptors = descriptor_rows(*landmarks.descriptors, kept);
   for (const NamedColumn& column : landmarks.columns) {
-    result.columns.push_back({column.name, rows(column.values, kept)});
+    result.columns.push_back({column.name, column.values.visit([&](const auto& values) {
+                                return ColumnValues(rows(values, kept));
+                              })});
   }
   return result;
 }
@@ -314,8 +316,7 @@ LandmarkMap in_enu_frame(const LandmarkMap& map) {
                            GeoReference{.origin = georeference->origin});
 }
 
-LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
-                        std::vector<double> values) {
+LandmarkMap with_column(const LandmarkMap& map, const std::string& name, ColumnValues values) {
   MapTables tables = copied_tables(map);
   auto& columns = tables.landmarks.columns;
   const auto found = std::find_if(columns.begin(), columns.end(),

@@ -78,8 +78,7 @@ LandmarkMap in_enu_frame(const LandmarkMap& map);
 
 /// The map with an added named column; replaces a column of the same name.
 /// @param values one per landmark
-LandmarkMap with_column(const LandmarkMap& map, const std::string& name,
-                        std::vector<double> values);
+LandmarkMap with_column(const LandmarkMap& map, const std::string& name, ColumnValues values);
 
 /// The map with this camera for all frames; drops other cameras and rigs.
 LandmarkMap with_camera(const LandmarkMap& map, const Camera& camera);

@@ -379,6 +379,14 @@ TEST(Transformed, TurnsNormals) {
   EXPECT_EQ(moved.column("weight")->values, one);
 }
 
+TEST(WithLandmarks, KeepsTheirColumnsPrecision) {
+  const LandmarkMap map = with_column(synthetic_map({.seed = 1, .landmarks = 3, .frames = 2}), "n",
+                                      std::vector<float>{0.1F, 0.2F, 0.3F});
+  const LandmarkMap last = with_landmarks(map, std::vector<LandmarkIndex>{{2}});
+  EXPECT_TRUE(last.column("n")->values.is_single());
+  EXPECT_EQ(last.column("n")->values[0], static_cast<double>(0.3F));
+}
+
 TEST(WithColumn, AddsAColumn) {
   const LandmarkMap map = with_column(plain_map(), "weight", {1.0, kNan, 3.0});
   ASSERT_NE(map.column("weight"), nullptr);

@@ -204,7 +204,8 @@ void set_splat_looks(const SplatColumns& columns, LandmarkTable& landmarks) {
 }
 
 std::vector<double> splat_opacities(const SplatColumns& columns, const LandmarkTable& landmarks) {
-  std::vector<double> opacities = landmarks.columns[columns.opacity].values;
+  const ColumnValues& values = landmarks.columns[columns.opacity].values;
+  std::vector<double> opacities(values.begin(), values.end());
   for (double& opacity : opacities) {
     opacity = std::isnan(opacity) ? 0.0 : 1.0 / (1.0 + std::exp(-opacity));
   }

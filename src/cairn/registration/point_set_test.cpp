@@ -62,7 +62,7 @@ LandmarkMap splats_with_others() {
   LandmarkMap random_map = testing::random_splats(kGood + 8, 1, 1);
   MapTables tables = std::move(random_map).tables();
   LandmarkTable& landmarks = tables.landmarks;
-  const auto column = [&](std::string_view name) -> std::vector<double>& {
+  const auto column = [&](std::string_view name) -> ColumnValues& {
     for (NamedColumn& one : landmarks.columns) {
       if (one.name == name) return one.values;
     }
@@ -71,12 +71,12 @@ LandmarkMap splats_with_others() {
   Random random(2);
   for (std::size_t i = 0; i < kGood + 8; ++i) {
     landmarks.positions[i] = {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
-    column("opacity")[i] = 2.0;
-    for (const char* name : {"scale_0", "scale_1", "scale_2"}) column(name)[i] = -3.0;
+    column("opacity").set(i, 2.0);
+    for (const char* name : {"scale_0", "scale_1", "scale_2"}) column(name).set(i, -3.0);
   }
   for (std::size_t k = 0; k < 2; ++k) {
-    column("opacity")[kGood + k] = -0.1;
-    column("scale_1")[kGood + 2 + k] = -3.0 + std::log(5.1);
+    column("opacity").set(kGood + k, -0.1);
+    column("scale_1").set(kGood + 2 + k, -3.0 + std::log(5.1));
     landmarks.positions[kGood + 4 + k] = {30.0 + static_cast<double>(k), 0.0, 0.0};
     landmarks.positions[kGood + 6 + k] = {0.0, 4.0, k == 0 ? 0.0 : 1.5};
   }

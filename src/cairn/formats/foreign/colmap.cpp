@@ -238,7 +238,7 @@ class ColmapReader {
     return std::abs(norm - 1.0) <= 1e-6 ? 1.0 : 1.0 / norm;
   }
 
-  std::vector<double>& errors() { return out_.tables().landmarks.columns.front().values; }
+  ColumnValues& errors() { return out_.tables().landmarks.columns.front().values; }
 
   const ColmapSources& sources_;
   SfmBuilder out_;

@@ -105,8 +105,8 @@ TEST_F(PlainPointsTest, HeaderNamesTheColumns) {
   const LandmarkMap map = read_text("id,z,weight,X,y,name\n7,3,0.5,1,2,tip\n9,3,,1,2,top\n");
   EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
   EXPECT_THAT(map.landmarks().ids, ElementsAre(LandmarkId{7}, LandmarkId{9}));
-  EXPECT_EQ(map.column("weight")->values.at(0), 0.5);
-  EXPECT_TRUE(std::isnan(map.column("weight")->values.at(1))) << "an empty cell is unknown";
+  EXPECT_EQ(map.column("weight")->values[0], 0.5);
+  EXPECT_TRUE(std::isnan(map.column("weight")->values[1])) << "an empty cell is unknown";
   EXPECT_EQ(map.info().length_unit, LengthUnit::kFree);
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("hold no numbers are left out: 'name'")));
   EXPECT_THAT(refused("x,y,z,w\n1,2,3\n"),
@@ -243,16 +243,16 @@ TEST_F(PlainPointsTest, HeadersNameOtherColumnsToo) {
   EXPECT_THAT(pandas.landmarks().colors, ElementsAre(Color{7, 8, 9}, Color{255, 0, 0}));
   EXPECT_THAT(remarks_.texts, ::testing::IsEmpty());
   // Colours from 0 to 1 are no bytes, even if the first ones look so.
-  EXPECT_EQ(read_text("x y z r g b\n1 2 3 0 0 1\n1 2 3 0.5 0 1\n").column("r")->values.at(1), 0.5);
+  EXPECT_EQ(read_text("x y z r g b\n1 2 3 0 0 1\n1 2 3 0.5 0 1\n").column("r")->values[1], 0.5);
   const LandmarkMap commented =
       read_text("# columns: id x y z error in px\n#id,x,y,z,error\nnail,1,2,3,0.5\n");
   EXPECT_EQ(commented.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
-  EXPECT_EQ(commented.column("error")->values.at(0), 0.5);
+  EXPECT_EQ(commented.column("error")->values[0], 0.5);
   EXPECT_THAT(remarks_.texts,
               Contains(HasSubstr("columns that hold no numbers are left out: 'id'")));
   const LandmarkMap time = read_text("# time id x y z\n1.5 7 1 2 3\n1.5 9 1 2 3\n");
   EXPECT_THAT(time.landmarks().ids, ElementsAre(LandmarkId{7}, LandmarkId{9}));
-  EXPECT_EQ(read_text("x,y,z,in pixels\n1,2,3,4\n").column("in_pixels")->values.at(0), 4.0);
+  EXPECT_EQ(read_text("x,y,z,in pixels\n1,2,3,4\n").column("in_pixels")->values[0], 4.0);
   EXPECT_THAT(refused("x,y,z,x\n1,2,3,4\n"), HasSubstr("two columns have the name 'x'"));
   EXPECT_THAT(refused("name,lat,lon\na,47,8\n"),
               HasSubstr("points:1: the table names no columns x, y and z"));
@@ -385,7 +385,7 @@ TEST_F(PlainPointsTest, ArchivesOfNumPyAreRead) {
   }
   const LandmarkMap map = read_text(bytes);
   EXPECT_EQ(map.landmarks().positions.at(0), Eigen::Vector3d(1, 2, 3));
-  EXPECT_EQ(map.column("weight")->values.at(0), 7.0);
+  EXPECT_EQ(map.column("weight")->values[0], 7.0);
 }
 
 TEST_F(PlainPointsTest, ArchivesTakeMemoryInProportionToTheirSize) {

@@ -470,10 +470,12 @@ class BinaryReader {
     Cursor cursor(*this, kColumn);
     std::size_t row = 0;
     for (NamedColumn& column : columns) {
-      column.values.resize(landmarks_);
-      for (double& value : column.values) {
+      column.values.reserve(landmarks_);
+      for (std::size_t i = 0; i < landmarks_; ++i) {
+        double value = 0.0;
         cursor(value, "");
         is_unknown<1>(kColumn, row++, &value);
+        column.values.push_back(value);
       }
     }
   }

@@ -190,7 +190,7 @@ TEST(WriteBinary, HasOneFormForUnknown) {
   const auto odd = std::bit_cast<double>(std::uint64_t{0xfff8000000000123});
   tables.landmarks.covariances[1](0, 0) = odd;
   tables.landmarks.covariances[1](2, 1) = 7.0;
-  tables.landmarks.columns[0].values[1] = odd;
+  tables.landmarks.columns[0].values.set(1, odd);
   EXPECT_EQ(binary(LandmarkMap(std::move(tables))), binary(full_map()));
 }
 

@@ -476,7 +476,7 @@ class NativeReader {
       require_budget(line_);
       column->values.resize(row + 1, kUnknownValue);
       refuse_second(!std::isnan(column->values[row]), fields);
-      column->values[row] = fields.number("value");
+      column->values.set(row, fields.number("value"));
     } else if (record == "MEASURED") {
       read_measured(fields);
     } else {

@@ -171,6 +171,16 @@ std::vector<JoinedColumn> joined_columns(std::span<const PlacedMap> maps) {
   return joined;
 }
 
+// In single precision if each map has the column so.
+ColumnValues empty_column(std::span<const PlacedMap> maps, const JoinedColumn& column) {
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    if (!column.of_map[m]) continue;
+    const NamedColumn& of_map = maps[m].map->landmarks().columns[*column.of_map[m]];
+    if (!of_map.values.is_single()) return {};
+  }
+  return std::vector<float>();
+}
+
 void append_splats(const PlacedMap& placed, std::size_t number,
                    std::span<const JoinedColumn> joined, const std::vector<std::uint8_t>& thinned,
                    LandmarkTable& all) {
@@ -237,7 +247,9 @@ FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& o
   }
   all.positions.reserve(kept);
   all.ids.reserve(kept);
-  for (const JoinedColumn& column : joined) all.columns.push_back({column.name, {}});
+  for (const JoinedColumn& column : joined) {
+    all.columns.push_back({column.name, empty_column(maps, column)});
+  }
   for (NamedColumn& column : all.columns) column.values.reserve(kept);
   for (std::size_t m = 0; m < maps.size(); ++m) {
     append_splats(maps[m], m, joined, thinned[m], all);

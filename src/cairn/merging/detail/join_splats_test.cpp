@@ -41,8 +41,8 @@ LandmarkMap with_opacities(const LandmarkMap& map, double (*opacity)(std::size_t
 LandmarkMap separate_splats(std::size_t count, std::uint64_t seed) {
   LandmarkMap map = random_splats(count, 2, seed);
   for (const char* name : {"scale_0", "scale_1", "scale_2"}) {
-    std::vector<double> values = map.column(name)->values;
-    for (double& value : values) value -= 4.0;
+    std::vector<double> values;
+    for (const double value : map.column(name)->values) values.push_back(value - 4.0);
     map = with_column(map, name, std::move(values));
   }
   MapTables tables = std::move(map).tables();
@@ -99,7 +99,8 @@ TEST(JoinSplats, AreTheSameInAnyOrder) {
   const LandmarkMap a = random_splats(200, 1, 4);
   const LandmarkMap b = random_splats(150, 1, 5);
   const auto sorted_opacities = [](const LandmarkMap& map) {
-    std::vector<double> values = map.column("opacity")->values;
+    const ColumnValues& column = map.column("opacity")->values;
+    std::vector<double> values(column.begin(), column.end());
     std::sort(values.begin(), values.end());
     return values;
   };

@@ -542,8 +542,8 @@ void Fusion::set_columns() {
         found = columns.end() - 1;
       }
       for (std::uint32_t i = 0; i < theirs.values.size(); ++i) {
-        double& value = found->values[landmark_of_[m][i]];
-        if (std::isnan(value)) value = theirs.values[i];
+        const std::uint32_t landmark = landmark_of_[m][i];
+        if (std::isnan(found->values[landmark])) found->values.set(landmark, theirs.values[i]);
       }
     }
   }

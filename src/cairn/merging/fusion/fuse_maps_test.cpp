@@ -54,7 +54,7 @@ std::vector<PlacedMap> placed(const SyntheticPair& pair) {
   return {{&pair.target, "target", {}}, {&pair.source, "source", pair.target_from_source}};
 }
 
-const std::vector<double>& values(const LandmarkMap& map, const char* name) {
+const ColumnValues& values(const LandmarkMap& map, const char* name) {
   return map.column(name)->values;
 }
 
@@ -956,7 +956,7 @@ TEST(FuseMaps, KeepsTheDescriptorsOfBothAndFusesWhatAnyPairShows) {
   const FusionResult result = fuse_maps(maps);
   EXPECT_GT(result.maps[1].fused, two.maps.shared.size() * 9 / 10);
   const DescriptorColumn& column = *result.map.landmarks().descriptors;
-  const std::vector<double>& parts = values(result.map, kFusedColumn);
+  const ColumnValues& parts = values(result.map, kFusedColumn);
   std::size_t of_both = 0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     EXPECT_LE(column.count(i), kDistinctViews);

@@ -153,6 +153,18 @@ void append_text_value(std::string& out, std::uint64_t value) {
   append_number(out, value);
 }
 
+// Returns the number of replaced values.
+template <class Replacement>
+std::size_t replace_infinite(ColumnValues& values, const Replacement& replacement) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!std::isinf(values[i])) continue;
+    values.set(i, replacement(values[i]));
+    ++count;
+  }
+  return count;
+}
+
 // By column: whether a splat has it in single precision, as trainers write all properties. Those of splats and normals
 // are rounded, others only if that loses nothing.
 std::vector<bool> single_precision_columns(const SplatColumns& splats,
@@ -251,7 +263,8 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     if (slots_[i].role != Role::kColumn) continue;
     slots_[i].index = columns_.size();
-    columns_.push_back({fields_[i].name, {}});
+    NamedColumn& column = columns_.emplace_back(NamedColumn{fields_[i].name, {}});
+    if (fields_[i].type == ScalarType::kFloat32) column.values = std::vector<float>();
   }
 }
 
@@ -285,7 +298,7 @@ void PointTable::put(Slot slot, std::size_t row, T value) {
       break;
     }
     case Role::kColumn:
-      columns_[slot.index].values[row] = static_cast<double>(value);
+      columns_[slot.index].values.set(row, static_cast<double>(value));
       break;
     default:
       if constexpr (std::is_integral_v<T>) {
@@ -439,7 +452,7 @@ void PointTable::drop_points_without_position() {
   compact(covariances_);
   compact(colors_);
   compact(ids_);
-  for (NamedColumn& column : columns_) compact(column.values);
+  for (NamedColumn& column : columns_) column.values.visit(compact);
 }
 
 void PointTable::forget_infinite_values() {
@@ -448,20 +461,17 @@ void PointTable::forget_infinite_values() {
     std::vector<std::size_t> logarithms = splats->log_scales;
     logarithms.push_back(splats->opacity);
     for (const std::size_t column : logarithms) {
-      for (double& value : columns_[column].values) {
-        constexpr double kMost = 80.0;  // its exponential is finite in single precision too
-        if (std::isinf(value)) value = std::copysign(kMost, value);
-      }
+      constexpr double kMost = 80.0;  // its exponential is finite in single precision too
+      replace_infinite(columns_[column].values,
+                       [](double value) { return std::copysign(kMost, value); });
     }
   }
   for (NamedColumn& column : columns_) {
-    const auto is_infinite = [](double value) { return std::isinf(value); };
-    const auto count = std::count_if(column.values.begin(), column.values.end(), is_infinite);
+    const std::size_t count = replace_infinite(
+        column.values, [](double) { return std::numeric_limits<double>::quiet_NaN(); });
     if (count == 0) continue;
     lost(fmt::format("{} infinite values of field {} taken as unknown", count,
                      printable(column.name)));
-    std::replace_if(column.values.begin(), column.values.end(), is_infinite,
-                    std::numeric_limits<double>::quiet_NaN());
   }
 }
 
