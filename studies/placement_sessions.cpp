@@ -4,7 +4,8 @@
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART [VARIANT,...]
 // FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit, choose or test, by the
 // places' seeds. VARIANT: shipped (default), descriptors (no search), searched (always), undescribed (maps
-// without descriptors), one, one_descriptors (shipped and descriptors with one descriptor of a landmark) or truth (the true pose, refined). One CSV row a candidate to stdout; rank -1 stands for there being none.
+// without descriptors and colours), coloured_views (without descriptors), bare (positions alone), coloured (with
+// colours alone), one, one_descriptors (shipped and descriptors with one descriptor of a landmark) or truth (the true pose, refined). One CSV row a candidate to stdout; rank -1 stands for there being none.
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART guesses
 // instead refines and judges guesses, from near the true pose to 60 degrees and 2 m off it; one row a guess.
 #include <array>
@@ -62,7 +63,7 @@ void tell_truth(const SessionPair& pair) {
   const PoseError error = pose_error(pose, pair.truth, pair.source.positions);
   std::printf(
       "truth,%llu,%s,%s,1,%.6f,%zu,%zu,,0,-1,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,0,0,0,0,1,"
-      "%zu,%zu,%zu,%.4f,%.3f,-1,0,%.3f,%.4f,-1\n",
+      "%zu,%zu,%zu,%.4f,%.3f,-1,0,%.3f,%.4f,-1,-1,-1\n",
       static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
       pair.target_place.c_str(), pair.overlap, pair.source.size(), pair.target.size(),
       support.within[0], support.within[1], support.within[2], support.within[3], support.within[4],
@@ -113,16 +114,20 @@ struct Variant {
   PoseSearch search;
   bool with_descriptors;
   bool with_views;
+  bool with_lightness = true;
   bool with_further = true;  // descriptors of a landmark, beside the one that represents it
 };
 
-constexpr std::array<Variant, 6> kVariants = {{
+constexpr std::array<Variant, 9> kVariants = {{
     {"shipped", PoseSearch::kWhereNeeded, true, true},
     {"descriptors", PoseSearch::kNever, true, true},
     {"searched", PoseSearch::kAlways, true, true},
-    {"undescribed", PoseSearch::kAlways, false, true},
-    {"one", PoseSearch::kWhereNeeded, true, true, false},
-    {"one_descriptors", PoseSearch::kNever, true, true, false},
+    {"undescribed", PoseSearch::kAlways, false, true, false},
+    {"coloured_views", PoseSearch::kAlways, false, true},
+    {"bare", PoseSearch::kAlways, false, false, false},
+    {"coloured", PoseSearch::kAlways, false, false},
+    {"one", PoseSearch::kWhereNeeded, true, true, true, false},
+    {"one_descriptors", PoseSearch::kNever, true, true, true, false},
 }};
 
 void tell(const SessionPair& pair, const Variant& variant, const Executor& executor) {
@@ -138,6 +143,7 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
       cloud->descriptors->further.clear();
     }
     if (!variant.with_views) cloud->views.clear();
+    if (!variant.with_lightness) cloud->lightness.clear();
   }
   const Alignment result =
       place(source, target, options, {.executor = executor, .seed = pair.number});
@@ -153,7 +159,7 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
     const DescriptorAgreement agreement = support.agreement.value_or(DescriptorAgreement{});
     std::printf(
         "%s,%llu,%s,%s,%d,%.6f,%zu,%zu,%s,%.3f,%d,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,"
-        "%.3f,%.3f,%.3f,%.3f,%d,%zu,%zu,%zu,%.4f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f\n",
+        "%.3f,%.3f,%.3f,%.3f,%d,%zu,%zu,%zu,%.4f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f,%.3f,%.3f\n",
         variant.name, static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
         pair.target_place.c_str(), same ? 1 : 0, pair.overlap, pair.source.size(),
         pair.target.size(), std::string(to_string(*result.verdict)).c_str(), result.duration_s,
@@ -165,7 +171,9 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
         agreement.agreeing, agreement.spread, agreement.expected,
         support.likeness ? support.spread_likeness : -1.0, candidate.contradicted.value_or(-1.0),
         candidate.probability, degrees(error.rotation_rad), error.translation,
-        i == 0 && same ? squared_mahalanobis(result.registration, pair.truth) : -1.0);
+        i == 0 && same ? squared_mahalanobis(result.registration, pair.truth) : -1.0,
+        support.contrast ? support.contrast->correlation : -1.0,
+        support.contrast ? support.contrast->spread : -1.0);
   }
   std::fflush(stdout);
 }
@@ -188,7 +196,7 @@ void run(const std::vector<std::string>& words) {
       "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
       "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
       "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
-      "rotation_deg,translation_m,mahalanobis");
+      "rotation_deg,translation_m,mahalanobis,contrast,spread_contrast");
   const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
   benchmarks::for_each_session_pair(
       words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {

@@ -61,6 +61,7 @@ LandmarkCloud rows_of(const LandmarkCloud& cloud, const std::vector<std::uint32_
     result.positions.push_back(cloud.positions[i]);
     if (!cloud.covariances.empty()) result.covariances.push_back(cloud.covariances[i]);
     if (!cloud.weights.empty()) result.weights.push_back(cloud.weights[i]);
+    if (!cloud.lightness.empty()) result.lightness.push_back(cloud.lightness[i]);
   }
   if (cloud.descriptors) result.descriptors = descriptor_rows(*cloud.descriptors, rows);
   return result;
@@ -133,6 +134,7 @@ LandmarkCloud with_thing(const LandmarkCloud& cloud, const Thing& thing, Random&
   append(result.positions, added.positions);
   append(result.covariances, added.covariances);
   append(result.weights, added.weights);
+  append(result.lightness, added.lightness);
   std::vector<std::span<const std::uint8_t>> all;
   for (std::size_t i = 0; i < added.size(); ++i) {
     all.clear();

@@ -56,6 +56,16 @@ struct DescriptorAgreement {
   double evidence() const;
 };
 
+/// Agreement of the lightness of matched landmarks, relative to the landmarks around them in their own map.
+struct ContrastAgreement {
+  std::size_t compared =
+      0;  ///< matches whose landmarks have colours
+  double correlation = 0.0;  ///< of the ranks of their contrasts; 0 by chance
+  /// Log-likelihood ratio of a positive correlation versus none, without the sixteenth of the source that
+  /// contributes most. At least 0.
+  double spread = 0.0;
+};
+
 /// Log-likelihood ratio of the distances at one pose. Hypothesis: some pairs are the same landmark,
 /// with Gaussian errors. Alternative: all pairs are as far apart as at the other poses.
 struct ProximityEvidence {
@@ -93,6 +103,8 @@ struct Support {
   std::optional<Likeness> likeness = {};
   /// The likeness evidence without the sixteenth of the source that contributes most.
   double spread_likeness = 0.0;
+  /// std::nullopt if the maps have descriptors of one kind, or no colours.
+  std::optional<ContrastAgreement> contrast = {};
 
   std::size_t matches() const { return within[0]; }
 };

@@ -340,6 +340,11 @@ constexpr auto kCandidateFields = [](auto& io, auto& candidate) {
     inner.derived("evidence", [&] { return likeness.evidence(); });
     inner.maybe("spread_evidence", support.spread_likeness);
   });
+  io.object("contrast", support.contrast, [](auto& inner, auto& contrast) {
+    inner.field("compared", contrast.compared);
+    inner.field("correlation", contrast.correlation);
+    inner.field("spread_evidence", contrast.spread);
+  });
   io.maybe("contradicted", candidate.contradicted);
 };
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <span>
 #include <string>
@@ -48,6 +49,12 @@ std::vector<LandmarkView> views_of(const LandmarkMap& map, std::span<const Landm
   return views;
 }
 
+// Luma of ITU-R BT.601; NaN without a colour.
+double lightness_of(const std::optional<Color>& color) {
+  if (!color) return std::numeric_limits<double>::quiet_NaN();
+  return 0.299 * color->red + 0.587 * color->green + 0.114 * color->blue;
+}
+
 // Validates the further descriptors, after the other columns.
 void validate_further(const DescriptorColumn& descriptors, std::string_view name) {
   const auto& offsets = descriptors.further_offsets;
@@ -84,6 +91,9 @@ void LandmarkCloud::validate(std::string_view name) const {
           "one a landmark, or none");
   require(weights.empty() || weights.size() == size(),
           fmt::format("{} weights of {} landmarks", weights.size(), size()),
+          "one a landmark, or none");
+  require(lightness.empty() || lightness.size() == size(),
+          fmt::format("{} values of lightness of {} landmarks", lightness.size(), size()),
           "one a landmark, or none");
   if (descriptors) {
     require(descriptors->known.size() == size() &&
@@ -142,6 +152,13 @@ LandmarkCloud landmark_cloud(const LandmarkMap& map, const std::optional<Metric>
     rows.reserve(kept.size());
     for (const LandmarkIndex landmark : kept) rows.push_back(landmark.value);
     cloud.descriptors = descriptor_rows(*map.landmarks().descriptors, rows);
+  }
+  const auto& colors = map.landmarks().colors;
+  if (!colors.empty()) {
+    cloud.lightness.reserve(cloud.size());
+    for (const LandmarkIndex landmark : kept) {
+      cloud.lightness.push_back(lightness_of(colors[landmark.value]));
+    }
   }
   if (map.has_covariances()) {
     cloud.covariances.reserve(cloud.size());

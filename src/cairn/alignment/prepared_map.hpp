@@ -46,6 +46,8 @@ struct LandmarkCloud {
   std::vector<LandmarkView> views;
   /// One row per landmark; std::nullopt if unknown.
   std::optional<DescriptorColumn> descriptors;
+  /// Lightness of the landmarks' colours in any unit, NaN if unknown: one per landmark; or empty.
+  std::vector<double> lightness = {};
 
   std::size_t size() const { return positions.size(); }
   double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }

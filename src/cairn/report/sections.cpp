@@ -22,6 +22,7 @@ std::vector<std::pair<std::string, double>> evidence_of(const Support& support) 
       {"Distances compared with other candidates", support.proximity.spread}};
   if (support.likeness)
     evidence.emplace_back("Descriptors of the matches", support.spread_likeness);
+  if (support.contrast) evidence.emplace_back("Contrasts of the matches", support.contrast->spread);
   if (support.agreement) {
     evidence.emplace_back("Matches that agree", support.agreement->evidence());
   }

@@ -87,6 +87,7 @@ LandmarkCloud ordered(LandmarkCloud cloud, std::span<const std::uint32_t> order)
   reorder(cloud.positions, order);
   reorder(cloud.covariances, order);
   reorder(cloud.weights, order);
+  reorder(cloud.lightness, order);
   if (cloud.descriptors) reorder(*cloud.descriptors, order);
   std::vector<std::uint32_t> place(order.size());
   for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
@@ -246,6 +247,7 @@ PreparedCloud PreparedCloud::even(const Executor& executor) const {
     cloud.positions.push_back(landmarks().positions[row]);
     if (!landmarks().covariances.empty()) cloud.covariances.push_back(landmarks().covariances[row]);
     if (!landmarks().weights.empty()) cloud.weights.push_back(landmarks().weights[row]);
+    if (!landmarks().lightness.empty()) cloud.lightness.push_back(landmarks().lightness[row]);
     order.push_back(as_given(row));
   }
   PreparedCloud result = plain(std::move(cloud));
@@ -261,6 +263,7 @@ PreparedCloud PreparedCloud::mirrored() const {
   LandmarkCloud cloud = landmarks();
   cloud.views.clear();
   cloud.descriptors.reset();
+  cloud.lightness.clear();
   for (Eigen::Vector3d& position : cloud.positions) position = mirror * position;
   for (Eigen::Matrix3d& covariance : cloud.covariances) covariance = mirror * covariance * mirror;
   PreparedCloud result = *this;

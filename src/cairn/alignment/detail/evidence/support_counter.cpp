@@ -147,7 +147,15 @@ SupportCounter::SupportCounter(const PreparedCloud& source, const PreparedCloud&
     : source_(source),
       target_(target),
       sample_(std::min({sample, source.size(), PreparedCloud::kSample})),
-      looks_(source.landmarks(), target.landmarks(), sample_, random) {}
+      looks_(source.landmarks(), target.landmarks(), sample_, random) {
+  if (looks_.possible()) return;
+  const auto ranks = [](const PreparedCloud& cloud, std::size_t first) {
+    const LandmarkCloud& landmarks = cloud.landmarks();
+    return contrast_ranks(landmarks.lightness, landmarks.positions, cloud.tree(), first);
+  };
+  source_contrasts_ = ranks(source_, sample_);
+  if (!source_contrasts_.empty()) target_contrasts_ = ranks(target_, target_.size());
+}
 
 Support SupportCounter::operator()(const Similarity3& pose, double radius,
                                    Proximity* proximity) const {
@@ -158,8 +166,12 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
   Support support;
   std::vector<Pair> pairs;
   std::vector<std::uint32_t> matched;
+  std::array<ContrastPairs, kGroups> contrasts;
   for (const auto& [i, there, squared] : mutual_matches(source_, target_, pose, sample_)) {
-    if (squared <= radius * radius) matched.push_back(i);
+    if (squared <= radius * radius) {
+      matched.push_back(i);
+      add_contrast(i, there, contrasts[source_.groups()[i]]);
+    }
     for (std::size_t k = 0; k < Support::kRadii; ++k) {
       if (std::ldexp(squared, 2 * static_cast<int>(k)) > radius * radius) break;
       ++support.within[k];
@@ -180,7 +192,16 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
   support.share = std::min(each * static_cast<double>(support.matches()), 1.0);
   add_evidence(pairs, support);
   if (looks_.possible()) add_likeness(likeness_by_group(matched, pose, radius), support);
+  if (!target_contrasts_.empty()) support.contrast = contrast_agreement(contrasts);
   return support;
+}
+
+void SupportCounter::add_contrast(std::uint32_t source, std::uint32_t target,
+                                  ContrastPairs& pairs) const {
+  if (target_contrasts_.empty()) return;
+  const double here = source_contrasts_[source];
+  const double there = target_contrasts_[target];
+  if (!std::isnan(here) && !std::isnan(there)) pairs.add(here, there);
 }
 
 SupportCounter::Likenesses SupportCounter::likeness_by_group(std::span<const std::uint32_t> matched,

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "cairn/alignment/detail/evidence/contrast.hpp"
 #include "cairn/alignment/detail/evidence/look_comparison.hpp"
 #include "cairn/alignment/detail/prepared_cloud.hpp"
 #include "cairn/core/random.hpp"
@@ -33,7 +34,8 @@ std::vector<MutualMatch> mutual_matches(const PreparedCloud& source, const Prepa
 /// to the eighth neighbour (the geometric mean of both maps'). By chance, u is therefore uniform on [0, 1]. Two
 /// landmarks that are the same are much closer; their u is assumed to have the density 1 / (2·√u). The evidence is
 /// the log-likelihood ratio, versus chance, of a mixture with the likeliest share of such pairs. The evidence
-/// needs no radius, and weights a match by how unlikely it is at its place. Descriptors are evaluated separately.
+/// needs no radius, and weights a match by how unlikely it is at its place. Descriptors and colours are evaluated
+/// separately.
 class SupportCounter {
  public:
   /// Number of parts of the source; no single part should decide.
@@ -48,6 +50,8 @@ class SupportCounter {
   Support operator()(const Similarity3& pose, double radius, Proximity* proximity = nullptr) const;
 
  private:
+  void add_contrast(std::uint32_t source, std::uint32_t target, ContrastPairs& pairs) const;
+
   using Likenesses = std::array<Likeness, kGroups>;
 
   // Counts similar descriptors of matched landmarks by part of the source. A corner has several landmarks in each
@@ -61,6 +65,9 @@ class SupportCounter {
   PreparedCloud target_;
   std::size_t sample_;
   LookComparison looks_;
+  // contrast_ranks(); empty if a cloud has no contrasts, or if descriptors are compared.
+  std::vector<double> source_contrasts_;
+  std::vector<double> target_contrasts_;
 };
 
 /// The surroundings of the matches at a centred pose. The ball is about the mutual matches within a quarter of the

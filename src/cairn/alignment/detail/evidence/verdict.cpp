@@ -25,6 +25,9 @@ constexpr Weights kWithDescriptors = {-11.064, 12.049, 1.347, 1.955, 0.0, 0.531}
 constexpr Weights kWithSight = {-10.842, 5.814, 1.844, 1.435, -0.568, 0.0};
 constexpr Weights kWithNeither = {-9.655, 6.621, 2.127, 2.220, 0.0, 0.0};
 
+// Largest evidence of contrasts that is likely by chance.
+constexpr double kContrastByChance = 5.0;
+
 // Added to numbers of matches, so that few matches have little effect.
 constexpr double kMatchesMore = 20.0;
 constexpr double kLeadingMore = 3.0;
@@ -158,8 +161,10 @@ std::string other_surroundings(const Surroundings& around, const PlacementCandid
 // compares the match distances at each pose with those at all other poses, and along a fence many poses match equally
 // well.
 bool fits_as_well(const PlacementCandidate& other, const PlacementCandidate& best) {
-  const auto looks = [](const Support& support) {
-    return support.spread_likeness + agreement_evidence(support);
+  const bool contrasts_tell = contrast_evidence(best.support) >= kContrastByChance;
+  const auto looks = [&](const Support& support) {
+    return support.spread_likeness + agreement_evidence(support) +
+           (contrasts_tell ? contrast_evidence(support) : 0.0);
   };
   const Support& there = other.support;
   const Support& here = best.support;
@@ -207,6 +212,10 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
     text += fmt::format(", {} of the matches have similar descriptors ({} expected by chance)",
                         percent(share), percent(Likeness::kChance));
   }
+  if (best.support.contrast && !best.support.agreement) {
+    text += fmt::format(", the contrasts of {} matches have a correlation of {:.2f}",
+                        best.support.contrast->compared, best.support.contrast->correlation);
+  }
   if (best.contradicted) {
     text += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
   }
@@ -230,7 +239,8 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
                      weights.proximity * std::log1p(candidate.support.proximity.spread) +
                      weights.lead * lead +
                      weights.agreement * std::log1p(agreement_evidence(candidate.support)) +
-                     weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)));
+                     weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)) +
+                     std::log1p(contrast_evidence(candidate.support) / kContrastByChance));
     if (is_proven(candidate.support)) result.back() += kProven;
     highest = std::max(highest, result.back());
   }
@@ -245,6 +255,11 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
 
 double agreement_evidence(const Support& support) {
   return support.agreement ? support.agreement->evidence() : 0.0;
+}
+
+double contrast_evidence(const Support& support) {
+  if (!support.contrast || support.agreement) return 0.0;
+  return std::max(support.contrast->spread - kContrastByChance, 0.0);
 }
 
 std::size_t agreement_spread(const Support& support) {

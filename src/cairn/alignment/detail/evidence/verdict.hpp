@@ -14,6 +14,9 @@ namespace cairn::detail {
 /// decide alone.
 inline constexpr std::size_t kDecisiveAgreement = 15;
 
+/// ContrastAgreement::spread beyond what is likely by chance; 0 if descriptors or common images say more.
+double contrast_evidence(const Support& support);
+
 /// DescriptorAgreement::evidence() and spread at a pose; 0 without Support::agreement.
 double agreement_evidence(const Support& support);
 std::size_t agreement_spread(const Support& support);

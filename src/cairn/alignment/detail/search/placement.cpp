@@ -119,7 +119,7 @@ double Placement::merit(const PlacementCandidate& pose) {
   constexpr double kSupport = 50.0;
   const Support& support = pose.support;
   return support.spread_evidence + support.spread_likeness + agreement_evidence(support) +
-         kSupport * support.share;
+         contrast_evidence(support) + kSupport * support.share;
 }
 
 std::vector<Finalist> Placement::with_probabilities(std::vector<Finalist> poses) const {
