@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the verdict makes of different places in which one thing stands, and of pairs as they are.
-//   cairn_shared_things_benchmark FOLDER NUMBERS [fit|choose|test [things|pairs|strangers [deformed|bare]]]
+//   cairn_shared_things_benchmark FOLDER NUMBERS [fit|choose|test [things|pairs|strangers [deformed|bare|coloured]]]
 // FOLDER holds sessions as studies/placement_sessions.sh makes them; NUMBERS is "150" or "150-300". "things" (the
 // default) takes two maps of different places and puts into both what two sessions of a third saw
 // within 0.2 to 0.7 m of a landmark: any pose that is aligned is wrong. "pairs" leaves maps as they are,
-// every other pair of one place; "strangers" are those of different places. "bare" leaves out descriptors and lines of
-// sight. "deformed" frees the scale and judges pairs also up to a smooth deformation, both by
+// every other pair of one place; "strangers" are those of different places. "bare" leaves out descriptors, lines of
+// sight and colours, "coloured" the first two. "deformed" frees the scale and judges pairs also up to a smooth deformation, both by
 // descriptors alone. One CSV row a pair to stdout.
 #include <algorithm>
 #include <array>
@@ -201,10 +201,11 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
 }
 
 // The pair as points alone.
-SessionPair without_evidence(SessionPair pair) {
+SessionPair positions_of(SessionPair pair, bool coloured) {
   for (LandmarkCloud* const cloud : {&pair.source, &pair.target}) {
     cloud->descriptors.reset();
     cloud->views.clear();
+    if (!coloured) cloud->lightness.clear();
   }
   return pair;
 }
@@ -215,7 +216,11 @@ void run(const std::vector<std::string>& words) {
   const bool strangers = words.size() > 3 && words[3] == "strangers";
   const bool things = words.size() <= 3 || words[3] == "things";
   const bool deformed = words.size() > 4 && words[4] == "deformed";
+  const bool coloured = words.size() > 4 && words[4] == "coloured";
   const bool bare = words.size() > 4 && words[4] == "bare";
+  const auto tell_as_asked = [&](const SessionPair& pair, double share) {
+    tell(bare || coloured ? positions_of(pair, coloured) : pair, share, deformed);
+  };
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
@@ -224,8 +229,7 @@ void run(const std::vector<std::string>& words) {
   benchmarks::for_each_session_pair(
       folder, benchmarks::pair_numbers(words[1]), part,
       [&](const SessionPair& pair) {
-        if (bare) return tell(without_evidence(pair), 0.0, false);
-        if (!things) return tell(pair, 0.0, deformed);
+        if (!things) return tell_as_asked(pair, 0.0);
         if (pair.same_place()) return;
         Random random = Random(pair.number).fork(99);
         const auto thing = draw_thing(sessions, random);
@@ -236,8 +240,8 @@ void run(const std::vector<std::string>& words) {
         const auto share = [](const Thing& one, const LandmarkCloud& in) {
           return static_cast<double>(one.cloud.size()) / static_cast<double>(in.size());
         };
-        tell(with, std::min(share((*thing)[0], with.source), share((*thing)[1], with.target)),
-             deformed);
+        tell_as_asked(with,
+                      std::min(share((*thing)[0], with.source), share((*thing)[1], with.target)));
       },
       strangers);
 }
@@ -246,6 +250,6 @@ void run(const std::vector<std::string>& words) {
 
 int main(int argc, char** argv) {
   return benchmarks::study_main(
-      argc, argv, 2, "FOLDER NUMBERS [fit|choose|test [things|pairs|strangers [deformed|bare]]]",
-      run);
+      argc, argv, 2,
+      "FOLDER NUMBERS [fit|choose|test [things|pairs|strangers [deformed|bare|coloured]]]", run);
 }

@@ -58,8 +58,7 @@ struct DescriptorAgreement {
 
 /// Agreement of the lightness of matched landmarks, relative to the landmarks around them in their own map.
 struct ContrastAgreement {
-  std::size_t compared =
-      0;  ///< matches whose landmarks have colours
+  std::size_t compared = 0;  ///< matches whose landmarks have colours
   double correlation = 0.0;  ///< of the ranks of their contrasts; 0 by chance
   /// Log-likelihood ratio of a positive correlation versus none, without the sixteenth of the source that
   /// contributes most. At least 0.
