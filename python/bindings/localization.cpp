@@ -141,7 +141,8 @@ void bind_localization(py::module_& module) {
       .def_readonly("reason", &ImageLocation::reason)
       .get("failure",
            "Why it was not located: \"few_matches\", \"few_inliers\", \"improbable\", "
-           "\"ambiguous\", \"focal_length\", \"lens\" or \"given_poses\"; None if located.",
+           "\"ambiguous\", \"focal_length\", \"lens\", \"undetermined\" or \"given_poses\"; None "
+           "if located.",
            &ImageLocation::failure, &name_or_none)
       .get("world_from_camera", "4x4; None unless located.", &ImageLocation::world_from_camera)
       .get("estimate",

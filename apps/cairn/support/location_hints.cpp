@@ -82,6 +82,7 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
       return {
           "Check --poses: are they world_from_camera, in the map's unit, and at the images' times? "
           "Or give fewer images, over which the odometry drifts less."};
+    case LocationFailure::kUndetermined:
     case LocationFailure::kImprobable:
       break;
   }

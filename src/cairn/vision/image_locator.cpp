@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -13,6 +14,8 @@
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/detail/require.hpp"
 #include "cairn/core/error.hpp"
+#include "cairn/geometry/angles.hpp"
+#include "cairn/geometry/covariance.hpp"
 #include "cairn/vision/detail/image_pose.hpp"
 
 namespace cairn {
@@ -60,12 +63,40 @@ double matches_for(const PoseEvidence& pose, double probability) {
   return std::ceil(std::expm1((log_odds - log_odds_without_matches(pose)) / kMatches));
 }
 
+// Standard deviations of a pose along and about the axes along and about which it is least certain.
+struct LargestDeviations {
+  double position = 0.0;
+  double rotation_rad = 0.0;
+
+  explicit LargestDeviations(const Matrix6d& covariance)
+      : position(std::sqrt(spectral_norm(Eigen::Matrix3d(covariance.topLeftCorner<3, 3>())))),
+        rotation_rad(
+            std::sqrt(spectral_norm(Eigen::Matrix3d(covariance.bottomRightCorner<3, 3>())))) {}
+};
+
+// Probability that a pose from right matches is right.
+// @param covariance in the unit in which limits in metres are valid; std::nullopt if unknown
+// @param distance   of what the image shows
+double probability_within(const std::optional<Matrix6d>& covariance, double distance) {
+  constexpr double kRight = 0.05;         // metres
+  constexpr double kRightShare = 0.01;    // of the distance; the larger counts
+  constexpr double kRightRotation = 5.0;  // degrees
+  if (!covariance) return 0.0;
+  const LargestDeviations sigma(*covariance);
+  const auto within = [](double limit, double deviation) {
+    return std::erf(limit / (std::numbers::sqrt2 * deviation));
+  };
+  return within(std::max(kRight, kRightShare * distance), sigma.position) *
+         within(radians(kRightRotation), sigma.rotation_rad);
+}
+
 // Sets what the result says of the pose with most evidence.
-// @param next another pose; null if there is none
+// @param next   another pose; null if there is none
+// @param within probability_within()
 // @param image what the text calls the image that contradicts
 // @return whether the other pose lowers the probability
-bool judge(const PoseEvidence& best, const PoseEvidence* next, double min_probability,
-           std::string_view image, ImageLocation& result) {
+bool judge(const PoseEvidence& best, const PoseEvidence* next, double within,
+           double min_probability, std::string_view image, ImageLocation& result) {
   result.probability = probability_of(best);
   std::string found = fmt::format(
       "{} of the {} landmarks projected near a corner match it ({:.1f} expected by chance)",
@@ -84,9 +115,14 @@ bool judge(const PoseEvidence& best, const PoseEvidence* next, double min_probab
     has_rival = true;
     found += fmt::format(", and {} match at another pose", next->agreeing);
   }
+  const bool are_matches_right = result.probability >= min_probability;
+  result.probability *= within;
   result.located = result.probability >= min_probability;
   result.failure.reset();
-  if (!result.located && has_rival) {
+  if (are_matches_right && !result.located) {
+    result.failure = LocationFailure::kUndetermined;
+    found += "; without as many matches as chance gives, the others leave the pose open";
+  } else if (!result.located && has_rival) {
     result.failure = LocationFailure::kAmbiguous;
   } else if (!result.located) {
     constexpr double kChance = 0.01;  // a pose below it is hardly ever right
@@ -97,6 +133,10 @@ bool judge(const PoseEvidence& best, const PoseEvidence* next, double min_probab
   }
   result.reason = fmt::format("{}: {}", decision_text(result.probability, min_probability), found);
   return has_rival;
+}
+
+std::optional<Matrix6d> sum_of(const Matrix6d& covariance, const std::optional<Matrix6d>& growth) {
+  return growth ? std::optional<Matrix6d>(covariance + *growth) : std::nullopt;
 }
 
 std::string no_pose_text(std::size_t matches, std::size_t corners) {
@@ -122,6 +162,8 @@ std::string_view to_string(LocationFailure failure) {
       return "lens";
     case LocationFailure::kGivenPoses:
       return "given_poses";
+    case LocationFailure::kUndetermined:
+      return "undetermined";
   }
   return "";
 }
@@ -247,16 +289,18 @@ class ImageLocator::View {
 
   // Fills in the pose of an image that has been judged.
   // @param next another pose; null if there is none
-  void report(const DescribedImage& image, const ImagePose& best, const ImagePose* next,
+  void report(const DescribedImage& image, const ImagePose& best,
+              const std::optional<Matrix6d>& covariance, const ImagePose* next,
               ImageLocation& result) const {
     const double scale = landmarks_->described.scale();
     result.estimate = in_map(best.pose.world_from_camera);
     if (result.located) result.world_from_camera = result.estimate;
     if (next != nullptr) result.rival = in_map(next->pose.world_from_camera);
-    Matrix6d covariance = best.pose.covariance;
-    covariance.topRows<3>() /= scale;
-    covariance.leftCols<3>() /= scale;
     result.covariance = covariance;
+    if (covariance) {
+      result.covariance->topRows<3>() /= scale;
+      result.covariance->leftCols<3>() /= scale;
+    }
     result.visible = best.visible;
     result.expected = best.expected;
     result.spread = best.spread;
@@ -309,7 +353,9 @@ class ImageLocator::View {
     const double focal_length = lens.camera.parameters.front();
     result.camera = lens.camera;
     result.focal_length_sigma = lens.focal_length_sigma;
-    if (result.located && lens.focal_length_sigma > kMostSigma * focal_length) {
+    const bool are_matches_right =
+        result.located || result.failure == LocationFailure::kUndetermined;
+    if (are_matches_right && lens.focal_length_sigma > kMostSigma * focal_length) {
       result.located = false;
       result.failure = LocationFailure::kFocalLength;
       result.world_from_camera.reset();
@@ -330,9 +376,16 @@ class ImageLocator::View {
     std::optional<ImagePose> next;
     if (probability_of(*best) >= options_.min_probability) next = search.rival(sensor(), *best);
     if (next && search.same(*best, *next)) next.reset();
-    const bool has_rival =
-        judge(*best, next ? &*next : nullptr, options_.min_probability, "the image", result);
-    report(image, *best, has_rival ? &*next : nullptr, result);
+    const BodyImage alone{&search, sensor(), Rigid3()};
+    BodyPose body;
+    body.pose = best->pose;
+    body.images = {*best};
+    const auto growth = ImagePoseSearch::growth_without_chance({&alone, 1}, body);
+    const std::optional<Matrix6d> covariance = sum_of(best->pose.covariance, growth);
+    const bool has_rival = judge(*best, next ? &*next : nullptr,
+                                 probability_within(covariance, search.distance_of(*best)),
+                                 options_.min_probability, "the image", result);
+    report(image, *best, covariance, has_rival ? &*next : nullptr, result);
     return result;
   }
 
@@ -395,8 +448,20 @@ class ImageLocator::Together {
       contradiction = contradiction_of(*best);
       if (contradiction.empty()) next = rival(*best);
     }
+    const auto growth = ImagePoseSearch::growth_without_chance(images_, *best);
+    const auto covariance_of = [&](std::size_t k) {
+      const Eigen::Vector3d arm = best->images[k].pose.world_from_camera.translation() -
+                                  best->pose.world_from_camera.translation();
+      const auto own =
+          growth ? std::optional<Matrix6d>(covariance_at_point(*growth, arm)) : std::nullopt;
+      return sum_of(best->images[k].pose.covariance, own);
+    };
+    const std::size_t most = most_matches(*best);
+    const double within = probability_within(covariance_of(most),
+                                             images_[most].search->distance_of(best->images[most]));
     ImageLocation verdict;
-    const bool has_rival = judge(*best, next ? &*next : nullptr, least, "an image", verdict);
+    const bool has_rival =
+        judge(*best, next ? &*next : nullptr, within, least, "an image", verdict);
     const std::string lens_defect =
         verdict.located && contradiction.empty() ? lens_defect_of(*best) : "";
     for (std::size_t k = 0; k < views_.size(); ++k) {
@@ -404,8 +469,8 @@ class ImageLocator::Together {
       results[k].probability = verdict.probability;
       results[k].failure = verdict.failure;
       results[k].reason = verdict.reason;
-      views_[k]->report(seen_[k]->image, best->images[k], has_rival ? &next->images[k] : nullptr,
-                        results[k]);
+      views_[k]->report(seen_[k]->image, best->images[k], covariance_of(k),
+                        has_rival ? &next->images[k] : nullptr, results[k]);
       View::refuse(LocationFailure::kGivenPoses, contradiction, results[k]);
       View::refuse(LocationFailure::kLens, lens_defect, results[k]);
       View::refuse(LocationFailure::kFewMatches, too_few_text(best->images[k]), results[k]);

@@ -35,16 +35,17 @@ struct ImageMatch {
 
 /// Why an image was not located.
 enum class LocationFailure {
-  kFewMatches,   ///< no pose agrees with enough matches
-  kFewInliers,   ///< chance explains the inliers of the best pose
-  kImprobable,   ///< the probability of the best pose is too low
-  kAmbiguous,    ///< another pose explains other matches
-  kFocalLength,  ///< the matches do not determine the focal length
-  kLens,         ///< the matches fit another lens far better than the camera's
-  kGivenPoses,   ///< images located together have poses of their own that contradict the given ones
+  kFewMatches,    ///< no pose agrees with enough matches
+  kFewInliers,    ///< chance explains the inliers of the best pose
+  kImprobable,    ///< the probability of the best pose is too low
+  kAmbiguous,     ///< another pose explains other matches
+  kFocalLength,   ///< the matches do not determine the focal length
+  kLens,          ///< the matches fit another lens far better than the camera's
+  kUndetermined,  ///< without a few matches, the others do not determine the pose
+  kGivenPoses,  ///< images located together have poses of their own that contradict the given ones
 };
 
-/// "few_matches", "few_inliers", "improbable", "ambiguous", "focal_length", "lens" or "given_poses".
+/// "few_matches", "few_inliers", "improbable", "ambiguous", "focal_length", "lens", "undetermined" or "given_poses".
 std::string_view to_string(LocationFailure failure);
 
 /// Result of locating an image.
@@ -60,7 +61,9 @@ struct ImageLocation {
   /// Another pose with enough evidence to lower the probability of the estimate.
   std::optional<Rigid3> rival;
   /// Covariance of the estimate, (δt, δφ) in the map's frame, in the map's unit and radians.
-  /// Includes the errors of corners and landmarks, but no error common to the whole map.
+  /// Includes the errors of corners and landmarks, but no error common to the whole map. Without as many matches as
+  /// chance gives (`expected`), namely those that determine the pose most, because one of them may be wrong.
+  /// std::nullopt if the other matches do not determine the pose.
   std::optional<Matrix6d> covariance;
   std::size_t corners = 0;  ///< detected in the image
   std::size_t proposals =

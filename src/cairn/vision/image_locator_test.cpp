@@ -219,6 +219,19 @@ TEST(ImageLocator, IsMoreUncertainWhereLandmarksAre) {
   EXPECT_GT((*unsure.covariance)(0, 0), 2.0 * (*sure.covariance)(0, 0));
 }
 
+TEST(ImageLocator, DoesNotLocateByMatchesThatLeaveThePoseOpen) {
+  MapTables tables = wall_tables();
+  tables.landmarks.covariances.assign(tables.landmarks.ids.size(),
+                                      0.25 * Eigen::Matrix3d::Identity());
+  const ImageLocation found =
+      ImageLocator(LandmarkMap(std::move(tables)), TexturedWall::camera()).locate(image_at(60, 40));
+  EXPECT_FALSE(found.located);
+  EXPECT_EQ(found.failure, LocationFailure::kUndetermined) << found.reason;
+  EXPECT_GT(std::sqrt((*found.covariance)(0, 0)), 0.02);
+  EXPECT_THAT(found.reason, HasSubstr("the others leave the pose open"));
+  EXPECT_TRUE(ImageLocator(wall_map(), TexturedWall::camera()).locate(image_at(60, 40)).located);
+}
+
 TEST(ImageLocator, GivesTheSameResultAgain) {
   const ImageLocator locator(wall_map(), TexturedWall::camera());
   const ImageLocation once = locator.locate(image_at(90, 50));

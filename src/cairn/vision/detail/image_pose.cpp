@@ -115,7 +115,7 @@ double share_of_different(const std::vector<ImagePose>& images) {
 
 // The evidence of a body from that of its images.
 void add_up(BodyPose& body) {
-  const double once = share_of_different(body.images);
+  const double once = body.independent = share_of_different(body.images);
   const LandmarkSet thing = largest_thing(body.images);
   std::size_t outside = 0;
   for (const ImagePose& image : body.images) {
@@ -547,6 +547,38 @@ std::vector<PointMatch> ImagePoseSearch::point_matches(const SensorModel& sensor
     matches.push_back(match);
   }
   return matches;
+}
+
+std::optional<Matrix6d> ImagePoseSearch::growth_without_chance(std::span<const BodyImage> images,
+                                                               const BodyPose& body) {
+  // Of the matches that chance gives within the last radius of kSearchPixels, the share that fits the pose by chance
+  // too: the ratio of the areas, with a residual of at most three standard deviations of 1.4 pixels.
+  constexpr double kChanceThatFits = 0.5;
+  double expected = 0.0;
+  std::vector<std::vector<PointMatch>> matches;
+  std::vector<BodyCamera> cameras;
+  std::vector<std::uint32_t> landmarks;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const ImagePose& image = body.images[k];
+    expected += image.expected;
+    matches.push_back(images[k].search->point_matches(images[k].sensor, image));
+    cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body, matches.back()});
+    for (const FeatureMatch& match : image.matches) landmarks.push_back(match.landmark);
+  }
+  const double chance = kChanceThatFits * body.independent * expected;
+  auto growth = growth_without_landmarks(cameras, landmarks, body.pose.world_from_camera,
+                                         static_cast<std::size_t>(std::ceil(chance)));
+  if (growth) *growth /= body.independent;
+  return growth;
+}
+
+double ImagePoseSearch::distance_of(const ImagePose& pose) const {
+  std::vector<double> distances;
+  for (const FeatureMatch& match : pose.matches) {
+    distances.push_back(
+        (landmarks_->position(match.landmark) - pose.pose.world_from_camera.translation()).norm());
+  }
+  return upper_median(distances);
 }
 
 // Moves the pose to where its matches fit best, and keeps those that do.

@@ -59,6 +59,7 @@ struct BodyImage {
 struct BodyPose : PoseEvidence {
   PoseEstimate pose;  ///< world_from_body
   std::vector<ImagePose> images;
+  double independent = 1.0;  ///< share of the matches that the images do not repeat
 };
 
 /// Fewest matches of a pose: three determine it, the others must confirm it.
@@ -91,6 +92,12 @@ class ImagePoseSearch {
   /// The same for the images of a body.
   static std::optional<BodyPose> settled_together(std::span<const BodyImage> images,
                                                   const Rigid3& world_from_body);
+  /// By how much the covariance of a body's pose grows without as many landmarks as chance gives.
+  /// @return std::nullopt if the others do not determine the pose
+  static std::optional<Matrix6d> growth_without_chance(std::span<const BodyImage> images,
+                                                       const BodyPose& body);
+  /// Median distance of the landmarks that the pose's matches show.
+  double distance_of(const ImagePose& pose) const;
   /// The lens with which the pose's matches fit best, and the pose with this lens.
   /// @param camera where the search begins; as from radial_camera()
   std::optional<LensEstimate> lens_of(const SensorModel& sensor, const Camera& camera,

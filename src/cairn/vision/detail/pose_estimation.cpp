@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 
 #include <Eigen/Geometry>
 
@@ -12,6 +13,8 @@
 
 namespace cairn::detail {
 namespace {
+
+using Rows3x6 = Eigen::Matrix<double, 3, 6>;
 
 struct NormalEquations {
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
@@ -26,28 +29,37 @@ Eigen::Vector3d weights_of(const PointResidual& residual, bool robust) {
   return {pixel, pixel, depth};
 }
 
-NormalEquations accumulate(std::span<const BodyCamera> cameras, const std::vector<bool>& use,
-                           const Rigid3& world_from_body, bool robust) {
-  NormalEquations sum;
+// Calls visit(place, residual, by_pose) for each used match in front of its camera.
+template <class Visit>
+void for_each_residual(std::span<const BodyCamera> cameras, const std::vector<bool>* use,
+                       const Rigid3& world_from_body, const Visit& visit) {
   const Eigen::Matrix3d body_from_world = world_from_body.rotation().transpose();
   std::size_t i = 0;
   for (const BodyCamera& camera : cameras) {
     const Eigen::Matrix3d camera_from_world = camera.camera_from_body.rotation() * body_from_world;
     for (const PointMatch& match : camera.matches) {
-      if (!use[i++]) continue;
+      const std::size_t place = i++;
+      if (use != nullptr && !(*use)[place]) continue;
       const Eigen::Vector3d arm = match.x_in_world - world_from_body.translation();
       const Eigen::Vector3d x_in_camera =
           camera_from_world * arm + camera.camera_from_body.translation();
       if (x_in_camera.z() < kNearestDepth) continue;
       const PointResidual residual = point_residual(camera.pinhole, match.measured, x_in_camera);
       const Eigen::Matrix3d by_x = residual.by_x_in_camera * camera_from_world;
-      const Eigen::Matrix<double, 3, 6> by_pose = derivative_by_pose(by_x, arm);
-      const Eigen::Matrix<double, 3, 6> weighted =
-          weights_of(residual, robust).asDiagonal() * by_pose;
-      sum.information += by_pose.transpose() * weighted;
-      sum.gradient += weighted.transpose() * residual.value;
+      visit(place, residual, Rows3x6(derivative_by_pose(by_x, arm)));
     }
   }
+}
+
+NormalEquations accumulate(std::span<const BodyCamera> cameras, const std::vector<bool>& use,
+                           const Rigid3& world_from_body, bool robust) {
+  NormalEquations sum;
+  for_each_residual(cameras, &use, world_from_body,
+                    [&](std::size_t, const PointResidual& residual, const Rows3x6& by_pose) {
+                      const Rows3x6 weighted = weights_of(residual, robust).asDiagonal() * by_pose;
+                      sum.information += by_pose.transpose() * weighted;
+                      sum.gradient += weighted.transpose() * residual.value;
+                    });
   return sum;
 }
 
@@ -137,6 +149,39 @@ PoseEstimate refine_pose(std::span<const BodyCamera> cameras, const Rigid3& worl
     estimate.inliers.assign(count, false);
   }
   return estimate;
+}
+
+std::optional<Matrix6d> growth_without_landmarks(std::span<const BodyCamera> cameras,
+                                                 std::span<const std::uint32_t> landmarks,
+                                                 const Rigid3& world_from_body, std::size_t count) {
+  std::map<std::uint32_t, Matrix6d> parts;  // of the information, by landmark
+  Matrix6d information = Matrix6d::Zero();
+  for_each_residual(cameras, nullptr, world_from_body,
+                    [&](std::size_t i, const PointResidual& residual, const Rows3x6& by_pose) {
+                      const Matrix6d part =
+                          by_pose.transpose() * weights_of(residual, false).asDiagonal() * by_pose;
+                      information += part;
+                      parts.try_emplace(landmarks[i], Matrix6d::Zero()).first->second += part;
+                    });
+  const auto all = inverse_of_positive_definite(information);
+  if (!all) return std::nullopt;
+  Matrix6d covariance = *all;
+  for (count = std::min(count, parts.size()); count > 0; --count) {
+    double largest = -1.0;
+    auto chosen = parts.begin();
+    for (auto part = parts.begin(); part != parts.end(); ++part) {
+      const auto without = inverse_of_positive_definite(Matrix6d(information - part->second));
+      if (!without) return std::nullopt;
+      const double variance = without->topLeftCorner<3, 3>().trace();
+      if (variance <= largest) continue;
+      largest = variance;
+      chosen = part;
+      covariance = *without;
+    }
+    information -= chosen->second;
+    parts.erase(chosen);
+  }
+  return covariance - *all;
 }
 
 RowMotion refined_row_motion(const Pinhole& pinhole, std::span<const PointMatch> matches,

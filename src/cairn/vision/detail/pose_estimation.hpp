@@ -42,6 +42,16 @@ struct BodyCamera {
 /// @return inliers: those of the first camera's matches, then those of the next
 PoseEstimate refine_pose(std::span<const BodyCamera> cameras, const Rigid3& world_from_body);
 
+/// By how much the covariance of a pose grows without those landmarks, one after another, without which the position is
+/// least certain. A pose that rests on a few landmarks is wrong if one of them is.
+/// @param cameras   with the matches that count
+/// @param landmarks one per match, in the order of PoseEstimate::inliers
+/// @param count     number of landmarks to leave out
+/// @return std::nullopt if the others do not determine the pose
+std::optional<Matrix6d> growth_without_landmarks(std::span<const BodyCamera> cameras,
+                                                 std::span<const std::uint32_t> landmarks,
+                                                 const Rigid3& world_from_body, std::size_t count);
+
 /// What is known of the camera's motion during a readout before its rows are compared.
 struct RowMotionPrior {
   RowMotion motion;

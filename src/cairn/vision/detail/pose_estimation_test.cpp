@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 
 #include <Eigen/LU>
 #include <gtest/gtest.h>
@@ -230,6 +231,73 @@ TEST(RefinePose, CovarianceIsThatOfTheErrors) {
   }
   EXPECT_NEAR(sum / kTrials, 6.0, 0.6);
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(scatter(i, i) / covariance(i, i), 1.0, 0.25) << i;
+}
+
+// The covariance of a pose from the matches of some landmarks.
+Matrix6d covariance_from(const View& view, const std::vector<std::size_t>& kept) {
+  std::vector<PointMatch> matches;
+  for (const std::size_t i : kept) matches.push_back(view.matches[i]);
+  return refine_pose(kTestPinhole, matches, view.world_from_camera).covariance;
+}
+
+std::optional<Matrix6d> growth_of(const View& view, std::size_t count, std::size_t copies = 1) {
+  std::vector<std::uint32_t> landmarks(view.matches.size());
+  std::iota(landmarks.begin(), landmarks.end(), 0U);
+  const BodyCamera camera{kTestPinhole, Rigid3(), view.matches};
+  const std::vector<BodyCamera> cameras(copies, camera);
+  const std::size_t each = landmarks.size();
+  for (std::size_t k = 1; k < copies; ++k) {
+    landmarks.insert(landmarks.end(), landmarks.begin(),
+                     landmarks.begin() + static_cast<std::ptrdiff_t>(each));
+  }
+  return growth_without_landmarks(cameras, landmarks, view.world_from_camera, count);
+}
+
+TEST(GrowthWithoutLandmarks, IsTheLargestThatTheAbsenceOfOneGives) {
+  const View view = make_view(3, 12, 0.0);
+  std::vector<std::size_t> all(view.matches.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  const Matrix6d whole = covariance_from(view, all);
+  const auto variance = [](const Matrix6d& covariance) {
+    return covariance.topLeftCorner<3, 3>().trace();
+  };
+  Matrix6d largest = whole;
+  for (const std::size_t left_out : all) {
+    std::vector<std::size_t> others = all;
+    std::erase(others, left_out);
+    const Matrix6d covariance = covariance_from(view, others);
+    if (variance(covariance) > variance(largest)) largest = covariance;
+  }
+  ASSERT_TRUE(growth_of(view, 0) && growth_of(view, 1));
+  EXPECT_TRUE(growth_of(view, 0)->isZero());
+  EXPECT_TRUE((whole + *growth_of(view, 1)).isApprox(largest, 1e-6));
+  EXPECT_GT(variance(*growth_of(view, 2)), variance(*growth_of(view, 1)));
+  EXPECT_FALSE(growth_of(view, 10)) << "two do not determine a pose";
+  EXPECT_TRUE((2.0 * *growth_of(view, 1, 2)).isApprox(*growth_of(view, 1), 1e-9))
+      << "a landmark that two images show is left out of both";
+}
+
+TEST(GrowthWithoutLandmarks, IsLargeIfOneNearLandmarkDecides) {
+  Random random(4);
+  View view;
+  for (int i = 0; i < 60; ++i) {  // a far patch
+    const Eigen::Vector2d pixel(random.uniform(300.0, 380.0), random.uniform(200.0, 260.0));
+    view.matches.push_back(match_of(view.world_from_camera,
+                                    kTestPinhole.back_project(pixel, random.uniform(5.4, 5.6)), 0.0,
+                                    random));
+    view.matches.back().measured.depth_m = 0.0;
+  }
+  const auto deviation = [&] {
+    const Matrix6d covariance =
+        refine_pose(kTestPinhole, view.matches, view.world_from_camera).covariance;
+    return std::sqrt((covariance + *growth_of(view, 1)).topLeftCorner<3, 3>().trace() /
+                     covariance.topLeftCorner<3, 3>().trace());
+  };
+  EXPECT_LT(deviation(), 1.3) << "many landmarks share the decision";
+  view.matches.push_back(match_of(view.world_from_camera,
+                                  kTestPinhole.back_project({200.0, 100.0}, 1.5), 0.0, random));
+  view.matches.back().measured.depth_m = 0.0;
+  EXPECT_GT(deviation(), 3.0);
 }
 
 TEST(RefinePose, TooLittleToFixAPoseIsNoEstimate) {
