@@ -401,8 +401,12 @@ LandmarkMap ConvertArguments::changed(LandmarkMap map, const Changes& made,
   reject_if(made.range && !map.has_observations(), input, "has no observations",
             "a map with observations, for --frames");
   if (made.range) {
+    const std::size_t all = map.landmark_count();
     with_option_names({{"frames", "--frames"}},
                       [&] { map = cut_frames(map, made.range->begin, made.range->end); });
+    common.console().remark(
+        "--frames keeps {} of {} landmarks: those that only the kept frames observe",
+        map.landmark_count(), all);
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   const auto move = [&](const Similarity3& by) {

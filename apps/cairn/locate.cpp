@@ -47,7 +47,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Json json_of(const std::string& image, const ImageLocation& found) {
+// @param map whose landmarks the matches show
+Json json_of(const std::string& image, const ImageLocation& found, const LandmarkMap& map) {
   Json json = {{"image", image},
                {"verdict", found.located ? "located" : "rejected"},
                {"probability", found.probability},
@@ -68,7 +69,8 @@ Json json_of(const std::string& image, const ImageLocation& found) {
   if (found.covariance) json["covariance"] = to_json(*found.covariance);
   if (found.focal_length_sigma) json["focal_length_sigma"] = *found.focal_length_sigma;
   for (const ImageMatch& match : found.matches) {
-    json["matches"].push_back({match.landmark.value, match.pixel.u, match.pixel.v});
+    const LandmarkId landmark = map.landmarks().ids[match.landmark.value];
+    json["matches"].push_back({landmark.value, match.pixel.u, match.pixel.v});
   }
   return json;
 }
@@ -348,7 +350,7 @@ struct LocateArguments {
       const auto& [location, lens, stated, defect] = found[i];
       if (!defect.empty()) {
         all_read = false;
-        Json result = json_of(images[i], location);
+        Json result = json_of(images[i], location, loaded.map);
         result["verdict"] = "unreadable";
         result["probability"] = nullptr;
         result["reason"] = defect;
@@ -356,7 +358,7 @@ struct LocateArguments {
         console.print("{}: unreadable: {}\n", fs::path(images[i]).filename().string(), defect);
         continue;
       }
-      json["results"].push_back(json_of(images[i], location));
+      json["results"].push_back(json_of(images[i], location, loaded.map));
       if (stated) json["results"].back()["exif_focal_length"] = *stated;
       std::string said = fmt::format("{}: {}", decision_of(location), location.reason);
       if (group != nullptr && location.located == group->location.located) {

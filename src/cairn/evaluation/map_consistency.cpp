@@ -87,10 +87,8 @@ std::size_t unobserving_frames(const LandmarkMap& map) {
 std::string separate_frames_text(const LandmarkMap& map, const SeparateFrames& group) {
   return fmt::format(
       "{} images ({}) are where others are, but share {:.0f} % of the landmarks in view with them, "
-      "where "
-      "{:.0f} % is usual: two alike places are taken for one, and the model is folded; or a loop "
-      "is "
-      "not closed",
+      "where {:.0f} % is usual: two alike places are taken for one, and the model is folded; or a "
+      "loop is not closed; or landmarks are missing, as where a model was cut",
       group.frames.size(), image_list(map, group.frames), 100.0 * group.shared,
       100.0 * group.usual);
 }

@@ -227,11 +227,12 @@ void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages&
   PoseDifferences poses = pose_differences({maps_[k].map, maps_[k].world_from_map},
                                            {maps_[m].map, maps_[m].world_from_map}, common);
   const auto rounded = [](double value) { return value < 1e-9 ? 0.0 : value; };
-  execution_.log(
-      fmt::format("{} images are both in {} and in {}, and count once; their poses differ by "
-                  "{:.3g} and {:.2g}° (medians)",
-                  common.same.size(), maps_[k].name, maps_[m].name,
-                  rounded(upper_median(poses.apart)), rounded(upper_median(poses.turned_deg))));
+  execution_.log(fmt::format(
+      "{} images are both in {} and in {}, and count once; their poses differ by "
+      "{:.3g} {} and {:.2g}° (medians)",
+      common.same.size(), maps_[k].name, maps_[m].name, rounded(upper_median(poses.apart)),
+      maps_[k].map->info().length_unit == LengthUnit::kMetres ? "m" : "units",
+      rounded(upper_median(poses.turned_deg))));
 }
 
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.

@@ -213,8 +213,10 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
                         percent(share), percent(Likeness::kChance));
   }
   if (best.support.contrast && !best.support.agreement) {
-    text += fmt::format(", the contrasts of {} matches have a correlation of {:.2f}",
-                        best.support.contrast->compared, best.support.contrast->correlation);
+    text += fmt::format(
+        ", the lightness of {} matches, relative to their neighbours, has a correlation of {:.2f} "
+        "(0 expected by chance)",
+        best.support.contrast->compared, best.support.contrast->correlation);
   }
   if (best.contradicted) {
     text += fmt::format(", {} of the lines of sight contradict it", percent(*best.contradicted));
