@@ -404,9 +404,11 @@ LandmarkMap ConvertArguments::changed(LandmarkMap map, const Changes& made,
     const std::size_t all = map.landmark_count();
     with_option_names({{"frames", "--frames"}},
                       [&] { map = cut_frames(map, made.range->begin, made.range->end); });
-    common.console().remark(
-        "--frames keeps {} of {} landmarks: those that only the kept frames observe",
-        map.landmark_count(), all);
+    if (map.landmark_count() < all) {
+      common.console().remark(
+          "--frames keeps {} of {} landmarks: those that only the kept frames observe",
+          map.landmark_count(), all);
+    }
   }
   if (min_observations > 0) map = with_landmarks(map, landmarks_observed(map, min_observations));
   const auto move = [&](const Similarity3& by) {

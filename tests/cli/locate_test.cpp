@@ -69,6 +69,16 @@ TEST_F(LocateCliTest, SaysWhereAnImageWasTaken) {
   const auto true_poses = read_trajectory(truth);
   ASSERT_EQ(poses.poses().size(), 1U);
   EXPECT_NEAR(poses.poses()[0].timestamp_s, 2.0, 1e-9);
+  const LandmarkMap map = read_map(path("desk.map"));
+  for (const Json& match : result.at("matches")) {
+    const auto landmark = map.find(LandmarkId{match.at(0).get<std::uint64_t>()});
+    ASSERT_TRUE(landmark) << match;
+    const auto pixel = project(map.cameras()[0], poses.poses()[0].world_from_camera.inverse() *
+                                                     map.landmarks().positions[landmark->value]);
+    ASSERT_TRUE(pixel);
+    EXPECT_NEAR(pixel->u, match.at(1).get<double>(), 8.0);
+    EXPECT_NEAR(pixel->v, match.at(2).get<double>(), 8.0);
+  }
   for (const TimedPose& pose : true_poses.poses()) {
     if (std::abs(pose.timestamp_s - 2.0) > 1e-3) continue;
     const Vector6d off = poses.poses()[0].world_from_camera.difference_to(pose.world_from_camera);

@@ -102,7 +102,7 @@ struct Support {
   std::optional<Likeness> likeness = {};
   /// The likeness evidence without the sixteenth of the source that contributes most.
   double spread_likeness = 0.0;
-  /// std::nullopt if the maps have descriptors of one kind, or no colours.
+  /// std::nullopt if a map has descriptors, or hardly any colours that differ.
   std::optional<ContrastAgreement> contrast = {};
 
   std::size_t matches() const { return within[0]; }

@@ -226,12 +226,13 @@ class ColumnValues {
 
 class ColumnValues::const_iterator {
  public:
-  using iterator_category = std::input_iterator_tag;
+  using iterator_category = std::forward_iterator_tag;
   using value_type = double;
   using difference_type = std::ptrdiff_t;
   using pointer = void;
   using reference = double;
 
+  const_iterator() = default;
   const_iterator(const ColumnValues* column, std::size_t at) : column_(column), at_(at) {}
   double operator*() const { return (*column_)[at_]; }
   const_iterator& operator++() {
@@ -242,8 +243,8 @@ class ColumnValues::const_iterator {
   friend bool operator==(const const_iterator&, const const_iterator&) = default;
 
  private:
-  const ColumnValues* column_;
-  std::size_t at_;
+  const ColumnValues* column_ = nullptr;
+  std::size_t at_ = 0;
 };
 
 inline ColumnValues::const_iterator ColumnValues::begin() const {

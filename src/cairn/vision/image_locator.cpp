@@ -2,6 +2,7 @@
 #include "cairn/vision/image_locator.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -16,6 +17,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
+#include "cairn/geometry/decompositions.hpp"
 #include "cairn/vision/detail/image_pose.hpp"
 
 namespace cairn {
@@ -63,76 +65,106 @@ double matches_for(const PoseEvidence& pose, double probability) {
   return std::ceil(std::expm1((log_odds - log_odds_without_matches(pose)) / kMatches));
 }
 
-// Standard deviations of a pose along and about the axes along and about which it is least certain.
-struct LargestDeviations {
-  double position = 0.0;
-  double rotation_rad = 0.0;
+// Probability that a Gaussian error is at most so long: that of a chi-square distribution with the same mean and
+// variance (Satterthwaite 1946), by the approximation of Wilson and Hilferty (1931).
+double probability_within(double limit, const Eigen::Matrix3d& covariance) {
+  const Eigen::Vector3d variances = symmetric_eigenvalues<3>(covariance);
+  const double sum = variances.sum();
+  if (!(sum > 0.0)) return 1.0;
+  const double spread = 2.0 / 9.0 * variances.squaredNorm() / (sum * sum);
+  const double deviation = (std::cbrt(limit * limit / sum) - (1.0 - spread)) / std::sqrt(spread);
+  return 0.5 * std::erfc(-deviation / std::numbers::sqrt2);
+}
 
-  explicit LargestDeviations(const Matrix6d& covariance)
-      : position(std::sqrt(spectral_norm(Eigen::Matrix3d(covariance.topLeftCorner<3, 3>())))),
-        rotation_rad(
-            std::sqrt(spectral_norm(Eigen::Matrix3d(covariance.bottomRightCorner<3, 3>())))) {}
+// How well right matches determine the pose.
+struct Certainty {
+  double probability = 0.0;  // of a right pose
+  std::string text;
 };
 
-// Probability that a pose from right matches is right.
 // @param covariance in the unit in which limits in metres are valid; std::nullopt if unknown
 // @param distance   of what the image shows
-double probability_within(const std::optional<Matrix6d>& covariance, double distance) {
+// @param scale      factor of the map's lengths
+Certainty certainty_of(const std::optional<Matrix6d>& covariance, double distance, double scale,
+                       std::string_view unit) {
   constexpr double kRight = 0.05;         // metres
   constexpr double kRightShare = 0.01;    // of the distance; the larger counts
   constexpr double kRightRotation = 5.0;  // degrees
-  if (!covariance) return 0.0;
-  const LargestDeviations sigma(*covariance);
-  const auto within = [](double limit, double deviation) {
-    return std::erf(limit / (std::numbers::sqrt2 * deviation));
-  };
-  return within(std::max(kRight, kRightShare * distance), sigma.position) *
-         within(radians(kRightRotation), sigma.rotation_rad);
+  constexpr std::string_view kWithout = "without the landmarks that may match by chance";
+  if (!covariance) return {0.0, fmt::format("{}, the others leave the pose open", kWithout)};
+  const Eigen::Matrix3d position = covariance->topLeftCorner<3, 3>();
+  const Eigen::Matrix3d rotation = covariance->bottomRightCorner<3, 3>();
+  return {probability_within(std::max(kRight, kRightShare * distance), position) *
+              probability_within(radians(kRightRotation), rotation),
+          fmt::format("{}, the position has a standard deviation of {:.2g} {}", kWithout,
+                      std::sqrt(position.trace()) / scale, unit)};
 }
 
-// Sets what the result says of the pose with most evidence.
-// @param next   another pose; null if there is none
-// @param within probability_within()
+// A result by the matches alone, what to say of them, and how well they determine the pose.
+struct Judged {
+  ImageLocation result;
+  std::string found;
+  bool has_rival = false;
+  Certainty certainty;
+};
+
+// Judges the matches of the pose with most evidence.
+// @param next  another pose; null if there is none
 // @param image what the text calls the image that contradicts
-// @return whether the other pose lowers the probability
-bool judge(const PoseEvidence& best, const PoseEvidence* next, double within,
-           double min_probability, std::string_view image, ImageLocation& result) {
+// @param blank the result without a pose
+Judged judged_by_matches(const PoseEvidence& best, const PoseEvidence* next, double min_probability,
+                         std::string_view image, ImageLocation blank) {
+  Judged judged{.result = std::move(blank), .found = "", .certainty = {}};
+  ImageLocation& result = judged.result;
   result.probability = probability_of(best);
-  std::string found = fmt::format(
+  judged.found = fmt::format(
       "{} of the {} landmarks projected near a corner match it ({:.1f} expected by chance)",
       best.agreeing, best.visible, best.expected);
   if (best.unmatched_cells > 0) {
-    found += fmt::format(", and {} of {} parts of {} match nothing that was seen there",
-                         best.unmatched_cells, detail::kImageCells, image);
+    judged.found += fmt::format(", and {} of {} parts of {} match nothing that was seen there",
+                                best.unmatched_cells, detail::kImageCells, image);
   }
-  bool has_rival = false;
   if (next != nullptr && probability_of(*next) > kWorthCounting * result.probability) {
     const double other = probability_of(*next);
     // The odds of each versus none; at most one is right.
     const double odds = result.probability / (1.0 - result.probability);
     const double odds_of_other = other / (1.0 - other);
     result.probability = odds / (1.0 + odds + odds_of_other);
-    has_rival = true;
-    found += fmt::format(", and {} match at another pose", next->agreeing);
+    judged.has_rival = true;
+    judged.found += fmt::format(", and {} match at another pose", next->agreeing);
   }
-  const bool are_matches_right = result.probability >= min_probability;
-  result.probability *= within;
   result.located = result.probability >= min_probability;
   result.failure.reset();
-  if (are_matches_right && !result.located) {
-    result.failure = LocationFailure::kUndetermined;
-    found += "; without as many matches as chance gives, the others leave the pose open";
-  } else if (!result.located && has_rival) {
+  if (!result.located && judged.has_rival) {
     result.failure = LocationFailure::kAmbiguous;
   } else if (!result.located) {
     constexpr double kChance = 0.01;  // a pose below it is hardly ever right
     result.failure =
         result.probability < kChance ? LocationFailure::kFewInliers : LocationFailure::kImprobable;
-    found += fmt::format("; these count as {:.0f} independent matches, and {:.0f} would decide",
-                         std::floor(independent_matches(best)), matches_for(best, min_probability));
+    judged.found +=
+        fmt::format("; these count as {:.0f} independent matches, and {:.0f} would decide",
+                    std::floor(independent_matches(best)), matches_for(best, min_probability));
   }
-  result.reason = fmt::format("{}: {}", decision_text(result.probability, min_probability), found);
-  return has_rival;
+  return judged;
+}
+
+// The result, if nothing but an uncertain pose can take it back.
+ImageLocation with_certainty(Judged judged, double min_probability) {
+  ImageLocation& result = judged.result;
+  const bool by_matches = result.located || result.failure == LocationFailure::kFewInliers ||
+                          result.failure == LocationFailure::kImprobable ||
+                          result.failure == LocationFailure::kAmbiguous;
+  if (!by_matches) return std::move(result);
+  result.probability *= judged.certainty.probability;
+  if (result.located && result.probability < min_probability) {
+    result.located = false;
+    result.failure = LocationFailure::kUndetermined;
+    result.world_from_camera.reset();
+    judged.found += "; " + judged.certainty.text;
+  }
+  result.reason =
+      fmt::format("{}: {}", decision_text(result.probability, min_probability), judged.found);
+  return std::move(result);
 }
 
 std::optional<Matrix6d> sum_of(const Matrix6d& covariance, const std::optional<Matrix6d>& growth) {
@@ -214,12 +246,13 @@ class ImageLocator::View {
     const ImagePoseSearch search(landmarks_->described, describer_, described, seed);
     if (focal_length_ == FocalLength::kUnknown) return locate_with_lens(search, described);
     const auto best = search.best(sensor());
-    ImageLocation result = judged(search, described, best);
+    if (!best) return blank(search, described);
+    Judged judged = this->judged(search, described, *best);
     // With depths, the pose fits more than pixels.
-    if (result.located && depth_m.empty()) {
-      refuse(LocationFailure::kLens, lens_defect(search, *best), result);
+    if (judged.result.located && depth_m.empty()) {
+      refuse(LocationFailure::kLens, lens_defect(search, *best), judged.result);
     }
-    return result;
+    return with_certainty(std::move(judged), options_.min_probability);
   }
 
   // The features of an image of a body, and the search with them.
@@ -287,6 +320,12 @@ class ImageLocator::View {
     return result;
   }
 
+  Certainty certainty(const ImagePoseSearch& search, const ImagePose& pose,
+                      const std::optional<Matrix6d>& covariance) const {
+    return certainty_of(covariance, search.distance_of(pose), landmarks_->described.scale(),
+                        landmarks_->metric ? "m" : "units");
+  }
+
   // Fills in the pose of an image that has been judged.
   // @param next another pose; null if there is none
   void report(const DescribedImage& image, const ImagePose& best,
@@ -328,7 +367,7 @@ class ImageLocator::View {
   ImageLocation locate_with_lens(const ImagePoseSearch& search, const DescribedImage& image) const {
     constexpr int kRounds = 4;
     const auto coarse = search.best_of_focal_lengths(sensor());
-    if (!coarse) return judged(search, image, std::nullopt);
+    if (!coarse) return blank(search, image);
     auto lens = search.lens_of(sensor(), detail::radial_camera(camera_, coarse->focal_length),
                                coarse->pose);
     for (int round = 1; lens; ++round) {
@@ -341,21 +380,44 @@ class ImageLocator::View {
       lens = again.lens_of(view.sensor(), lens->camera, *settled);
       if (!lens || round < kRounds) continue;
       settled->pose.world_from_camera = lens->world_from_camera;
-      settled->pose.covariance = lens->covariance;
-      return with_lens(view.judged(again, undistorted, settled), *lens);
+      widen_by_halves(again, view.sensor(), *settled, *lens);
+      Judged judged = view.judged(again, undistorted, *settled, &*lens);
+      take_lens(*lens, judged.result);
+      return with_certainty(std::move(judged), options_.min_probability);
     }
-    return judged(search, image, std::nullopt);
+    return blank(search, image);
   }
 
-  static ImageLocation with_lens(ImageLocation result, const detail::LensEstimate& lens) {
+  // A lens that rests on a few matches, one of which may be wrong, differs between two halves of the matches.
+  static void widen_by_halves(const ImagePoseSearch& search, const SensorModel& sensor,
+                              const ImagePose& pose, detail::LensEstimate& lens) {
+    std::array<double, 2> focal_lengths{};
+    for (std::size_t half = 0; half < 2; ++half) {
+      ImagePose part = pose;
+      part.matches.clear();
+      for (std::size_t i = half; i < pose.matches.size(); i += 2) {
+        part.matches.push_back(pose.matches[i]);
+      }
+      const auto own = search.lens_of(sensor, lens.camera, part);
+      if (!own) {
+        lens.focal_length_sigma = lens.camera.parameters.front();  // unknown
+        return;
+      }
+      focal_lengths[half] = own->camera.parameters.front();
+    }
+    const double sigma = 0.5 * std::abs(focal_lengths[0] - focal_lengths[1]);
+    if (sigma <= lens.focal_length_sigma) return;
+    lens.covariance *= sigma * sigma / (lens.focal_length_sigma * lens.focal_length_sigma);
+    lens.focal_length_sigma = sigma;
+  }
+
+  static void take_lens(const detail::LensEstimate& lens, ImageLocation& result) {
     // A focal length that is less certain leaves the distance to what is seen open.
     constexpr double kMostSigma = 0.03;
     const double focal_length = lens.camera.parameters.front();
     result.camera = lens.camera;
     result.focal_length_sigma = lens.focal_length_sigma;
-    const bool are_matches_right =
-        result.located || result.failure == LocationFailure::kUndetermined;
-    if (are_matches_right && lens.focal_length_sigma > kMostSigma * focal_length) {
+    if (result.located && lens.focal_length_sigma > kMostSigma * focal_length) {
       result.located = false;
       result.failure = LocationFailure::kFocalLength;
       result.world_from_camera.reset();
@@ -364,29 +426,28 @@ class ImageLocator::View {
           "{:.0f} px",
           focal_length, lens.focal_length_sigma);
     }
-    return result;
   }
 
-  ImageLocation judged(const ImagePoseSearch& search, const DescribedImage& image,
-                       const std::optional<ImagePose>& best) const {
-    ImageLocation result = blank(search, image);
-    if (!best) return result;
+  // @param lens found with the pose; null if it is known
+  Judged judged(const ImagePoseSearch& search, const DescribedImage& image, const ImagePose& best,
+                const detail::LensEstimate* lens = nullptr) const {
     // Similar objects may occur in several places, so pairs that a good pose does not explain may give
     // another pose.
     std::optional<ImagePose> next;
-    if (probability_of(*best) >= options_.min_probability) next = search.rival(sensor(), *best);
-    if (next && search.same(*best, *next)) next.reset();
+    if (probability_of(best) >= options_.min_probability) next = search.rival(sensor(), best);
+    if (next && search.same(best, *next)) next.reset();
+    Judged judged = judged_by_matches(best, next ? &*next : nullptr, options_.min_probability,
+                                      "the image", blank(search, image));
     const BodyImage alone{&search, sensor(), Rigid3()};
     BodyPose body;
-    body.pose = best->pose;
-    body.images = {*best};
+    body.pose = best.pose;
+    body.images = {best};
     const auto growth = ImagePoseSearch::growth_without_chance({&alone, 1}, body);
-    const std::optional<Matrix6d> covariance = sum_of(best->pose.covariance, growth);
-    const bool has_rival = judge(*best, next ? &*next : nullptr,
-                                 probability_within(covariance, search.distance_of(*best)),
-                                 options_.min_probability, "the image", result);
-    report(image, *best, covariance, has_rival ? &*next : nullptr, result);
-    return result;
+    // The lens has a verdict of its own.
+    judged.certainty = certainty(search, best, sum_of(best.pose.covariance, growth));
+    report(image, best, sum_of(lens ? lens->covariance : best.pose.covariance, growth),
+           judged.has_rival ? &*next : nullptr, judged.result);
+    return judged;
   }
 
   Rigid3 in_map(const Rigid3& pose) const {
@@ -456,24 +517,29 @@ class ImageLocator::Together {
           growth ? std::optional<Matrix6d>(covariance_at_point(*growth, arm)) : std::nullopt;
       return sum_of(best->images[k].pose.covariance, own);
     };
-    const std::size_t most = most_matches(*best);
-    const double within = probability_within(covariance_of(most),
-                                             images_[most].search->distance_of(best->images[most]));
-    ImageLocation verdict;
-    const bool has_rival =
-        judge(*best, next ? &*next : nullptr, within, least, "an image", verdict);
-    const std::string lens_defect =
-        verdict.located && contradiction.empty() ? lens_defect_of(*best) : "";
+    Judged verdict =
+        judged_by_matches(*best, next ? &*next : nullptr, least, "an image", ImageLocation());
+    verdict.certainty.probability = 1.0;
     for (std::size_t k = 0; k < views_.size(); ++k) {
-      results[k].located = verdict.located;
-      results[k].probability = verdict.probability;
-      results[k].failure = verdict.failure;
-      results[k].reason = verdict.reason;
+      const ImagePose& pose = best->images[k];
+      if (pose.agreeing < detail::kFewestMatches) continue;
+      Certainty own = views_[k]->certainty(*images_[k].search, pose, covariance_of(k));
+      if (own.probability <= verdict.certainty.probability) verdict.certainty = std::move(own);
+    }
+    const std::string lens_defect =
+        verdict.result.located && contradiction.empty() ? lens_defect_of(*best) : "";
+    for (std::size_t k = 0; k < views_.size(); ++k) {
+      results[k].located = verdict.result.located;
+      results[k].probability = verdict.result.probability;
+      results[k].failure = verdict.result.failure;
       views_[k]->report(seen_[k]->image, best->images[k], covariance_of(k),
-                        has_rival ? &next->images[k] : nullptr, results[k]);
+                        verdict.has_rival ? &next->images[k] : nullptr, results[k]);
       View::refuse(LocationFailure::kGivenPoses, contradiction, results[k]);
       View::refuse(LocationFailure::kLens, lens_defect, results[k]);
       View::refuse(LocationFailure::kFewMatches, too_few_text(best->images[k]), results[k]);
+      Judged own = verdict;
+      own.result = std::move(results[k]);
+      results[k] = with_certainty(std::move(own), least);
     }
     return results;
   }

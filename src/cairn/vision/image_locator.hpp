@@ -60,10 +60,10 @@ struct ImageLocation {
   std::optional<Rigid3> estimate;
   /// Another pose with enough evidence to lower the probability of the estimate.
   std::optional<Rigid3> rival;
-  /// Covariance of the estimate, (δt, δφ) in the map's frame, in the map's unit and radians.
-  /// Includes the errors of corners and landmarks, but no error common to the whole map. Without as many matches as
-  /// chance gives (`expected`), namely those that determine the pose most, because one of them may be wrong.
-  /// std::nullopt if the other matches do not determine the pose.
+  /// Covariance of the estimate, (δt, δφ) in the map's frame, in the map's unit and radians. Includes the errors of
+  /// corners and landmarks, but no error common to the whole map. It does not rest on the few landmarks that determine
+  /// the pose most, because they may be matched by chance (half of `expected`). std::nullopt if the others do not
+  /// determine the pose.
   std::optional<Matrix6d> covariance;
   std::size_t corners = 0;  ///< detected in the image
   std::size_t proposals =

@@ -8,6 +8,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "cairn/alignment/detail/evidence/contrast.hpp"
 #include "cairn/alignment/detail/spatial_groups.hpp"
 #include "cairn/core/detail/hash.hpp"
 #include "cairn/core/random.hpp"
@@ -182,7 +183,11 @@ PreparedCloud::More::More(const LandmarkCloud& landmarks, const BatchTree& tree,
       scales(cloud_scales(landmarks, tree, executor)),
       sample_scales(scales_of_sample(landmarks, scales, executor)),
       groups(spatial_groups(first_of(landmarks.positions), kGroups)),
-      views(landmarks) {}
+      views(landmarks) {
+  if (!landmarks.descriptors) {
+    contrasts = contrast_ranks(landmarks.lightness, landmarks.positions, tree, executor);
+  }
+}
 
 PreparedCloud PreparedCloud::plain(LandmarkCloud cloud) {
   PreparedCloud result;

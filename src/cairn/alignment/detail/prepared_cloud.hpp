@@ -68,6 +68,8 @@ class PreparedCloud {
   /// spatial_groups() of the first kSample landmarks.
   std::span<const std::size_t> groups() const { return more_->groups; }
   const SeenViews& views() const { return more_->views; }
+  /// contrast_ranks() of all landmarks; empty if the cloud has descriptors, which say more.
+  std::span<const double> contrasts() const { return more_->contrasts; }
 
   /// The same landmarks in the same order, all lengths multiplied by the scale.
   PreparedCloud scaled(double scale, const Executor& executor) const;
@@ -88,6 +90,7 @@ class PreparedCloud {
     CloudScales sample_scales;
     std::vector<std::size_t> groups;
     SeenViews views;
+    std::vector<double> contrasts;
   };
 
   PreparedCloud() = default;

@@ -339,6 +339,7 @@ std::string take(HeadedSource& source, std::uint64_t count) {
 
 // Reads points from compressed data, which is stored field by field.
 void read_compressed_points(HeadedSource& source, std::uint64_t points, PointTable& table) {
+  table.expect_binary();
   const std::uint64_t begin = source.offset();
   const std::string sizes = take(source, 8);
   if (sizes.size() < 8) {

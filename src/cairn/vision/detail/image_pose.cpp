@@ -565,9 +565,11 @@ std::optional<Matrix6d> ImagePoseSearch::growth_without_chance(std::span<const B
     cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body, matches.back()});
     for (const FeatureMatch& match : image.matches) landmarks.push_back(match.landmark);
   }
+  constexpr std::size_t kMostLeftOut = 64;  // more hardly change the result
   const double chance = kChanceThatFits * body.independent * expected;
-  auto growth = growth_without_landmarks(cameras, landmarks, body.pose.world_from_camera,
-                                         static_cast<std::size_t>(std::ceil(chance)));
+  auto growth =
+      growth_without_landmarks(cameras, landmarks, body.pose.world_from_camera,
+                               std::min(static_cast<std::size_t>(std::ceil(chance)), kMostLeftOut));
   if (growth) *growth /= body.independent;
   return growth;
 }

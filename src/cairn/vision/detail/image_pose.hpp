@@ -92,7 +92,8 @@ class ImagePoseSearch {
   /// The same for the images of a body.
   static std::optional<BodyPose> settled_together(std::span<const BodyImage> images,
                                                   const Rigid3& world_from_body);
-  /// By how much the covariance of a body's pose grows without as many landmarks as chance gives.
+  /// By how much the covariance of a body's pose grows without as many landmarks as match and fit by chance: half of
+  /// ImagePose::expected, rounded up.
   /// @return std::nullopt if the others do not determine the pose
   static std::optional<Matrix6d> growth_without_chance(std::span<const BodyImage> images,
                                                        const BodyPose& body);

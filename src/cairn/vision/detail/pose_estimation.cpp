@@ -154,15 +154,17 @@ PoseEstimate refine_pose(std::span<const BodyCamera> cameras, const Rigid3& worl
 std::optional<Matrix6d> growth_without_landmarks(std::span<const BodyCamera> cameras,
                                                  std::span<const std::uint32_t> landmarks,
                                                  const Rigid3& world_from_body, std::size_t count) {
-  std::map<std::uint32_t, Matrix6d> parts;  // of the information, by landmark
+  std::map<std::uint32_t, Matrix6d> by_landmark;  // parts of the information
   Matrix6d information = Matrix6d::Zero();
   for_each_residual(cameras, nullptr, world_from_body,
                     [&](std::size_t i, const PointResidual& residual, const Rows3x6& by_pose) {
                       const Matrix6d part =
                           by_pose.transpose() * weights_of(residual, false).asDiagonal() * by_pose;
                       information += part;
-                      parts.try_emplace(landmarks[i], Matrix6d::Zero()).first->second += part;
+                      by_landmark.try_emplace(landmarks[i], Matrix6d::Zero()).first->second += part;
                     });
+  std::vector<Matrix6d> parts;
+  for (const auto& [landmark, part] : by_landmark) parts.push_back(part);
   const auto all = inverse_of_positive_definite(information);
   if (!all) return std::nullopt;
   Matrix6d covariance = *all;
@@ -170,7 +172,7 @@ std::optional<Matrix6d> growth_without_landmarks(std::span<const BodyCamera> cam
     double largest = -1.0;
     auto chosen = parts.begin();
     for (auto part = parts.begin(); part != parts.end(); ++part) {
-      const auto without = inverse_of_positive_definite(Matrix6d(information - part->second));
+      const auto without = inverse_of_positive_definite(Matrix6d(information - *part));
       if (!without) return std::nullopt;
       const double variance = without->topLeftCorner<3, 3>().trace();
       if (variance <= largest) continue;
@@ -178,7 +180,7 @@ std::optional<Matrix6d> growth_without_landmarks(std::span<const BodyCamera> cam
       chosen = part;
       covariance = *without;
     }
-    information -= chosen->second;
+    information -= *chosen;
     parts.erase(chosen);
   }
   return covariance - *all;

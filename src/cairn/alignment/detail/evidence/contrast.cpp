@@ -12,27 +12,27 @@ namespace cairn::detail {
 
 std::vector<double> contrast_ranks(std::span<const double> lightness,
                                    std::span<const Eigen::Vector3d> positions,
-                                   const BatchTree& tree, std::size_t sample) {
+                                   const BatchTree& tree, const Executor& executor) {
   if (lightness.empty()) return {};
-  std::vector<double> contrasts(sample, std::numeric_limits<double>::quiet_NaN());
+  const std::size_t count = positions.size();
+  std::vector<double> contrasts(count, std::numeric_limits<double>::quiet_NaN());
   tree.batch(kSpacingNeighbors + 1)
-      .for_each(positions.first(sample), Executor(),
-                [&](std::size_t i, const NearestList auto& nearest) {
-                  double sum = 0.0;
-                  double known = 0.0;
-                  for (std::size_t j = 0; j < nearest.size(); ++j) {
-                    const double there = lightness[nearest.index(j)];
-                    if (nearest.index(j) == i || std::isnan(there)) continue;
-                    sum += there;
-                    ++known;
-                  }
-                  if (known > 0.0) contrasts[i] = lightness[i] - sum / known;
-                });
+      .for_each(positions, executor, [&](std::size_t i, const NearestList auto& nearest) {
+        double sum = 0.0;
+        double known = 0.0;
+        for (std::size_t j = 0; j < nearest.size(); ++j) {
+          const double there = lightness[nearest.index(j)];
+          if (nearest.index(j) == i || std::isnan(there)) continue;
+          sum += there;
+          ++known;
+        }
+        if (known > 0.0) contrasts[i] = lightness[i] - sum / known;
+      });
   std::vector<std::pair<double, std::size_t>> sorted;
-  for (std::size_t i = 0; i < sample; ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
     if (!std::isnan(contrasts[i])) sorted.emplace_back(contrasts[i], i);
   }
-  if (2 * sorted.size() < sample) return {};
+  if (2 * sorted.size() < count) return {};
   std::sort(sorted.begin(), sorted.end());
   for (std::size_t begin = 0; begin < sorted.size();) {
     std::size_t end = begin + 1;

@@ -13,16 +13,15 @@
 
 namespace cairn::detail {
 
-/// Contrast of the first landmarks of a cloud, as ranks from -1 (darkest) to 1. The contrast is a landmark's lightness
+/// Contrasts of the landmarks of a cloud, as ranks from -1 (darkest) to 1. The contrast is a landmark's lightness
 /// minus the mean of its eight nearest neighbours. It depends less on exposure, illumination and surface than the
 /// lightness does. NaN if unknown.
 /// @param lightness LandmarkCloud::lightness
-/// @param tree      search tree of all positions
-/// @param sample    number of first landmarks
+/// @param tree      search tree of the positions
 /// @return empty if most contrasts are unknown or equal, e.g. if all landmarks have one colour
 std::vector<double> contrast_ranks(std::span<const double> lightness,
                                    std::span<const Eigen::Vector3d> positions,
-                                   const BatchTree& tree, std::size_t sample);
+                                   const BatchTree& tree, const Executor& executor);
 
 /// Sums over pairs of ranks, for their correlation.
 class ContrastPairs {

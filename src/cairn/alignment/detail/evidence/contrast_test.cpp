@@ -2,9 +2,11 @@
 #include "cairn/alignment/detail/evidence/contrast.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,7 +36,7 @@ std::vector<double> random_lightness(std::size_t count, Random& random) {
 
 std::vector<double> ranks_of(const std::vector<Eigen::Vector3d>& points,
                              const std::vector<double>& lightness) {
-  return contrast_ranks(lightness, points, BatchTree(points), points.size());
+  return contrast_ranks(lightness, points, BatchTree(points), Executor());
 }
 
 TEST(ContrastRanks, AreThoseOfTheDifferenceToTheEightNearest) {
@@ -64,11 +66,16 @@ TEST(ContrastRanks, AreThoseOfTheDifferenceToTheEightNearest) {
 TEST(ContrastRanks, IgnoreExposureAndWhatIsDarkAsAWhole) {
   Random random(2);
   auto points = random_points(300, random);
+  for (std::size_t i = 0; i < 150; ++i) points[i].x() += 10.0;  // another part
   const auto lightness = random_lightness(300, random);
   std::vector<double> other;
-  for (const double value : lightness) other.push_back(0.4 * value + 60.0);
+  for (std::size_t i = 0; i < lightness.size(); ++i) {
+    other.push_back(0.4 * lightness[i] + (i < 150 ? 60.0 : 150.0));
+  }
   const auto ranks = ranks_of(points, lightness);
   const auto of_other = ranks_of(points, other);
+  ASSERT_EQ(ranks.size(), 300U);
+  ASSERT_EQ(of_other.size(), 300U);
   for (std::size_t i = 0; i < ranks.size(); ++i) EXPECT_NEAR(ranks[i], of_other[i], 1e-12);
 }
 

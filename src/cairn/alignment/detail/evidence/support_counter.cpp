@@ -147,15 +147,7 @@ SupportCounter::SupportCounter(const PreparedCloud& source, const PreparedCloud&
     : source_(source),
       target_(target),
       sample_(std::min({sample, source.size(), PreparedCloud::kSample})),
-      looks_(source.landmarks(), target.landmarks(), sample_, random) {
-  if (looks_.possible()) return;
-  const auto ranks = [](const PreparedCloud& cloud, std::size_t first) {
-    const LandmarkCloud& landmarks = cloud.landmarks();
-    return contrast_ranks(landmarks.lightness, landmarks.positions, cloud.tree(), first);
-  };
-  source_contrasts_ = ranks(source_, sample_);
-  if (!source_contrasts_.empty()) target_contrasts_ = ranks(target_, target_.size());
-}
+      looks_(source.landmarks(), target.landmarks(), sample_, random) {}
 
 Support SupportCounter::operator()(const Similarity3& pose, double radius,
                                    Proximity* proximity) const {
@@ -192,15 +184,15 @@ Support SupportCounter::operator()(const Similarity3& pose, double radius,
   support.share = std::min(each * static_cast<double>(support.matches()), 1.0);
   add_evidence(pairs, support);
   if (looks_.possible()) add_likeness(likeness_by_group(matched, pose, radius), support);
-  if (!target_contrasts_.empty()) support.contrast = contrast_agreement(contrasts);
+  if (has_contrasts()) support.contrast = contrast_agreement(contrasts);
   return support;
 }
 
 void SupportCounter::add_contrast(std::uint32_t source, std::uint32_t target,
                                   ContrastPairs& pairs) const {
-  if (target_contrasts_.empty()) return;
-  const double here = source_contrasts_[source];
-  const double there = target_contrasts_[target];
+  if (!has_contrasts()) return;
+  const double here = source_.contrasts()[source];
+  const double there = target_.contrasts()[target];
   if (!std::isnan(here) && !std::isnan(there)) pairs.add(here, there);
 }
 

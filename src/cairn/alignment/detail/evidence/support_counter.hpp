@@ -50,6 +50,9 @@ class SupportCounter {
   Support operator()(const Similarity3& pose, double radius, Proximity* proximity = nullptr) const;
 
  private:
+  bool has_contrasts() const {
+    return !source_.contrasts().empty() && !target_.contrasts().empty();
+  }
   void add_contrast(std::uint32_t source, std::uint32_t target, ContrastPairs& pairs) const;
 
   using Likenesses = std::array<Likeness, kGroups>;
@@ -65,9 +68,6 @@ class SupportCounter {
   PreparedCloud target_;
   std::size_t sample_;
   LookComparison looks_;
-  // contrast_ranks(); empty if a cloud has no contrasts, or if descriptors are compared.
-  std::vector<double> source_contrasts_;
-  std::vector<double> target_contrasts_;
 };
 
 /// The surroundings of the matches at a centred pose. The ball is about the mutual matches within a quarter of the

@@ -62,6 +62,20 @@ double leading_matches_of_others(std::span<const PlacementCandidate> candidates,
   return most;
 }
 
+double contrast_spread(const Support& support) {
+  return support.contrast && !support.agreement ? support.contrast->spread : 0.0;
+}
+
+// Logarithm of the evidence of contrasts, relative to the largest that is likely by chance and that of any other
+// candidate. Colours that follow from the shape, such as a ramp of heights, correlate wherever shapes match.
+double contrast_lead(std::span<const PlacementCandidate> candidates, std::size_t of) {
+  double chance = kContrastByChance;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (i != of) chance = std::max(chance, contrast_spread(candidates[i].support));
+  }
+  return std::log(std::max(contrast_spread(candidates[of].support), chance) / chance);
+}
+
 // All evidence for a pose. Assumes that distances, descriptor similarity and descriptor matches are independent.
 double evidence(const Support& support) {
   return support.spread_evidence + support.proximity.spread + support.spread_likeness +
@@ -214,7 +228,7 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
   }
   if (best.support.contrast && !best.support.agreement) {
     text += fmt::format(
-        ", the lightness of {} matches, relative to their neighbours, has a correlation of {:.2f} "
+        ", the lightness of {} matches relative to their neighbours has a correlation of {:.2f} "
         "(0 expected by chance)",
         best.support.contrast->compared, best.support.contrast->correlation);
   }
@@ -242,7 +256,7 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
                      weights.lead * lead +
                      weights.agreement * std::log1p(agreement_evidence(candidate.support)) +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)) +
-                     std::log1p(contrast_evidence(candidate.support) / kContrastByChance));
+                     contrast_lead(candidates, i));
     if (is_proven(candidate.support)) result.back() += kProven;
     highest = std::max(highest, result.back());
   }
@@ -260,8 +274,7 @@ double agreement_evidence(const Support& support) {
 }
 
 double contrast_evidence(const Support& support) {
-  if (!support.contrast || support.agreement) return 0.0;
-  return std::max(support.contrast->spread - kContrastByChance, 0.0);
+  return std::max(contrast_spread(support) - kContrastByChance, 0.0);
 }
 
 std::size_t agreement_spread(const Support& support) {

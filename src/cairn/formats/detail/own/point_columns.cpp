@@ -263,8 +263,14 @@ void PointTable::choose_slots(PointFormat format, std::string_view where) {
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     if (slots_[i].role != Role::kColumn) continue;
     slots_[i].index = columns_.size();
-    NamedColumn& column = columns_.emplace_back(NamedColumn{fields_[i].name, {}});
-    if (fields_[i].type == ScalarType::kFloat32) column.values = std::vector<float>();
+    columns_.push_back({fields_[i].name, {}});
+  }
+}
+
+void PointTable::expect_binary() {
+  for (std::size_t i = 0; i < fields_.size(); ++i) {
+    if (slots_[i].role != Role::kColumn || fields_[i].type != ScalarType::kFloat32) continue;
+    columns_[slots_[i].index].values = std::vector<float>();
   }
 }
 
@@ -577,6 +583,7 @@ void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_v
   const PointRecords records{table.fields(), count, points, big_endian};
   check_presence(source, records);
   const auto stride = static_cast<std::size_t>(fixed_size(records.fields));
+  table.expect_binary();
   if (const auto remaining = source.remaining()) {
     table.reserve(static_cast<std::size_t>(std::min(count, *remaining / stride)));
   }

@@ -71,6 +71,9 @@ class PointTable {
 
   const std::vector<PointField>& fields() const { return fields_; }
   std::size_t size() const { return positions_.size(); }
+  /// Keeps the columns of 32-bit fields in single precision. Only for an empty table, and not for text, whose numbers
+  /// may have more digits than the field's type.
+  void expect_binary();
   void reserve(std::size_t rows);
 
   /// Adds one point from text.

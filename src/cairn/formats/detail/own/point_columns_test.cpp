@@ -75,6 +75,27 @@ TEST(PointTable, ReadsTextAndBinaryOfEitherOrderAlike) {
   }
 }
 
+TEST(PointTable, KeepsAllDigitsOfTextAndTheFloatsOfBinary) {
+  const std::vector<PointField> fields = {field("x"), field("y"), field("z"),
+                                          field("time", ScalarType::kFloat32)};
+  const Execution execution;
+  PointTable text = table_of(fields, execution);
+  text.append_text("1 2 3 1403636579.763", 1);
+  text.append_text("1 2 3 1e39", 2);
+  const LandmarkMap of_text = std::move(text).finish(LengthUnit::kMetres);
+  EXPECT_EQ(of_text.column("time")->values[0], 1403636579.763);
+  EXPECT_EQ(of_text.column("time")->values[1], 1e39);
+  PointTable binary = table_of(fields, execution);
+  binary.expect_binary();
+  std::string bytes;
+  for (const double coordinate : {1.0, 2.0, 3.0}) append(bytes, coordinate);
+  append(bytes, 0.1F);
+  binary.append_binary(bytes.data(), 1, false);
+  const LandmarkMap of_binary = std::move(binary).finish(LengthUnit::kMetres);
+  EXPECT_TRUE(of_binary.column("time")->values.is_single());
+  EXPECT_EQ(of_binary.column("time")->values[0], static_cast<double>(0.1F));
+}
+
 TEST(PointTable, TakesTheFieldsThatItKnowsAndKeepsOthersByName) {
   std::vector<PointField> fields = kPoint;
   for (const char* name : {"cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz", "quality"}) {
