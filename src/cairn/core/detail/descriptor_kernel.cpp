@@ -13,7 +13,11 @@
 
 // Vectors of a size known only at run time are not what this is written for.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
-#define HWY_WANT_AVX3_DL  // which counts bits in one instruction
+// Counts bits in one instruction. Highway 1.0 lets the compiler use AVX-VNNI with it, which processors with AVX-512 may
+// lack (Ice Lake, Zen 4); Clang does.
+#ifndef __clang__
+#define HWY_WANT_AVX3_DL
+#endif
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "cairn/core/detail/descriptor_kernel.cpp"
 #include <hwy/foreach_target.h>

@@ -121,7 +121,7 @@ class Occupancy {
 class Partners {
  public:
   Partners(const PointsF& points, float fine)
-      : points_(points), shortest_(kShortest * fine), per_bin_(1.0F / (kTolerance * fine)) {
+      : shortest_(kShortest * fine), per_bin_(1.0F / (kTolerance * fine)) {
     const float longest = kLongest * fine;
     bins_ = static_cast<std::size_t>((longest - shortest_) * per_bin_) + 1;
     begins_.reserve(points.size() * (bins_ + 1));
@@ -170,7 +170,6 @@ class Partners {
     return std::min(static_cast<std::size_t>((distance - shortest_) * per_bin_), bins_ - 1);
   }
 
-  const PointsF& points_;
   float shortest_;
   float per_bin_;
   std::size_t bins_ = 0;
