@@ -247,7 +247,7 @@ class ImageLocator::View {
     if (focal_length_ == FocalLength::kUnknown) return locate_with_lens(search, described);
     const auto best = search.best(sensor());
     if (!best) return blank(search, described);
-    Judged judged = this->judged(search, described, *best);
+    Judged judged = judge(search, described, *best);
     // With depths, the pose fits more than pixels.
     if (judged.result.located && depth_m.empty()) {
       refuse(LocationFailure::kLens, lens_defect(search, *best), judged.result);
@@ -381,7 +381,7 @@ class ImageLocator::View {
       if (!lens || round < kRounds) continue;
       settled->pose.world_from_camera = lens->world_from_camera;
       widen_by_halves(again, view.sensor(), *settled, *lens);
-      Judged judged = view.judged(again, undistorted, *settled, &*lens);
+      Judged judged = view.judge(again, undistorted, *settled, &*lens);
       take_lens(*lens, judged.result);
       return with_certainty(std::move(judged), options_.min_probability);
     }
@@ -429,8 +429,8 @@ class ImageLocator::View {
   }
 
   // @param lens found with the pose; null if it is known
-  Judged judged(const ImagePoseSearch& search, const DescribedImage& image, const ImagePose& best,
-                const detail::LensEstimate* lens = nullptr) const {
+  Judged judge(const ImagePoseSearch& search, const DescribedImage& image, const ImagePose& best,
+               const detail::LensEstimate* lens = nullptr) const {
     // Similar objects may occur in several places, so pairs that a good pose does not explain may give
     // another pose.
     std::optional<ImagePose> next;

@@ -135,6 +135,16 @@ void add_up(BodyPose& body) {
   for (ImagePose& image : body.images) image.pose.covariance /= once;
 }
 
+// Refers to the matches.
+std::vector<BodyCamera> cameras_of(std::span<const BodyImage> images,
+                                   const std::vector<std::vector<PointMatch>>& matches) {
+  std::vector<BodyCamera> cameras;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body, matches[k]});
+  }
+  return cameras;
+}
+
 void sort_by_distance(std::vector<FeatureMatch>& matches) {
   std::ranges::stable_sort(matches, {}, &FeatureMatch::distance);
 }
@@ -549,26 +559,32 @@ std::vector<PointMatch> ImagePoseSearch::point_matches(const SensorModel& sensor
   return matches;
 }
 
+// The matches of each image.
+std::vector<std::vector<PointMatch>> ImagePoseSearch::point_matches_of(
+    std::span<const BodyImage> images, const BodyPose& body) {
+  std::vector<std::vector<PointMatch>> matches;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    matches.push_back(images[k].search->point_matches(images[k].sensor, body.images[k]));
+  }
+  return matches;
+}
+
 std::optional<Matrix6d> ImagePoseSearch::growth_without_chance(std::span<const BodyImage> images,
                                                                const BodyPose& body) {
   // Of the matches that chance gives within the last radius of kSearchPixels, the share that fits the pose by chance
   // too: the ratio of the areas, with a residual of at most three standard deviations of 1.4 pixels.
   constexpr double kChanceThatFits = 0.5;
   double expected = 0.0;
-  std::vector<std::vector<PointMatch>> matches;
-  std::vector<BodyCamera> cameras;
   std::vector<std::uint32_t> landmarks;
-  for (std::size_t k = 0; k < images.size(); ++k) {
-    const ImagePose& image = body.images[k];
+  for (const ImagePose& image : body.images) {
     expected += image.expected;
-    matches.push_back(images[k].search->point_matches(images[k].sensor, image));
-    cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body, matches.back()});
     for (const FeatureMatch& match : image.matches) landmarks.push_back(match.landmark);
   }
+  const auto matches = point_matches_of(images, body);
   constexpr std::size_t kMostLeftOut = 64;  // more hardly change the result
   const double chance = kChanceThatFits * body.independent * expected;
   auto growth =
-      growth_without_landmarks(cameras, landmarks, body.pose.world_from_camera,
+      growth_without_landmarks(cameras_of(images, matches), landmarks, body.pose.world_from_camera,
                                std::min(static_cast<std::size_t>(std::ceil(chance)), kMostLeftOut));
   if (growth) *growth /= body.independent;
   return growth;
@@ -585,13 +601,8 @@ double ImagePoseSearch::distance_of(const ImagePose& pose) const {
 
 // Moves the pose to where its matches fit best, and keeps those that do.
 void ImagePoseSearch::refine_together(std::span<const BodyImage> images, BodyPose& body) {
-  std::vector<BodyCamera> cameras;
-  std::vector<std::vector<PointMatch>> matches;
-  for (std::size_t k = 0; k < images.size(); ++k) {
-    matches.push_back(images[k].search->point_matches(images[k].sensor, body.images[k]));
-    cameras.push_back({images[k].sensor.pinhole(), images[k].camera_from_body, matches.back()});
-  }
-  body.pose = refine_pose(cameras, body.pose.world_from_camera);
+  const auto matches = point_matches_of(images, body);
+  body.pose = refine_pose(cameras_of(images, matches), body.pose.world_from_camera);
   body.agreeing = body.pose.inlier_count;
   auto is_inlier = body.pose.inliers.begin();
   for (std::size_t k = 0; k < images.size(); ++k) {

@@ -130,6 +130,8 @@ class ImagePoseSearch {
   View view_from(const SensorModel& sensor, const Rigid3& world_from_camera, double pixels) const;
   Found matches_in(const View& view) const;
   std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
+  static std::vector<std::vector<PointMatch>> point_matches_of(std::span<const BodyImage> images,
+                                                               const BodyPose& body);
   static std::optional<BodyPose> settled_images(std::span<const BodyImage> images,
                                                 const Rigid3& world_from_body);
   static void refine_together(std::span<const BodyImage> images, BodyPose& body);

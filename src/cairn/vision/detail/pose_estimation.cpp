@@ -31,7 +31,7 @@ Eigen::Vector3d weights_of(const PointResidual& residual, bool robust) {
 
 // Calls visit(place, residual, by_pose) for each used match in front of its camera.
 template <class Visit>
-void for_each_residual(std::span<const BodyCamera> cameras, const std::vector<bool>* use,
+void for_each_residual(std::span<const BodyCamera> cameras, const std::vector<bool>& use,
                        const Rigid3& world_from_body, const Visit& visit) {
   const Eigen::Matrix3d body_from_world = world_from_body.rotation().transpose();
   std::size_t i = 0;
@@ -39,7 +39,7 @@ void for_each_residual(std::span<const BodyCamera> cameras, const std::vector<bo
     const Eigen::Matrix3d camera_from_world = camera.camera_from_body.rotation() * body_from_world;
     for (const PointMatch& match : camera.matches) {
       const std::size_t place = i++;
-      if (use != nullptr && !(*use)[place]) continue;
+      if (!use[place]) continue;
       const Eigen::Vector3d arm = match.x_in_world - world_from_body.translation();
       const Eigen::Vector3d x_in_camera =
           camera_from_world * arm + camera.camera_from_body.translation();
@@ -54,7 +54,7 @@ void for_each_residual(std::span<const BodyCamera> cameras, const std::vector<bo
 NormalEquations accumulate(std::span<const BodyCamera> cameras, const std::vector<bool>& use,
                            const Rigid3& world_from_body, bool robust) {
   NormalEquations sum;
-  for_each_residual(cameras, &use, world_from_body,
+  for_each_residual(cameras, use, world_from_body,
                     [&](std::size_t, const PointResidual& residual, const Rows3x6& by_pose) {
                       const Rows3x6 weighted = weights_of(residual, robust).asDiagonal() * by_pose;
                       sum.information += by_pose.transpose() * weighted;
@@ -156,7 +156,8 @@ std::optional<Matrix6d> growth_without_landmarks(std::span<const BodyCamera> cam
                                                  const Rigid3& world_from_body, std::size_t count) {
   std::map<std::uint32_t, Matrix6d> by_landmark;  // parts of the information
   Matrix6d information = Matrix6d::Zero();
-  for_each_residual(cameras, nullptr, world_from_body,
+  const std::vector<bool> all_matches(landmarks.size(), true);
+  for_each_residual(cameras, all_matches, world_from_body,
                     [&](std::size_t i, const PointResidual& residual, const Rows3x6& by_pose) {
                       const Matrix6d part =
                           by_pose.transpose() * weights_of(residual, false).asDiagonal() * by_pose;
