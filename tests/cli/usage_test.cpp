@@ -50,6 +50,9 @@ TEST_F(UsageTest, HelpListsTheVerbsAndExitCodes) {
   }
   EXPECT_THAT(help, HasSubstr("\n  evaluate"));
   EXPECT_THAT(help, HasSubstr("Exit codes: 0 done"));
+  // What follows is no verb.
+  EXPECT_THAT(help, HasSubstr("\n\nTry 'cairn demo'"));
+  EXPECT_THAT(answer({"experiment", "--help"}), HasSubstr("\n\nExample: "));
 }
 
 TEST_F(UsageTest, VersionIsOneLineOnStdout) {

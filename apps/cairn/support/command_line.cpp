@@ -120,7 +120,8 @@ class HelpFormatter : public CLI::Formatter {
                         CLI::AppFormatMode mode) const override {
     const std::string text = make_description(app) + make_usage(app, std::move(name)) +
                              make_positionals(app) + options_text(app, mode) +
-                             make_subcommands(app, CLI::AppFormatMode::Normal) + make_footer(app);
+                             make_subcommands(app, CLI::AppFormatMode::Normal) + "\n" +
+                             make_footer(app);
     return CLI::detail::find_and_replace(text, "\n\n\n", "\n\n");
   }
 

@@ -55,10 +55,10 @@ struct OptionField {
 };
 
 namespace detail {
-
+/// @cond
 template <class Struct, class Member>
 Struct struct_of(Member Struct::*);
-
+/// @endcond
 }  // namespace detail
 
 /// Pointer to a field: option_at<&AlignOptions::effort>; to a field of a nested struct:

@@ -44,11 +44,11 @@ LandmarkMap map_at(const std::vector<std::optional<double>>& times,
   return LandmarkMap(std::move(tables));
 }
 
-// An image at each of these times, all of one grey that tells the time: 10 times it.
+// An image at each of these times, all of one grey that tells the time up to 25 s: 10 times it.
 void write_sequence(const std::filesystem::path& folder, const std::vector<double>& times) {
   SequenceWriter writer(folder);
   for (const double time : times) {
-    writer.add(time, ColorImage(64, 48, static_cast<std::uint8_t>(10.0 * time)),
+    writer.add(time, ColorImage(64, 48, static_cast<std::uint8_t>(10.0 * std::min(time, 25.0))),
                DepthImage(64, 48, 1.0F));
   }
   writer.finish();
