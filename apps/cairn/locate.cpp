@@ -232,6 +232,7 @@ struct LocateArguments {
   std::optional<double> depth_units;
   LocateOptions options;
   static constexpr std::string_view kUnknown = "unknown";
+  static constexpr std::string_view kShared = "shared";
 
   void add_to(const Command& command) {
     command
@@ -249,7 +250,7 @@ struct LocateArguments {
         "--camera", camera,
         fmt::format(
             "Camera of the images: {}; or unknown: the lens is found with the pose, first near the "
-            "EXIF focal length "
+            "EXIF focal length; or shared: one unknown lens took all images of a size "
             "(default: the map's camera for images of that size, or unknown if it has none or "
             "several)",
             kCameraHelp),
@@ -325,7 +326,9 @@ struct LocateArguments {
     }
     const LoadedMap loaded = load_world();
     std::optional<CameraFile> file;
-    if (!camera.empty() && camera != kUnknown) file = load_camera(camera, {std::string(kUnknown)});
+    if (!camera.empty() && camera != kUnknown && camera != kShared) {
+      file = load_camera(camera, {std::string(kUnknown), std::string(kShared)});
+    }
     const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
     const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
@@ -411,13 +414,18 @@ struct LocateArguments {
   std::vector<Located> locate_all(const LandmarkMap& in_map, const std::optional<Camera>& given,
                                   const DepthImage& depth_m) const {
     const std::string descriptors = map + ": descriptors";
-    const auto others = camera == kUnknown ? std::span<const Camera>() : in_map.cameras();
+    const bool is_unknown = camera == kUnknown || camera == kShared;
+    const auto others = is_unknown ? std::span<const Camera>() : in_map.cameras();
     std::optional<Locators> locators;
     with_option_names({{"descriptors", descriptors}},
                       [&] { locators.emplace(in_map, given, others, options); });
     std::vector<Located> found(images.size());
     if (!poses.empty()) {
       locate_as_one(*locators, found);
+      return found;
+    }
+    if (camera == kShared) {
+      locate_with_one_lens(*locators, found);
       return found;
     }
     common.executor().for_blocks(images.size(), 1, [&](std::size_t i, std::size_t) {
@@ -435,6 +443,33 @@ struct LocateArguments {
       return error.what();
     }
     return "";
+  }
+
+  // Images of one size are by one camera.
+  void locate_with_one_lens(Locators& locators, std::vector<Located>& found) const {
+    std::map<const Locators::OfCamera*, std::vector<std::size_t>> images_of;
+    std::mutex mutex;
+    common.executor().for_blocks(images.size(), 1, [&](std::size_t i, std::size_t) {
+      found[i].defect = defect_of([&] {
+        const std::string bytes = read_file(images[i]);
+        const auto image = decode_image<GrayImage>(bytes, images[i]);
+        const Locators::OfCamera& own = locators.of_unknown(image, bytes);
+        found[i].lens = own.lens;
+        found[i].stated = own.stated;
+        const std::lock_guard lock(mutex);
+        images_of[&own].push_back(i);
+      });
+    });
+    for (auto& [own, group] : images_of) {
+      std::ranges::sort(group);
+      const auto locations = locate_with_shared_lens(
+          own->locator, group.size(),
+          [&](std::size_t k) {
+            return decode_image<GrayImage>(read_file(images[group[k]]), images[group[k]]);
+          },
+          common.execution("locating"));
+      for (std::size_t k = 0; k < group.size(); ++k) found[group[k]].location = locations[k];
+    }
   }
 
   void locate_as_one(Locators& locators, std::vector<Located>& found) const {

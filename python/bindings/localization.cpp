@@ -59,6 +59,12 @@ ImageLocation locate(const Locator& self, const py::object& image, const py::obj
   });
 }
 
+GrayImage gray_of(const Locator& self, const py::object& image, const std::string& channels) {
+  return frame_images(0.0, self.camera.width, self.camera.height,
+                      image_of(image, self.camera, channels), {})
+      .gray;
+}
+
 std::vector<ImageLocation> locate_images_together(const Locator& self,
                                                   const std::vector<py::object>& images,
                                                   const std::vector<py::object>& poses,
@@ -68,13 +74,24 @@ std::vector<ImageLocation> locate_images_together(const Locator& self,
   std::vector<GrayImage> pixels(images.size());
   std::vector<BodyView> views;
   for (std::size_t i = 0; i < images.size(); ++i) {
-    pixels[i] = frame_images(0.0, self.camera.width, self.camera.height,
-                             image_of(images[i], self.camera, channels), {})
-                    .gray;
+    pixels[i] = gray_of(self, images[i], channels);
     views.push_back({&self.locator, &pixels[i], rigid_of(poses[i], fmt::format("poses[{}]", i))});
   }
   return unlocked([&] {
     return locate_together(views, {Executor(threads), {}, {}, self.seed, {}});
+  });
+}
+
+std::vector<ImageLocation> locate_images_with_shared_lens(const Locator& self,
+                                                          const std::vector<py::object>& images,
+                                                          const std::string& channels,
+                                                          unsigned threads) {
+  std::vector<GrayImage> pixels;
+  for (const py::object& image : images) pixels.push_back(gray_of(self, image, channels));
+  return unlocked([&] {
+    return locate_with_shared_lens(self.locator, pixels.size(),
+                                   [&](std::size_t k) { return pixels[k]; },
+                                   {Executor(threads), {}, {}, self.seed, {}});
   });
 }
 
@@ -178,13 +195,19 @@ void bind_localization(py::module_& module) {
            py::arg("focal_length_known") = true,
            "with_camera($self, camera, *, focal_length_known=True)\n--\n\n"
            "The same for images of another camera; the prepared map is shared. If the focal length "
-           "is unknown,\nit and the radial distortion are found with each pose; the camera "
-           "gives the size, the principal\npoint and the focal length at which the search begins.")
+           "is unknown,\nit, the radial distortion and the principal point are found with each "
+           "pose; the camera gives the size\nand the lens at which the search begins.")
       .def("locate", &locate, py::arg("image"), py::arg("depth_m") = py::none(), py::kw_only(),
            py::arg("channels") = "rgb",
            "locate($self, image, depth_m=None, *, channels='rgb')\n--\n\n"
            "Estimates and judges the pose of one image, (h, w) or (h, w, 3) uint8. `depth_m` is "
            "its depth,\n(h, w) in metres, if known.")
+      .def("locate_with_shared_lens", &locate_images_with_shared_lens, py::arg("images"),
+           py::kw_only(), py::arg("channels") = "rgb", py::arg("threads") = 0,
+           "locate_with_shared_lens($self, images, *, channels='rgb', threads=0)\n--\n\n"
+           "Locates images that one camera took, whose focal length is unknown. Each image is "
+           "located with a lens\nof its own, then again with what the lenses of the other images "
+           "tell.")
       .def("locate_together", &locate_images_together, py::arg("images"), py::arg("poses"),
            py::kw_only(), py::arg("channels") = "rgb", py::arg("threads") = 0,
            "locate_together($self, images, poses, *, channels='rgb', threads=0)\n--\n\n"

@@ -50,6 +50,13 @@ class Localization(unittest.TestCase):
         self.assertLess(abs(solved.camera.parameters[0] - true_length), 0.03 * true_length)
         self.assertGreater(solved.focal_length_sigma, 0.0)
         self.assertIsNone(found.focal_length_sigma)
+        unknown = locator.with_camera(guess, focal_length_known=False)
+        for one in unknown.locate_with_shared_lens([PLACE[3].rgb, PLACE[7].rgb, PLACE[9].rgb]):
+            self.assertTrue(one.located, one)
+            self.assertLess(abs(one.camera.parameters[0] - true_length), 0.03 * true_length)
+        self.assertEqual(unknown.locate_with_shared_lens([]), [])
+        with self.assertRaises(ValueError):
+            locator.locate_with_shared_lens([frame.rgb])
         self.assertEqual(found.camera.parameters, PLACE.camera.parameters)
         frames = [PLACE[3], PLACE[7]]
         moved = np.eye(4)

@@ -146,6 +146,25 @@ TEST_F(LocateCliTest, BeginsAtTheFocalLengthOfExifData) {
   EXPECT_FALSE(document(known).at("results").at(0).contains("exif_focal_length"));
 }
 
+TEST_F(LocateCliTest, FindsOneLensForAllImages) {
+  write("none.jpg", "text");
+  const Words words = {
+      "locate",   "desk.map", "s/rgb/1.000000.jpg", "s/rgb/2.000000.jpg", "s/rgb/3.000000.jpg",
+      "--camera", "shared"};
+  for (const Json& result : document(words).at("results")) {
+    EXPECT_EQ(result.at("verdict"), "located") << result;
+    EXPECT_NEAR(result.at("camera").at("parameters").at(0).get<double>(), 525.0, 0.03 * 525.0);
+    EXPECT_GT(result.at("focal_length_sigma").get<double>(), 0.0);
+  }
+  // The images that can be read are located all the same.
+  Words with_text = words;
+  with_text.insert(with_text.end(), {"none.jpg"});
+  const CommandResult result = cairn(with_text);
+  EXPECT_EQ(result.exit_code, kBadInput);
+  EXPECT_THAT(result.output,
+              AllOf(HasSubstr("2.000000.jpg: located"), HasSubstr("none.jpg: unreadable: ")));
+}
+
 TEST_F(LocateCliTest, NamesPlacesThatAnImageDoesNotTellApart) {
   const LandmarkMap once = read_map(path("desk.map"));
   MapTables twice = LandmarkMap(once).tables();

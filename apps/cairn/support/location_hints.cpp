@@ -72,7 +72,9 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
                       unit_symbol(map.info().length_unit))};
     case LocationFailure::kFocalLength:
       return {
-          "Give the image's lens by --camera, or use an image that shows more than one surface."};
+          "Give the image's lens by --camera, or use an image that shows more than one surface.",
+          "If one camera took several images with one focal length, locate them in one call with "
+          "--camera shared; the more images, the better."};
     case LocationFailure::kLens:
       if (!lens) return {"State the images' camera by --camera."};
       return {

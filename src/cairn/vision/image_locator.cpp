@@ -8,6 +8,7 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -19,6 +20,7 @@
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/vision/detail/image_pose.hpp"
+#include "cairn/vision/detail/shared_lens.hpp"
 
 namespace cairn {
 namespace {
@@ -53,10 +55,12 @@ double log_odds_without_matches(const PoseEvidence& pose) {
          std::log(static_cast<double>(pose.tried));
 }
 
+double log_odds(const PoseEvidence& pose) {
+  return log_odds_without_matches(pose) + kMatches * std::log1p(independent_matches(pose));
+}
+
 double probability_of(const PoseEvidence& pose) {
-  const double log_odds =
-      log_odds_without_matches(pose) + kMatches * std::log1p(independent_matches(pose));
-  return 1.0 / (1.0 + std::exp(-log_odds));
+  return 1.0 / (1.0 + std::exp(-log_odds(pose)));
 }
 
 // How many independent matches would give the probability, if as many cells contradicted the pose.
@@ -226,12 +230,16 @@ struct ImageLocator::Landmarks {
 
 class ImageLocator::View {
  public:
+  // @param shared for an unknown focal length: what other images by the camera tell of its lens, and of which `camera` has
+  //               the mean
   View(std::shared_ptr<const Landmarks> landmarks, const Camera& camera, FocalLength focal_length,
-       const LocateOptions& options)
+       const LocateOptions& options, const std::optional<detail::LensPrior>& shared = {})
       : options_(options),
         landmarks_(std::move(landmarks)),
         camera_(camera),
         focal_length_(focal_length),
+        is_shared_(shared.has_value()),
+        prior_(shared.value_or(detail::LensPrior::usual(camera))),
         describer_(camera, options.features, landmarks_->kind) {}
 
   const LocateOptions& options() const { return options_; }
@@ -244,7 +252,9 @@ class ImageLocator::View {
         landmarks_->metric && !depth.empty() ? detail::matrix_of(depth) : cv::Mat();
     const DescribedImage described = describer_.describe(detail::matrix_of(image), depth_m);
     const ImagePoseSearch search(landmarks_->described, describer_, described, seed);
-    if (focal_length_ == FocalLength::kUnknown) return locate_with_lens(search, described);
+    if (focal_length_ == FocalLength::kUnknown) {
+      return locate_with_lens(search, described).location;
+    }
     const auto best = search.best(sensor());
     if (!best) return blank(search, described);
     Judged judged = judge(search, described, *best);
@@ -254,6 +264,20 @@ class ImageLocator::View {
     }
     return with_certainty(std::move(judged), options_.min_probability);
   }
+
+  struct WithLens {
+    ImageLocation location;
+    std::optional<detail::LensEstimate> lens;  // if the matches are right by themselves
+  };
+  // Finds the lens with the pose. The search begins at the lens of the camera.
+  WithLens locate_with_lens(const GrayImage& image, std::uint64_t seed) const {
+    require_size(image.width, image.height, "image");
+    const DescribedImage described = describer_.describe(detail::matrix_of(image), cv::Mat());
+    const ImagePoseSearch search(landmarks_->described, describer_, described, seed);
+    return locate_with_lens(search, described);
+  }
+  const Camera& camera() const { return camera_; }
+  const detail::LensPrior& prior() const { return prior_; }
 
   // The features of an image of a body, and the search with them.
   struct Seen {
@@ -286,7 +310,9 @@ class ImageLocator::View {
     constexpr double kLeastDecrease = 30.0;
     constexpr double kLeastShare = 0.12;
     const auto lens =
-        search.lens_of(sensor(), detail::radial_camera(camera_, intrinsics(camera_).fx), best);
+        estimate_lens(detail::radial_camera(camera_, intrinsics(camera_).fx),
+                      search.matches_in_original(sensor(), best), best.pose.world_from_camera,
+                      detail::LensPrior::usual_about_centre(camera_));
     if (!lens) return "";
     const auto gain = search.gain_of(camera_, best, *lens);
     if (gain.decrease < kLeastDecrease || gain.share < kLeastShare) return "";
@@ -363,68 +389,132 @@ class ImageLocator::View {
     return {SensorNoise(), describer_.extractor().pinhole(), describer_.extractor().scales()};
   }
 
+  // A lens found with the pose, and what it shows.
+  struct SettledLens {
+    detail::LensEstimate lens;
+    std::unique_ptr<const View> view;  // through the lens of the last round but one
+    std::unique_ptr<const DescribedImage> image;
+    std::optional<ImagePoseSearch> search;  // refers to the former two
+    ImagePose pose;
+    std::vector<detail::PointMatch> matches;
+  };
+
   // Finds the lens by the matches, and the matches with the lens, in turn.
-  ImageLocation locate_with_lens(const ImagePoseSearch& search, const DescribedImage& image) const {
+  std::optional<SettledLens> settled_lens(const ImagePoseSearch& search,
+                                          const DescribedImage& image,
+                                          const detail::FocalLengthPose& start) const {
     constexpr int kRounds = 4;
-    const auto coarse = search.best_of_focal_lengths(sensor());
-    if (!coarse) return blank(search, image);
-    auto lens = search.lens_of(sensor(), detail::radial_camera(camera_, coarse->focal_length),
-                               coarse->pose);
-    for (int round = 1; lens; ++round) {
-      const View view(landmarks_, lens->camera, FocalLength::kKnown, options_);
-      DescribedImage undistorted = image;
-      view.describer_.extractor().correct(undistorted.features, {});
-      const ImagePoseSearch again = search.seen_through(view.describer_, undistorted);
-      auto settled = again.settled(view.sensor(), lens->world_from_camera);
-      if (!settled) break;
-      lens = again.lens_of(view.sensor(), lens->camera, *settled);
-      if (!lens || round < kRounds) continue;
-      settled->pose.world_from_camera = lens->world_from_camera;
-      widen_by_halves(again, view.sensor(), *settled, *lens);
-      Judged judged = view.judge(again, undistorted, *settled, &*lens);
-      take_lens(*lens, judged.result);
-      return with_certainty(std::move(judged), options_.min_probability);
+    Camera camera = detail::with_lens(camera_, prior_.mean);  // but for the focal length
+    camera.parameters.front() = start.focal_length;
+    auto lens = estimate_lens(camera, search.matches_in_original(sensor(), start.pose),
+                              start.pose.pose.world_from_camera, prior_);
+    SettledLens result;
+    for (int round = 0; lens && round < kRounds; ++round) {
+      result.view =
+          std::make_unique<const View>(landmarks_, lens->camera, FocalLength::kKnown, options_);
+      const View& view = *result.view;
+      auto undistorted = std::make_unique<DescribedImage>(image);
+      view.describer_.extractor().correct(undistorted->features, {});
+      result.image = std::move(undistorted);
+      result.search = search.seen_through(view.describer_, *result.image);
+      auto settled = result.search->settled(view.sensor(), lens->world_from_camera);
+      if (!settled) return std::nullopt;
+      result.pose = std::move(*settled);
+      result.matches = result.search->matches_in_original(view.sensor(), result.pose);
+      lens = estimate_lens(lens->camera, result.matches, lens->world_from_camera, prior_);
     }
-    return blank(search, image);
+    if (!lens) return std::nullopt;
+    result.lens = std::move(*lens);
+    result.pose.pose.world_from_camera = result.lens.world_from_camera;
+    return result;
   }
 
-  // A lens that rests on a few matches, one of which may be wrong, differs between two halves of the matches.
-  static void widen_by_halves(const ImagePoseSearch& search, const SensorModel& sensor,
-                              const ImagePose& pose, detail::LensEstimate& lens) {
-    std::array<double, 2> focal_lengths{};
-    for (std::size_t half = 0; half < 2; ++half) {
-      ImagePose part = pose;
-      part.matches.clear();
-      for (std::size_t i = half; i < pose.matches.size(); i += 2) {
-        part.matches.push_back(pose.matches[i]);
+  WithLens locate_with_lens(const ImagePoseSearch& search, const DescribedImage& image) const {
+    std::optional<SettledLens> best;
+    std::vector<std::pair<detail::LensEstimate, double>> others;  // and their log odds
+    for (const detail::FocalLengthPose& start : coarse_poses(search)) {
+      std::optional<SettledLens> found = settled_lens(search, image, start);
+      if (!found) continue;
+      if (best && found->pose.evidence > best->pose.evidence) std::swap(best, found);
+      if (!best) {
+        best = std::move(found);
+      } else {
+        others.emplace_back(found->lens, log_odds(found->pose));
       }
-      const auto own = search.lens_of(sensor, lens.camera, part);
-      if (!own) {
-        lens.focal_length_sigma = lens.camera.parameters.front();  // unknown
-        return;
-      }
-      focal_lengths[half] = own->camera.parameters.front();
     }
-    const double sigma = 0.5 * std::abs(focal_lengths[0] - focal_lengths[1]);
-    if (sigma <= lens.focal_length_sigma) return;
-    lens.covariance *= sigma * sigma / (lens.focal_length_sigma * lens.focal_length_sigma);
-    lens.focal_length_sigma = sigma;
+    if (!best) return {blank(search, image), std::nullopt};
+    const bool determined = add_jackknife(best->lens, best->matches, prior_);
+    add_others(best->lens, log_odds(best->pose), others);
+    Judged judged = best->view->judge(*best->search, *best->image, best->pose, &best->lens);
+    const bool is_right = judged.result.probability >= options_.min_probability;
+    take_lens(best->lens, determined, judged.result);
+    if (is_shared_) {
+      refuse(LocationFailure::kLens, best->view->lens_defect(*best->search, best->pose),
+             judged.result);
+    }
+    WithLens result{with_certainty(std::move(judged), options_.min_probability), std::nullopt};
+    if (is_right && determined) result.lens = std::move(best->lens);
+    return result;
   }
 
-  static void take_lens(const detail::LensEstimate& lens, ImageLocation& result) {
+  // Matches are found with the lens, so other lenses may agree with other matches about as well. The covariance becomes
+  // the mean square of the difference to the estimate, each lens weighted by its odds.
+  static void add_others(detail::LensEstimate& lens, double log_odds,
+                         std::vector<std::pair<detail::LensEstimate, double>>& others) {
+    constexpr double kSameShare = 0.01;  // of the focal length
+    std::ranges::stable_sort(others, std::greater(),
+                             &std::pair<detail::LensEstimate, double>::second);
+    std::vector<std::pair<detail::LensEstimate, double>> different = {{lens, log_odds}};
+    double sum = 1.0;
+    for (const auto& other : others) {
+      const auto is_same = [&](const auto& known) {
+        return std::abs(std::log(known.first.camera.parameters.front() /
+                                 other.first.camera.parameters.front())) < kSameShare;
+      };
+      if (std::ranges::any_of(different, is_same)) continue;
+      different.push_back(other);
+      sum += std::exp(std::min(0.0, other.second - log_odds));
+    }
+    for (const auto& [other, odds] : different) {
+      const double weight = std::exp(std::min(0.0, odds - log_odds)) / sum;
+      const Vector6d moved = lens.world_from_camera.difference_to(other.world_from_camera);
+      const detail::LensVector changed =
+          detail::lens_of(other.camera) - detail::lens_of(lens.camera);
+      lens.covariance += weight * moved * moved.transpose();
+      lens.lens_covariance += weight * changed * changed.transpose();
+    }
+  }
+
+  std::vector<detail::FocalLengthPose> coarse_poses(const ImagePoseSearch& search) const {
+    constexpr std::size_t kMost = 6;
+    std::vector<detail::FocalLengthPose> poses;
+    if (!is_shared_) {
+      poses = search.of_focal_lengths(sensor());
+      poses.resize(std::min(poses.size(), kMost));
+      return poses;
+    }
+    auto best = search.best(sensor());
+    if (best) poses.push_back({std::move(*best), sensor().pinhole().fx});
+    return poses;
+  }
+
+  // @param determined whether the lens rests on more than one part of the image
+  static void take_lens(const detail::LensEstimate& lens, bool determined, ImageLocation& result) {
     // A focal length that is less certain leaves the distance to what is seen open.
     constexpr double kMostSigma = 0.03;
     const double focal_length = lens.camera.parameters.front();
+    const double sigma = determined ? lens.focal_length_sigma() : focal_length;
     result.camera = lens.camera;
-    result.focal_length_sigma = lens.focal_length_sigma;
-    if (result.located && lens.focal_length_sigma > kMostSigma * focal_length) {
+    result.focal_length_sigma = sigma;
+    if (result.failure == LocationFailure::kFocalLength ||
+        (result.located && sigma > kMostSigma * focal_length)) {
       result.located = false;
       result.failure = LocationFailure::kFocalLength;
       result.world_from_camera.reset();
       result.reason = fmt::format(
           "the matches do not determine the focal length: {:.0f} px with a standard deviation of "
           "{:.0f} px",
-          focal_length, lens.focal_length_sigma);
+          focal_length, sigma);
     }
   }
 
@@ -443,10 +533,20 @@ class ImageLocator::View {
     body.pose = best.pose;
     body.images = {best};
     const auto growth = ImagePoseSearch::growth_without_chance({&alone, 1}, body);
-    // The lens has a verdict of its own.
-    judged.certainty = certainty(search, best, sum_of(best.pose.covariance, growth));
-    report(image, best, sum_of(lens ? lens->covariance : best.pose.covariance, growth),
-           judged.has_rival ? &*next : nullptr, judged.result);
+    const auto covariance = sum_of(lens ? lens->covariance : best.pose.covariance, growth);
+    judged.certainty = certainty(search, best, covariance);
+    report(image, best, covariance, judged.has_rival ? &*next : nullptr, judged.result);
+    if (lens && judged.result.located) {
+      // Whether the lens alone leaves the pose open.
+      const double known =
+          certainty(search, best, sum_of(best.pose.covariance, growth)).probability;
+      const double least = options_.min_probability / judged.result.probability;
+      if (judged.certainty.probability < least && known >= least) {
+        judged.result.located = false;
+        judged.result.failure = LocationFailure::kFocalLength;
+        judged.result.world_from_camera.reset();
+      }
+    }
     return judged;
   }
 
@@ -458,10 +558,17 @@ class ImageLocator::View {
   std::shared_ptr<const Landmarks> landmarks_;
   Camera camera_;
   FocalLength focal_length_;
+  bool is_shared_;
+  detail::LensPrior prior_;  // for an unknown focal length
   ImageDescriber describer_;
 };
 
 namespace {
+
+void require_not_stopped(const Execution& execution) {
+  if (!execution.stop.stop_requested()) return;
+  throw Error(ErrorKind::kCancelled, "locating images", "was cancelled", "");
+}
 
 void require_sound(const Camera& camera) {
   if (const std::string defect = camera_defect(camera); !defect.empty()) {
@@ -480,7 +587,7 @@ class ImageLocator::Together {
     // The body is where the first camera is: far from it, rotations and positions could not be told apart.
     const Rigid3 first_from_body = views.front().body_from_camera.inverse();
     execution.executor.for_blocks(views.size(), 1, [&](std::size_t k, std::size_t) {
-      require_not_stopped();
+      require_not_stopped(execution_);
       seen_[k] =
           views_[k]->seen(*views[k].image, fmt::format("views[{}].image", k), execution.seed);
     });
@@ -545,11 +652,6 @@ class ImageLocator::Together {
   }
 
  private:
-  void require_not_stopped() const {
-    if (!execution_.stop.stop_requested()) return;
-    throw Error(ErrorKind::kCancelled, "locating images", "was cancelled", "");
-  }
-
   // The pose of the body with most evidence, of those that the images with most evidence propose.
   // @param proposed the pose that an image proposes
   // @param other    a pose to leave out; null for none
@@ -564,7 +666,7 @@ class ImageLocator::Together {
     order.resize(std::min(order.size(), kMost));
     std::vector<std::optional<BodyPose>> bodies(order.size());
     execution_.executor.for_blocks(order.size(), 1, [&](std::size_t i, std::size_t) {
-      require_not_stopped();
+      require_not_stopped(execution_);
       const std::size_t k = order[i];
       const std::optional<ImagePose> pose = proposed(k);
       if (!pose) return;
@@ -678,6 +780,61 @@ ImageLocator ImageLocator::with_camera(const Camera& camera, FocalLength focal_l
 ImageLocation ImageLocator::locate(const GrayImage& image, const DepthImage& depth,
                                    const Execution& execution) const {
   return view_->locate(image, depth, execution.seed);
+}
+
+namespace {
+
+// Share of the matches that show different landmarks.
+double share_of_landmarks(const std::vector<const ImageLocation*>& images) {
+  std::set<LandmarkIndex> landmarks;
+  std::size_t matches = 0;
+  for (const ImageLocation* image : images) {
+    for (const ImageMatch& match : image->matches) landmarks.insert(match.landmark);
+    matches += image->matches.size();
+  }
+  return static_cast<double>(landmarks.size()) / static_cast<double>(matches);
+}
+
+}  // namespace
+
+std::vector<ImageLocation> locate_with_shared_lens(
+    const ImageLocator& locator, std::size_t count,
+    const std::function<GrayImage(std::size_t)>& image_of, const Execution& execution) {
+  using View = ImageLocator::View;
+  const View& view = *locator.view_;
+  refuse_if(view.focal_length() != FocalLength::kUnknown, "locator", "a known focal length",
+            "one for images of unknown focal length");
+  std::vector<View::WithLens> found(count);
+  const auto for_images = [&](const auto& locate) {
+    execution.executor.for_blocks(count, 1, [&](std::size_t k, std::size_t) {
+      require_not_stopped(execution);
+      locate(k);
+    });
+  };
+  for_images([&](std::size_t k) { found[k] = view.locate_with_lens(image_of(k), execution.seed); });
+  std::vector<detail::ImageLens> lenses;
+  std::vector<const ImageLocation*> images;
+  std::vector<std::optional<std::size_t>> lens_of_image(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    if (!found[k].lens) continue;
+    lens_of_image[k] = lenses.size();
+    lenses.push_back({detail::lens_of(found[k].lens->camera), found[k].lens->lens_covariance});
+    images.push_back(&found[k].location);
+  }
+  if (lenses.size() >= 2) {
+    const detail::SharedLens shared(view.prior(), lenses, share_of_landmarks(images));
+    for_images([&](std::size_t k) {
+      const detail::LensPrior others =
+          lens_of_image[k] ? shared.without(*lens_of_image[k]) : shared.of_all();
+      const Camera camera = detail::with_lens(view.camera(), others.mean);
+      if (!camera_defect(camera).empty()) return;
+      found[k] = View(view.landmarks(), camera, FocalLength::kUnknown, view.options(), others)
+                     .locate_with_lens(image_of(k), execution.seed);
+    });
+  }
+  std::vector<ImageLocation> locations;
+  for (View::WithLens& one : found) locations.push_back(std::move(one.location));
+  return locations;
 }
 
 std::vector<ImageLocation> locate_together(std::span<const BodyView> views,

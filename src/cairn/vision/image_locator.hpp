@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -101,9 +102,9 @@ class ImageLocator {
   ImageLocator& operator=(ImageLocator&&) noexcept;
 
   /// Locator for images of another camera; both share the prepared map.
-  /// @param focal_length if unknown, the search for the focal length begins at that of the camera; apart
-  ///        from it, only the camera's size and principal point are used. The result's camera then has
-  ///        the model RADIAL
+  /// @param focal_length if unknown, focal length, distortion and principal point are found with each pose; the
+  ///        camera gives the size, one of the focal lengths at which the search begins, and about where the
+  ///        principal point is. The result's camera then has the model RADIAL
   /// @throws Error (misuse) for a defective camera
   ImageLocator with_camera(const Camera& camera,
                            FocalLength focal_length = FocalLength::kKnown) const;
@@ -123,8 +124,23 @@ class ImageLocator {
   explicit ImageLocator(std::unique_ptr<const View> view);
   friend std::vector<ImageLocation> locate_together(std::span<const struct BodyView> views,
                                                     const Execution& execution);
+  friend std::vector<ImageLocation> locate_with_shared_lens(
+      const ImageLocator& locator, std::size_t count,
+      const std::function<GrayImage(std::size_t)>& image_of, const Execution& execution);
   std::unique_ptr<const View> view_;
 };
+
+/// Locates images that one camera took, whose lens is unknown. Each image is located with a lens of its own, then again
+/// with what the lenses of the other images tell. Images that show the same landmarks count less, because they share
+/// the errors of these.
+/// @param locator   for images of unknown focal length (with_camera())
+/// @param count     number of images
+/// @param image_of  returns an image, of the camera's size; called twice for each, by several threads
+/// @param execution executor and seed
+/// @throws Error (misuse) for a locator with a known focal length; (input) for an image of another size; (cancelled)
+std::vector<ImageLocation> locate_with_shared_lens(
+    const ImageLocator& locator, std::size_t count,
+    const std::function<GrayImage(std::size_t)>& image_of, const Execution& execution = {});
 
 /// An image whose pose relative to others is known, as of a sequence with odometry, or of a rig.
 struct BodyView {

@@ -373,6 +373,35 @@ TEST(ImageLocator, FindsTheDistortionWithTheFocalLength) {
   EXPECT_EQ(through_flat.failure, LocationFailure::kLens) << through_flat.reason;
 }
 
+// Matches in one half of the image leave the lens open; what the other images tell closes it.
+TEST(ImageLocator, FindsOneLensInSeveralImages) {
+  const LandmarkMap map =
+      sift_map(true, [](std::size_t i) { return 1.5 + 0.37 * static_cast<double>(i * 7 % 11); });
+  const Camera flat = TexturedWall::camera();
+  const cv::Mat whole = posters_through(barrel_camera(-0.12));
+  cv::Mat part = whole.clone();
+  part.colRange(0, 640).rowRange(0, 300).setTo(cv::Scalar(90));
+  const std::array<GrayImage, 3> images = {image_of(part), image_of(whole), image_of(whole)};
+  const ImageLocator locator = ImageLocator(map, flat).with_camera(flat, FocalLength::kUnknown);
+  const auto image_of_k = [&](std::size_t k) { return images[k]; };
+  const ImageLocation alone = locator.locate(images[0]);
+  const auto found = locate_with_shared_lens(locator, images.size(), image_of_k);
+  ASSERT_EQ(found.size(), images.size());
+  ASSERT_TRUE(alone.focal_length_sigma && found[0].focal_length_sigma);
+  EXPECT_LT(*found[0].focal_length_sigma, 0.7 * *alone.focal_length_sigma);
+  for (const ImageLocation& image : found) {
+    ASSERT_TRUE(image.located) << image.reason;
+    EXPECT_NEAR(image.camera.parameters[0], TexturedWall::kFocal, 0.01 * TexturedWall::kFocal);
+    EXPECT_LT(image.world_from_camera->difference_to(pose_at(60, 40)).head<3>().norm(), 0.02);
+  }
+  // An image without others has a lens of its own.
+  const auto one = locate_with_shared_lens(locator, 1, image_of_k);
+  EXPECT_EQ(one[0].estimate->matrix(), alone.estimate->matrix());
+  EXPECT_EQ(one[0].covariance, alone.covariance);
+  EXPECT_TRUE(locate_with_shared_lens(locator, 0, image_of_k).empty());
+  EXPECT_THROW(locate_with_shared_lens(ImageLocator(map, flat), 1, image_of_k), Error);
+}
+
 // Undistorted, the noise of corners at the edge is larger than in the image: no sign of another lens.
 TEST(ImageLocator, TakesTheRightLensForRightHoweverItDistorts) {
   const LandmarkMap map =

@@ -280,43 +280,33 @@ SensorModel ImagePoseSearch::with_focal_length(const SensorModel& sensor,
   return {sensor.noise(), pinhole, describer_->extractor().scales()};
 }
 
-std::optional<FocalLengthPose> ImagePoseSearch::best_of_focal_lengths(
-    const SensorModel& sensor) const {
+std::vector<FocalLengthPose> ImagePoseSearch::of_focal_lengths(const SensorModel& sensor) const {
   constexpr double kLeast = 0.4;  // of the image's larger side
   constexpr double kMost = 4.0;
   constexpr double kStep = 1.15;
   const double side = std::max(size_.width, size_.height);
-  const double begin = std::clamp(sensor.pinhole().fx, kLeast * side, kMost * side);
-  std::optional<FocalLengthPose> best;
-  const auto consider = [&](double f) {
-    if (f < kLeast * side || f > kMost * side) return;
-    const SensorModel model = with_focal_length(sensor, f);
+  double focal_length = std::clamp(sensor.pinhole().fx, kLeast * side, kMost * side);
+  while (focal_length / kStep >= kLeast * side) focal_length /= kStep;
+  std::vector<FocalLengthPose> poses;
+  for (; focal_length <= kMost * side; focal_length *= kStep) {
+    const SensorModel model = with_focal_length(sensor, focal_length);
     const std::optional<Rigid3> pose = proposed(model, mutual_, kFrameIterations);
     std::optional<ImagePose> found = pose ? settled(model, *pose) : std::nullopt;
-    if (found && (!best || found->evidence > best->pose.evidence)) {
-      best = FocalLengthPose{std::move(*found), f};
-    }
-  };
-  consider(begin);
-  for (double ratio = kStep; ratio <= kMost / kLeast; ratio *= kStep) {
-    // The neighbours of a focal length with much evidence may have more.
-    const bool is_last = best && best->pose.evidence >= kDecisive;
-    consider(begin / ratio);
-    consider(begin * ratio);
-    if (is_last) break;
+    if (found) poses.push_back({std::move(*found), focal_length});
   }
-  return best;
+  std::ranges::stable_sort(poses, std::greater(),
+                           [](const FocalLengthPose& pose) { return pose.pose.evidence; });
+  return poses;
 }
 
-std::optional<LensEstimate> ImagePoseSearch::lens_of(const SensorModel& sensor,
-                                                     const Camera& camera,
-                                                     const ImagePose& pose) const {
+std::vector<PointMatch> ImagePoseSearch::matches_in_original(const SensorModel& sensor,
+                                                             const ImagePose& pose) const {
   std::vector<PointMatch> matches = point_matches(sensor, pose);
   for (std::size_t i = 0; i < matches.size(); ++i) {
     const Pixel& raw = image_->features.keypoints()[pose.matches[i].feature].raw;
     matches[i].measured.pixel = {raw.u, raw.v};
   }
-  return estimate_lens(camera, matches, pose.pose.world_from_camera);
+  return matches;
 }
 
 ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const Camera& camera, const ImagePose& pose,

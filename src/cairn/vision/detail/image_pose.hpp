@@ -83,9 +83,9 @@ class ImagePoseSearch {
   std::size_t proposals() const { return mutual_.size(); }
   /// The pose with most evidence.
   std::optional<ImagePose> best(const SensorModel& sensor) const;
-  /// The same with the best of several focal lengths, from two fifths to four times the image's larger side, in steps
-  /// of 15 %. Begins at the sensor's focal length, and ends one step after a pose with much evidence.
-  std::optional<FocalLengthPose> best_of_focal_lengths(const SensorModel& sensor) const;
+  /// The same with each of several focal lengths, from two fifths to four times the image's larger side, in steps of
+  /// 15 %, of which one is the sensor's. Most evidence first.
+  std::vector<FocalLengthPose> of_focal_lengths(const SensorModel& sensor) const;
   /// The pose and its matches, from an approximate pose; std::nullopt if too few features match there.
   std::optional<ImagePose> settled(const SensorModel& sensor,
                                    const Rigid3& world_from_camera) const;
@@ -99,17 +99,16 @@ class ImagePoseSearch {
                                                        const BodyPose& body);
   /// Median distance of the landmarks that the pose's matches show.
   double distance_of(const ImagePose& pose) const;
-  /// The lens with which the pose's matches fit best, and the pose with this lens.
-  /// @param camera where the search begins; as from radial_camera()
-  std::optional<LensEstimate> lens_of(const SensorModel& sensor, const Camera& camera,
-                                      const ImagePose& pose) const;
+  /// The pose's matches with pixels of the original image, as estimate_lens() takes them.
+  std::vector<PointMatch> matches_in_original(const SensorModel& sensor,
+                                              const ImagePose& pose) const;
   /// How much better the matches fit a lens of their own, fitted with the pose, than the camera's: the decrease of half the
   /// robust sum of squared residuals in the original image, in units of the matches' noise, and as a share.
   struct LensGain {
     double decrease = 0.0;
     double share = 0.0;
   };
-  /// @param lens result of lens_of()
+  /// @param lens fitted to the pose's matches
   LensGain gain_of(const Camera& camera, const ImagePose& pose, const LensEstimate& lens) const;
   /// The same search with the features of the image as another camera would have undistorted them.
   ImagePoseSearch seen_through(const ImageDescriber& describer, const DescribedImage& image) const;

@@ -3,6 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Geometry>
 
 #include "cairn/adjustment/detail/pose_derivative.hpp"
 #include "cairn/geometry/decompositions.hpp"
@@ -11,19 +17,17 @@
 namespace cairn::detail {
 namespace {
 
-// Pose, logarithm of the focal length, two radial terms, principal point in larger sides of the image. The last is not used:
-// the solver is compiled for twelve.
+// Pose and lens. The last is not used: the solver is compiled for twelve.
 using Vector12d = Eigen::Matrix<double, 12, 1>;
 using Matrix12d = Eigen::Matrix<double, 12, 12>;
 constexpr int kLens = 6;
-constexpr int kLensUnknowns = 5;
-constexpr int kCentre = 9;
+constexpr int kUnknowns = kLens + kLensUnknowns;
 
 double larger_side(const Camera& camera) {
   return std::max(camera.width, camera.height);
 }
 
-using LensVector = Eigen::Matrix<double, kLensUnknowns, 1>;
+}  // namespace
 
 LensVector lens_of(const Camera& camera) {
   const std::vector<double>& p = camera.parameters;
@@ -33,13 +37,21 @@ LensVector lens_of(const Camera& camera) {
 
 Camera with_lens(Camera camera, const LensVector& lens) {
   const double side = larger_side(camera);
+  camera.model = "RADIAL";
   camera.parameters = {side * std::exp(lens[0]), side * lens[3], side * lens[4], lens[1], lens[2]};
   return camera;
 }
 
-// Standard deviations of the first three about zero, and of the principal point about that given.
-const Eigen::Vector3d kUsualLens = {0.7, 0.2, 0.1};
-constexpr double kUsualCentre = 0.015;
+namespace {
+
+LensPrior prior_with(const Camera& camera, double centre) {
+  const Intrinsics at = intrinsics(camera);
+  const LensVector deviations = {0.7, 0.2, 0.1, centre, centre};
+  LensPrior prior{LensVector::Zero(), LensMatrix::Zero()};
+  prior.mean.tail<2>() = Eigen::Vector2d(at.cx, at.cy) / larger_side(camera);
+  prior.information = deviations.cwiseAbs2().cwiseInverse().asDiagonal();
+  return prior;
+}
 
 struct LensEquations {
   Matrix12d information = Matrix12d::Zero();
@@ -73,12 +85,11 @@ LensPixel through_lens(const Camera& camera, const Eigen::Vector2d& x) {
 
 // @param plain without Huber's kernel, of the matches that the noise explains
 LensEquations equations(const Camera& camera, std::span<const PointMatch> matches,
-                        const Rigid3& world_from_camera, bool plain) {
+                        const Rigid3& world_from_camera, const LensPrior& prior, bool plain) {
   LensEquations sum;
   sum.information(11, 11) = 1.0;
-  const Eigen::Vector3d weights = kUsualLens.cwiseProduct(kUsualLens).cwiseInverse();
-  sum.information.diagonal().segment<3>(kLens) = weights;
-  sum.gradient.segment<3>(kLens) = weights.cwiseProduct(lens_of(camera).head<3>());
+  sum.information.block<kLensUnknowns, kLensUnknowns>(kLens, kLens) = prior.information;
+  sum.gradient.segment<kLensUnknowns>(kLens) = prior.information * (lens_of(camera) - prior.mean);
   const Eigen::Matrix3d camera_from_world = world_from_camera.rotation().transpose();
   for (const PointMatch& match : matches) {
     const Eigen::Vector3d arm = match.x_in_world - world_from_camera.translation();
@@ -105,16 +116,58 @@ LensEquations equations(const Camera& camera, std::span<const PointMatch> matche
   return sum;
 }
 
-// The equations of all but the principal point, which stays as it is.
-LensEquations without_centre(LensEquations sum) {
-  sum.information.middleRows<2>(kCentre).setZero();
-  sum.information.middleCols<2>(kCentre).setZero();
-  sum.information.diagonal().segment<2>(kCentre).setOnes();
-  sum.gradient.segment<2>(kCentre).setZero();
-  return sum;
+// Moves the estimate to the minimum.
+// @param steps at most
+// @return whether the matches determine it
+bool minimise(LensEstimate& estimate, std::span<const PointMatch> matches, const LensPrior& prior,
+              bool plain, int steps) {
+  constexpr double kSettled = 1e-8;
+  // A longer step leaves the range in which the equations are nearly linear.
+  constexpr double kLongest = 0.2;
+  for (int step = 0; step < steps; ++step) {
+    const LensEquations sum =
+        equations(estimate.camera, matches, estimate.world_from_camera, prior, plain);
+    const auto solution = solve_positive_definite<12>(sum.information, sum.gradient);
+    if (!solution || !solution->allFinite()) return false;
+    const double longest = solution->cwiseAbs().maxCoeff();
+    const Vector12d delta = -(longest > kLongest ? kLongest / longest : 1.0) * *solution;
+    estimate.world_from_camera = estimate.world_from_camera.perturbed(delta.head<6>());
+    estimate.camera =
+        with_lens(estimate.camera, lens_of(estimate.camera) + delta.segment<kLensUnknowns>(kLens));
+    if (delta.norm() < kSettled) break;
+  }
+  return true;
+}
+
+// Cuts the matches into halves with equal numbers across the longer side of the image that they cover, and each half again.
+void cut(std::span<std::uint32_t> part, std::span<const PointMatch> matches, int cuts,
+         std::vector<std::span<std::uint32_t>>& parts) {
+  if (cuts == 0 || part.empty()) {
+    parts.push_back(part);
+    return;
+  }
+  Eigen::AlignedBox2d box;
+  for (const std::uint32_t i : part) box.extend(matches[i].measured.pixel);
+  const Eigen::Index axis = box.max().y() - box.min().y() > box.max().x() - box.min().x() ? 1 : 0;
+  std::ranges::sort(part, {},
+                    [&](std::uint32_t i) { return std::pair(matches[i].measured.pixel[axis], i); });
+  cut(part.first(part.size() / 2), matches, cuts - 1, parts);
+  cut(part.subspan(part.size() / 2), matches, cuts - 1, parts);
 }
 
 }  // namespace
+
+LensPrior LensPrior::usual(const Camera& camera) {
+  return prior_with(camera, 0.015);
+}
+
+LensPrior LensPrior::usual_about_centre(const Camera& camera) {
+  return prior_with(camera, 1e-6);
+}
+
+double LensEstimate::focal_length_sigma() const {
+  return camera.parameters.front() * std::sqrt(lens_covariance(0, 0));
+}
 
 Camera radial_camera(const Camera& camera, double focal_length) {
   const Intrinsics centre = intrinsics(camera);
@@ -126,47 +179,63 @@ Camera radial_camera(const Camera& camera, double focal_length) {
 }
 
 std::optional<LensEstimate> estimate_lens(const Camera& camera, std::span<const PointMatch> matches,
-                                          const Rigid3& world_from_camera) {
+                                          const Rigid3& world_from_camera, const LensPrior& prior) {
   constexpr int kSteps = 20;
-  constexpr double kSettled = 1e-8;
-  constexpr double kLongest =
-      0.2;  // a longer step leaves the range in which the equations are nearly linear
   LensEstimate estimate{camera, world_from_camera};
   for (const bool plain : {false, true}) {
-    for (int step = 0; step < kSteps; ++step) {
-      const LensEquations sum =
-          without_centre(equations(estimate.camera, matches, estimate.world_from_camera, plain));
-      const auto solution = solve_positive_definite<12>(sum.information, sum.gradient);
-      if (!solution || !solution->allFinite()) return std::nullopt;
-      const double longest = solution->cwiseAbs().maxCoeff();
-      const Vector12d delta = -(longest > kLongest ? kLongest / longest : 1.0) * *solution;
-      estimate.world_from_camera = estimate.world_from_camera.perturbed(delta.head<6>());
-      estimate.camera = with_lens(estimate.camera,
-                                  lens_of(estimate.camera) + delta.segment<kLensUnknowns>(kLens));
-      if (delta.norm() < kSettled) break;
-    }
+    if (!minimise(estimate, matches, prior, plain, kSteps)) return std::nullopt;
   }
   if (!camera_defect(estimate.camera).empty()) return std::nullopt;
-  // An error of the principal point moves all else, and two radial terms are not all of a real lens, so residuals count if
-  // they are larger than the noise.
-  const LensEquations all = equations(estimate.camera, matches, estimate.world_from_camera, true);
-  const LensEquations sum = without_centre(all);
-  const double freedom =
-      std::max(1.0, 2.0 * static_cast<double>(sum.count) - kLens - kLensUnknowns);
+  // Two radial terms are not all of a real lens, so residuals count if they are larger than the noise.
+  const LensEquations sum =
+      equations(estimate.camera, matches, estimate.world_from_camera, prior, true);
+  const double freedom = std::max(1.0, 2.0 * static_cast<double>(sum.count) - kUnknowns);
   const double inflation = std::max(1.0, sum.squares / freedom);
   Matrix12d inverse;
   for (int k = 0; k < inverse.cols(); ++k) {
     const auto column = solve_positive_definite<12>(sum.information, Vector12d(Vector12d::Unit(k)));
     if (!column) return std::nullopt;
-    inverse.col(k) = *column;
+    inverse.col(k) = inflation * *column;
   }
-  Eigen::Matrix<double, 12, 2> by_centre = all.information.middleCols<2>(kCentre);
-  by_centre.middleRows<2>(kCentre).setZero();
-  const Eigen::Matrix<double, 12, 2> moved = kUsualCentre * inverse * by_centre;
-  const Matrix12d covariance = inflation * inverse + moved * moved.transpose();
-  estimate.covariance = covariance.topLeftCorner<6, 6>();
-  estimate.focal_length_sigma = estimate.camera.parameters[0] * std::sqrt(covariance(kLens, kLens));
+  estimate.covariance = inverse.topLeftCorner<kLens, kLens>();
+  estimate.lens_covariance = inverse.block<kLensUnknowns, kLensUnknowns>(kLens, kLens);
   return estimate;
+}
+
+bool add_jackknife(LensEstimate& estimate, std::span<const PointMatch> matches,
+                   const LensPrior& prior) {
+  constexpr int kCuts = 3;
+  constexpr int kSteps = 10;  // from nearby
+  std::vector<std::uint32_t> order(matches.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::vector<std::span<std::uint32_t>> parts;
+  cut(order, matches, kCuts, parts);
+  std::vector<Eigen::Matrix<double, kUnknowns, 1>> changes;
+  Eigen::Matrix<double, kUnknowns, 1> mean = Eigen::Matrix<double, kUnknowns, 1>::Zero();
+  for (const std::span<std::uint32_t> part : parts) {
+    std::vector<PointMatch> others;
+    const auto begin = static_cast<std::size_t>(part.data() - order.data());
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      if (i < begin || i >= begin + part.size()) others.push_back(matches[order[i]]);
+    }
+    LensEstimate without = estimate;
+    if (!minimise(without, others, prior, true, kSteps)) return false;
+    if (!camera_defect(without.camera).empty()) return false;
+    changes.emplace_back();
+    changes.back() << estimate.world_from_camera.difference_to(without.world_from_camera),
+        lens_of(without.camera) - lens_of(estimate.camera);
+    mean += changes.back() / static_cast<double>(parts.size());
+  }
+  // Delete-a-group jackknife (Kott 2001): the sum of squares times (n - 1) / n. Eight parts show the variance poorly, so it
+  // is that of Student's distribution with seven degrees of freedom.
+  const double freedom = static_cast<double>(parts.size()) - 1.0;
+  const double factor = freedom / (freedom + 1.0) * freedom / (freedom - 2.0);
+  for (const auto& change : changes) {
+    const Eigen::Matrix<double, kUnknowns, 1> off = std::sqrt(factor) * (change - mean);
+    estimate.covariance += off.head<kLens>() * off.head<kLens>().transpose();
+    estimate.lens_covariance += off.tail<kLensUnknowns>() * off.tail<kLensUnknowns>().transpose();
+  }
+  return true;
 }
 
 }  // namespace cairn::detail

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "cairn/vision/detail/shared_lens.hpp"
+
+#include <algorithm>
+
+#include "cairn/geometry/decompositions.hpp"
+#include "cairn/vision/detail/sensor_model.hpp"
+
+namespace cairn::detail {
+namespace {
+
+// The decompositions are compiled for six; the sixth unknown has the value one.
+Matrix6d padded(const LensMatrix& matrix) {
+  Matrix6d result = Matrix6d::Identity();
+  result.topLeftCorner<kLensUnknowns, kLensUnknowns>() = matrix;
+  return result;
+}
+
+LensVector solve(const LensMatrix& information, const LensVector& vector) {
+  Vector6d six = Vector6d::Zero();
+  six.head<kLensUnknowns>() = vector;
+  return solve_symmetric<6>(padded(information), six).head<kLensUnknowns>();
+}
+
+// What the matches of one image tell without the prior.
+struct OwnLens {
+  LensMatrix information = LensMatrix::Zero();
+  LensVector vector = LensVector::Zero();
+  LensMatrix inverse = LensMatrix::Zero();  // of the information, where there is any
+  double unknowns = 0.0;                    // of which the matches tell anything
+};
+
+// @param lens, covariance in units of the prior's standard deviations
+OwnLens without_prior(const LensVector& lens, const LensMatrix& covariance) {
+  OwnLens own;
+  const auto inverse = inverse_of_positive_definite(padded(covariance));
+  if (!inverse) return own;
+  const SymmetricEigen<6> eigen = symmetric_eigen<6>(*inverse);
+  for (int k = 0; k < 6; ++k) {
+    const LensVector axis = eigen.vectors.col(k).head<kLensUnknowns>();
+    const double more = eigen.values[k] - 1.0;  // than the prior
+    constexpr double kAnything = 1e-6;
+    if (more < kAnything) continue;
+    own.information += more * axis * axis.transpose();
+    own.inverse += axis * axis.transpose() / more;
+    own.vector += eigen.values[k] * axis.dot(lens) * axis;
+    own.unknowns += 1.0;
+  }
+  return own;
+}
+
+}  // namespace
+
+SharedLens::SharedLens(const LensPrior& prior, std::span<const ImageLens> images,
+                       double independent)
+    : prior_(prior) {
+  constexpr int kRounds = 10;
+  constexpr double k95 = 11.07;  // quantile of chi-squared with five degrees of freedom
+  const LensVector inverse_sigmas = prior.information.diagonal().cwiseSqrt();
+  std::vector<OwnLens> owns;
+  for (const ImageLens& image : images) {
+    const LensMatrix inverse = inverse_sigmas.asDiagonal();
+    owns.push_back(
+        without_prior(inverse * (image.lens - prior.mean), inverse * image.covariance * inverse));
+  }
+  std::vector<double> weights(owns.size(), 1.0);
+  double scatter = 1.0;
+  LensVector lens = LensVector::Zero();
+  for (int round = 0; round < kRounds; ++round) {
+    information_ = LensMatrix::Identity();
+    vector_ = LensVector::Zero();
+    for (std::size_t k = 0; k < owns.size(); ++k) {
+      information_ += independent / scatter * weights[k] * owns[k].information;
+      vector_ += independent / scatter * weights[k] * owns[k].vector;
+    }
+    lens = solve(information_, vector_);
+    double squares = 0.0;
+    double unknowns = -static_cast<double>(kLensUnknowns);
+    for (std::size_t k = 0; k < owns.size(); ++k) {
+      const LensVector off = owns[k].vector - owns[k].information * lens;
+      const double squared = off.dot(owns[k].inverse * off);
+      weights[k] = huber_weight(squared, k95);
+      squares += weights[k] * squared;
+      unknowns += weights[k] * owns[k].unknowns;
+    }
+    scatter = std::max(1.0, squares / std::max(1.0, unknowns));
+  }
+  for (std::size_t k = 0; k < owns.size(); ++k) {
+    const double weight = independent / scatter * weights[k];
+    told_.push_back({weight * owns[k].information, weight * owns[k].vector});
+  }
+  information_ = LensMatrix::Identity();
+  vector_ = LensVector::Zero();
+  for (const Told& told : told_) {
+    information_ += told.information;
+    vector_ += told.vector;
+  }
+}
+
+LensPrior SharedLens::with_information(const LensMatrix& information,
+                                       const LensVector& vector) const {
+  const LensVector inverse_sigmas = prior_.information.diagonal().cwiseSqrt();
+  LensPrior result;
+  result.mean = prior_.mean + solve(information, vector).cwiseQuotient(inverse_sigmas);
+  result.information = inverse_sigmas.asDiagonal() * information * inverse_sigmas.asDiagonal();
+  return result;
+}
+
+}  // namespace cairn::detail
