@@ -249,8 +249,9 @@ struct LocateArguments {
     command.add_text(
         "--camera", camera,
         fmt::format(
-            "Camera of the images: {}; or unknown: the lens is found with the pose, first near the "
-            "EXIF focal length; or shared: one unknown lens took all images of a size "
+            "Camera of the images: {}; or unknown: the lens is found with the pose (EXIF data "
+            "help); or "
+            "shared: one unknown lens took all images of a size "
             "(default: the map's camera for images of that size, or unknown if it has none or "
             "several)",
             kCameraHelp),
@@ -314,6 +315,8 @@ struct LocateArguments {
     with_option_names({FeatureOptions::table, LocateOptions::table}, [&] { options.validate(); });
     refuse_if(!depth.empty() && images.size() != 1, "--depth",
               fmt::format("given for {} images", images.size()), "one image");
+    refuse_if(camera == kShared && !depth.empty(), "--depth", "given with --camera shared",
+              "images without depth");
     require_outputs(common);
     require_one_stdout({{"--json", &common.json_path}, {"--trajectory", &trajectory}});
     if (!trajectory.empty() && trajectory != "-") require_folder_of(trajectory);

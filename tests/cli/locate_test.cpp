@@ -156,6 +156,10 @@ TEST_F(LocateCliTest, FindsOneLensForAllImages) {
     EXPECT_NEAR(result.at("camera").at("parameters").at(0).get<double>(), 525.0, 0.03 * 525.0);
     EXPECT_GT(result.at("focal_length_sigma").get<double>(), 0.0);
   }
+  EXPECT_EQ(
+      cairn({"locate", "desk.map", kImage, "--camera", "shared", "--depth", "s/depth/2.000000.png"})
+          .exit_code,
+      kWrongUsage);
   // The images that can be read are located all the same.
   Words with_text = words;
   with_text.insert(with_text.end(), {"none.jpg"});
