@@ -251,7 +251,7 @@ struct LocateArguments {
         fmt::format(
             "Camera of the images: {}; or unknown: the lens is found with the pose (EXIF data "
             "help); or "
-            "shared: one unknown lens took all images of a size "
+            "shared: one unknown lens took all images of a size and EXIF focal length "
             "(default: the map's camera for images of that size, or unknown if it has none or "
             "several)",
             kCameraHelp),
@@ -448,7 +448,7 @@ struct LocateArguments {
     return "";
   }
 
-  // Images of one size are by one camera.
+  // Images of one size, and with one focal length in their EXIF data, are by one camera.
   void locate_with_one_lens(Locators& locators, std::vector<Located>& found) const {
     std::map<const Locators::OfCamera*, std::vector<std::size_t>> images_of;
     std::mutex mutex;

@@ -78,8 +78,8 @@ std::vector<std::string> about(const ImageLocation& found, const LandmarkMap& ma
     case LocationFailure::kLens:
       if (!lens) return {"State the images' camera by --camera."};
       return {
-          "State the image's camera by --camera, or find its lens with the pose: --camera "
-          "unknown."};
+          "State the image's camera by --camera, or find its lens with the pose: --camera unknown. "
+          "With --camera shared: are all images by one camera, with one focal length, and whole?"};
     case LocationFailure::kGivenPoses:
       return {
           "Check --poses: are they world_from_camera, in the map's unit, and at the images' times? "

@@ -447,7 +447,7 @@ class ImageLocator::View {
     add_others(best->lens, log_odds(best->pose), others);
     Judged judged = best->view->judge(*best->search, *best->image, best->pose, &best->lens);
     const bool is_right = judged.result.probability >= options_.min_probability;
-    take_lens(best->lens, determined, judged.result);
+    take_lens(best->lens, determined, judged);
     if (is_shared_) {
       refuse(LocationFailure::kLens, best->view->lens_defect(*best->search, best->pose),
              judged.result);
@@ -461,15 +461,17 @@ class ImageLocator::View {
   // the mean square of the difference to the estimate, each lens weighted by its odds.
   static void add_others(detail::LensEstimate& lens, double log_odds,
                          std::vector<std::pair<detail::LensEstimate, double>>& others) {
-    constexpr double kSameShare = 0.01;  // of the focal length
+    constexpr double kSame =
+        0.01;  // share of the focal length; the principal point, in larger sides
     std::ranges::stable_sort(others, std::greater(),
                              &std::pair<detail::LensEstimate, double>::second);
     std::vector<std::pair<detail::LensEstimate, double>> different = {{lens, log_odds}};
     double sum = 1.0;
     for (const auto& other : others) {
       const auto is_same = [&](const auto& known) {
-        return std::abs(std::log(known.first.camera.parameters.front() /
-                                 other.first.camera.parameters.front())) < kSameShare;
+        const detail::LensVector off =
+            detail::lens_of(known.first.camera) - detail::lens_of(other.first.camera);
+        return std::abs(off[0]) < kSame && off.tail<2>().norm() < kSame;
       };
       if (std::ranges::any_of(different, is_same)) continue;
       different.push_back(other);
@@ -499,7 +501,8 @@ class ImageLocator::View {
   }
 
   // @param determined whether the lens rests on more than one part of the image
-  static void take_lens(const detail::LensEstimate& lens, bool determined, ImageLocation& result) {
+  static void take_lens(const detail::LensEstimate& lens, bool determined, Judged& judged) {
+    ImageLocation& result = judged.result;
     // A focal length that is less certain leaves the distance to what is seen open.
     constexpr double kMostSigma = 0.03;
     const double focal_length = lens.camera.parameters.front();
@@ -513,8 +516,9 @@ class ImageLocator::View {
       result.world_from_camera.reset();
       result.reason = fmt::format(
           "the matches do not determine the focal length: {:.0f} px with a standard deviation of "
-          "{:.0f} px",
-          focal_length, sigma);
+          "{:.0f} px; {}",
+          focal_length, sigma, judged.certainty.text);
+      result.probability *= judged.certainty.probability;
     }
   }
 
@@ -818,7 +822,9 @@ std::vector<ImageLocation> locate_with_shared_lens(
   for (std::size_t k = 0; k < count; ++k) {
     if (!found[k].lens) continue;
     lens_of_image[k] = lenses.size();
-    lenses.push_back({detail::lens_of(found[k].lens->camera), found[k].lens->lens_covariance});
+    const detail::LensEstimate& lens = *found[k].lens;
+    lenses.push_back(
+        {detail::lens_of(lens.camera), lens.lens_covariance, lens.lens_covariance_by_noise});
     images.push_back(&found[k].location);
   }
   if (lenses.size() >= 2) {

@@ -399,6 +399,8 @@ TEST(ImageLocator, FindsOneLensInSeveralImages) {
   EXPECT_EQ(one[0].estimate->matrix(), alone.estimate->matrix());
   EXPECT_EQ(one[0].covariance, alone.covariance);
   EXPECT_TRUE(locate_with_shared_lens(locator, 0, image_of_k).empty());
+  const ImageLocation blank = locator.locate(image_of(cv::Mat(480, 640, CV_8UC1, cv::Scalar(0))));
+  EXPECT_EQ(blank.failure, LocationFailure::kFewMatches);
   EXPECT_THROW(locate_with_shared_lens(ImageLocator(map, flat), 1, image_of_k), Error);
 }
 

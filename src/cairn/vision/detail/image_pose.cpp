@@ -284,6 +284,7 @@ std::vector<FocalLengthPose> ImagePoseSearch::of_focal_lengths(const SensorModel
   constexpr double kLeast = 0.4;  // of the image's larger side
   constexpr double kMost = 4.0;
   constexpr double kStep = 1.15;
+  if (mutual_.size() < kFewestMatches) return {};
   const double side = std::max(size_.width, size_.height);
   double focal_length = std::clamp(sensor.pinhole().fx, kLeast * side, kMost * side);
   while (focal_length / kStep >= kLeast * side) focal_length /= kStep;

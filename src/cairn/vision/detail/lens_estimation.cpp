@@ -199,6 +199,7 @@ std::optional<LensEstimate> estimate_lens(const Camera& camera, std::span<const 
   }
   estimate.covariance = inverse.topLeftCorner<kLens, kLens>();
   estimate.lens_covariance = inverse.block<kLensUnknowns, kLensUnknowns>(kLens, kLens);
+  estimate.lens_covariance_by_noise = estimate.lens_covariance / inflation;
   return estimate;
 }
 

@@ -36,6 +36,8 @@ struct LensEstimate {
   Rigid3 world_from_camera;
   Matrix6d covariance = Matrix6d::Zero();  ///< of the pose, including the uncertainty of the lens
   LensMatrix lens_covariance = LensMatrix::Zero();
+  /// The same by the noise alone: how much the prior pulls the lens depends on it.
+  LensMatrix lens_covariance_by_noise = LensMatrix::Zero();
 
   double focal_length_sigma() const;  ///< standard deviation, pixels
 };

@@ -30,10 +30,25 @@ struct OwnLens {
   double unknowns = 0.0;                    // of which the matches tell anything
 };
 
-// @param lens, covariance in units of the prior's standard deviations
-OwnLens without_prior(const LensVector& lens, const LensMatrix& covariance) {
+// What the image's matches tell of a lens that the prior has pulled towards zero.
+LensVector unpulled(const LensVector& lens, const LensMatrix& covariance_by_noise) {
+  const auto inverse = inverse_of_positive_definite(padded(covariance_by_noise));
+  if (!inverse) return lens;
+  const SymmetricEigen<6> eigen = symmetric_eigen<6>(*inverse);
+  LensVector result = LensVector::Zero();
+  for (int k = 0; k < 6; ++k) {
+    const LensVector axis = eigen.vectors.col(k).head<kLensUnknowns>();
+    constexpr double kLeast = 0.1;  // where the matches tell less, the prior's pull is kept
+    const double more = eigen.values[k] - 1.0;
+    result += (more > kLeast ? eigen.values[k] / more : 1.0) * axis.dot(lens) * axis;
+  }
+  return result;
+}
+
+// In units of the prior's standard deviations.
+OwnLens without_prior(const ImageLens& image) {
   OwnLens own;
-  const auto inverse = inverse_of_positive_definite(padded(covariance));
+  const auto inverse = inverse_of_positive_definite(padded(image.covariance));
   if (!inverse) return own;
   const SymmetricEigen<6> eigen = symmetric_eigen<6>(*inverse);
   for (int k = 0; k < 6; ++k) {
@@ -43,9 +58,9 @@ OwnLens without_prior(const LensVector& lens, const LensMatrix& covariance) {
     if (more < kAnything) continue;
     own.information += more * axis * axis.transpose();
     own.inverse += axis * axis.transpose() / more;
-    own.vector += eigen.values[k] * axis.dot(lens) * axis;
     own.unknowns += 1.0;
   }
+  own.vector = own.information * unpulled(image.lens, image.covariance_by_noise);
   return own;
 }
 
@@ -61,7 +76,8 @@ SharedLens::SharedLens(const LensPrior& prior, std::span<const ImageLens> images
   for (const ImageLens& image : images) {
     const LensMatrix inverse = inverse_sigmas.asDiagonal();
     owns.push_back(
-        without_prior(inverse * (image.lens - prior.mean), inverse * image.covariance * inverse));
+        without_prior({inverse * (image.lens - prior.mean), inverse * image.covariance * inverse,
+                       inverse * image.covariance_by_noise * inverse}));
   }
   std::vector<double> weights(owns.size(), 1.0);
   double scatter = 1.0;

@@ -13,6 +13,8 @@ namespace cairn::detail {
 struct ImageLens {
   LensVector lens = LensVector::Zero();
   LensMatrix covariance = LensMatrix::Zero();  ///< includes the prior
+  /// The same by the noise alone, with which the prior was weighed.
+  LensMatrix covariance_by_noise = LensMatrix::Zero();
 };
 
 /// The lens of one camera, by the lenses found in its images. Images that contradict the others count less, and if the

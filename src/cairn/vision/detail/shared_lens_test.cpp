@@ -23,6 +23,7 @@ ImageLens seen(const LensVector& lens, const LensVector& sigmas, const LensPrior
   const LensMatrix own = sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
   ImageLens image;
   image.covariance = (own + prior.information).inverse();
+  image.covariance_by_noise = image.covariance;
   image.lens = image.covariance * (own * lens + prior.information * prior.mean);
   return image;
 }
@@ -59,6 +60,15 @@ TEST(SharedLens, IsTheWeightedMeanOfWhatEachImageTells) {
   EXPECT_LT((without.information - of_others.information).norm(), 1e-6 * information.norm());
 }
 
+// A lens whose error is stated larger was not pulled more by the prior.
+TEST(SharedLens, DoesNotMoveForLargerStatedErrors) {
+  const LensPrior prior = usual();
+  std::vector<ImageLens> images(60, seen(kTruth, kSigmas, prior));
+  for (ImageLens& image : images) image.covariance *= 2.0;
+  EXPECT_LT((SharedLens(prior, images, 1.0).of_all().mean - kTruth).cwiseQuotient(kSigmas).norm(),
+            0.3);
+}
+
 TEST(SharedLens, TellsLessWhereImagesRepeatEachOther) {
   const LensPrior prior = usual();
   const std::vector<ImageLens> images(4, seen(kTruth, kSigmas, prior));
@@ -69,7 +79,8 @@ TEST(SharedLens, TellsLessWhereImagesRepeatEachOther) {
 
 TEST(SharedLens, TellsThePriorIfNoImageTellsAnything) {
   const LensPrior prior = usual();
-  const std::vector<ImageLens> images(3, {prior.mean, prior.information.inverse()});
+  const std::vector<ImageLens> images(
+      3, {prior.mean, prior.information.inverse(), prior.information.inverse()});
   const LensPrior found = SharedLens(prior, images, 1.0).of_all();
   EXPECT_LT((found.mean - prior.mean).norm(), 1e-9);
   EXPECT_LT((found.information - prior.information).norm(), 1e-6 * prior.information.norm());
