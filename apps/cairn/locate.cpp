@@ -329,7 +329,7 @@ struct LocateArguments {
     }
     const LoadedMap loaded = load_world();
     std::optional<CameraFile> file;
-    if (!camera.empty() && camera != kUnknown && camera != kShared) {
+    if (!camera.empty() && !finds_lens()) {
       file = load_camera(camera, {std::string(kUnknown), std::string(kShared)});
     }
     const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
@@ -399,6 +399,8 @@ struct LocateArguments {
     return best;
   }
 
+  bool finds_lens() const { return camera == kUnknown || camera == kShared; }
+
   // The map; or the maps of an atlas that have poses, as one.
   LoadedMap load_world() const {
 #ifdef CAIRN_HAS_ATLAS
@@ -417,8 +419,7 @@ struct LocateArguments {
   std::vector<Located> locate_all(const LandmarkMap& in_map, const std::optional<Camera>& given,
                                   const DepthImage& depth_m) const {
     const std::string descriptors = map + ": descriptors";
-    const bool is_unknown = camera == kUnknown || camera == kShared;
-    const auto others = is_unknown ? std::span<const Camera>() : in_map.cameras();
+    const auto others = finds_lens() ? std::span<const Camera>() : in_map.cameras();
     std::optional<Locators> locators;
     with_option_names({{"descriptors", descriptors}},
                       [&] { locators.emplace(in_map, given, others, options); });

@@ -461,24 +461,24 @@ class ImageLocator::View {
   // the mean square of the difference to the estimate, each lens weighted by its odds.
   static void add_others(detail::LensEstimate& lens, double log_odds,
                          std::vector<std::pair<detail::LensEstimate, double>>& others) {
-    constexpr double kSame =
-        0.01;  // share of the focal length; the principal point, in larger sides
+    // Share of the focal length; of the principal point, in larger sides.
+    constexpr double kSame = 0.01;
     std::ranges::stable_sort(others, std::greater(),
                              &std::pair<detail::LensEstimate, double>::second);
-    std::vector<std::pair<detail::LensEstimate, double>> different = {{lens, log_odds}};
+    std::vector<std::pair<detail::LensEstimate, double>> different = {{lens, 1.0}};  // and weights
     double sum = 1.0;
-    for (const auto& other : others) {
+    for (const auto& [other, odds] : others) {
+      const detail::LensVector own = detail::lens_of(other.camera);
       const auto is_same = [&](const auto& known) {
-        const detail::LensVector off =
-            detail::lens_of(known.first.camera) - detail::lens_of(other.first.camera);
+        const detail::LensVector off = detail::lens_of(known.first.camera) - own;
         return std::abs(off[0]) < kSame && off.tail<2>().norm() < kSame;
       };
       if (std::ranges::any_of(different, is_same)) continue;
-      different.push_back(other);
-      sum += std::exp(std::min(0.0, other.second - log_odds));
+      different.emplace_back(other, std::exp(std::min(0.0, odds - log_odds)));
+      sum += different.back().second;
     }
     for (const auto& [other, odds] : different) {
-      const double weight = std::exp(std::min(0.0, odds - log_odds)) / sum;
+      const double weight = odds / sum;
       const Vector6d moved = lens.world_from_camera.difference_to(other.world_from_camera);
       const detail::LensVector changed =
           detail::lens_of(other.camera) - detail::lens_of(lens.camera);
