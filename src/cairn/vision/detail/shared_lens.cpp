@@ -81,15 +81,20 @@ SharedLens::SharedLens(const LensPrior& prior, std::span<const ImageLens> images
   }
   std::vector<double> weights(owns.size(), 1.0);
   double scatter = 1.0;
-  LensVector lens = LensVector::Zero();
-  for (int round = 0; round < kRounds; ++round) {
+  const auto add_up = [&] {
+    told_.clear();
     information_ = LensMatrix::Identity();
     vector_ = LensVector::Zero();
     for (std::size_t k = 0; k < owns.size(); ++k) {
-      information_ += independent / scatter * weights[k] * owns[k].information;
-      vector_ += independent / scatter * weights[k] * owns[k].vector;
+      const double weight = independent / scatter * weights[k];
+      told_.push_back({weight * owns[k].information, weight * owns[k].vector});
+      information_ += told_.back().information;
+      vector_ += told_.back().vector;
     }
-    lens = solve(information_, vector_);
+  };
+  for (int round = 0; round < kRounds; ++round) {
+    add_up();
+    const LensVector lens = solve(information_, vector_);
     double squares = 0.0;
     double unknowns = -static_cast<double>(kLensUnknowns);
     for (std::size_t k = 0; k < owns.size(); ++k) {
@@ -101,16 +106,7 @@ SharedLens::SharedLens(const LensPrior& prior, std::span<const ImageLens> images
     }
     scatter = std::max(1.0, squares / std::max(1.0, unknowns));
   }
-  for (std::size_t k = 0; k < owns.size(); ++k) {
-    const double weight = independent / scatter * weights[k];
-    told_.push_back({weight * owns[k].information, weight * owns[k].vector});
-  }
-  information_ = LensMatrix::Identity();
-  vector_ = LensVector::Zero();
-  for (const Told& told : told_) {
-    information_ += told.information;
-    vector_ += told.vector;
-  }
+  add_up();
 }
 
 LensPrior SharedLens::with_information(const LensMatrix& information,
