@@ -190,12 +190,14 @@ void tell(const SessionPair& pair, double thing, bool deformed) {
   const std::size_t spread =
       result.candidates.empty() ? 0 : detail::agreement_spread(result.candidates.front().support);
   fmt::print(
-      "{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{:.2f},{:.3f},{},{}\n",
+      "{},{},{},{:.3f},{:.3f},{},{},{},{:.6f},{:.2f},{:.4f},{},{},{},{},{:.2f},{:.3f},{},{},{},{}"
+      "\n",
       pair.number, pair.source_place, pair.target_place, pair.overlap, thing, pair.source.size(),
       pair.target.size(), to_string(*result.verdict), *result.probability,
       degrees(error.rotation_rad), error.translation, right ? 1 : 0,
       result.around.landmarks.in_front, result.around.landmarks.agree,
       result.around.landmarks.behind, result.around.extent, result.around.share, spread,
+      result.around.seen_alike.landmarks, result.around.seen_alike.distinctive,
       found ? columns_of(*found, pair) : ",,,");
   std::fflush(stdout);
 }
@@ -224,7 +226,8 @@ void run(const std::vector<std::string>& words) {
   const std::vector<Session> sessions = benchmarks::read_sessions(folder, part);
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
-      "rotation_deg,translation_m,right,in_front,agree,behind,extent,around,agreeing,deformed,"
+      "rotation_deg,translation_m,right,in_front,agree,behind,extent,around,agreeing,seen_alike,"
+      "distinctive,deformed,"
       "deformed_scale,deformed_deg,deformed_m\n");
   benchmarks::for_each_session_pair(
       folder, benchmarks::pair_numbers(words[1]), part,

@@ -167,7 +167,8 @@ class Hints {
     }
     if (!is_improbable()) {
       add(alignment_.registration.covariance
-              ? "Map more around what both maps show: one object may stand in two places."
+              ? "Map more of what only this place has: one object may stand in two places, and two "
+                "places may be built alike."
               : "Use maps that overlap in more places: a covariance takes matches in several.");
       return;
     }

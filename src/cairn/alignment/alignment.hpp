@@ -120,6 +120,17 @@ struct SightCounts {
   SightCounts& operator+=(const SightCounts& other);
 };
 
+/// Landmarks that keyframes of both maps saw from nearly the same direction and distance, if a pose is right. In one
+/// place, many of them look the same. Two places that are built alike, such as two rooms of a hotel, have the same
+/// shapes and the same edges and handles, but hardly anything that is unique within its own map looks the same.
+struct SeenAlike {
+  /// Number of source landmarks within half a matching radius of target landmarks that were seen alike.
+  std::size_t landmarks = 0;
+  /// Of these, the number whose descriptor differs from that of such a target landmark by less than half as much as
+  /// from any other place in either map.
+  std::size_t distinctive = 0;
+};
+
 /// Landmarks around the matches of a pose: outside a ball that contains nearly all matches. An
 /// object that stands in two places matches as well as one place does; the surroundings reveal the
 /// difference.
@@ -130,6 +141,7 @@ struct Surroundings {
   double extent = 0.0;  ///< radius of the ball, in matching radii; 0 without matches
   double share =
       0.0;  ///< share of a map's landmarks that are outside the ball; the smaller of both shares
+  SeenAlike seen_alike = {};
 };
 
 /// A candidate pose, distinct from the others.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "cairn/alignment/detail/evidence/seen_alike.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/geometry/similarity3.hpp"
@@ -240,7 +241,8 @@ Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& targ
   Surroundings result{
       .landmarks = {},
       .extent = there.radius / radius,
-      .share = std::min(share(of_source, sample), share(of_target, target.sample()))};
+      .share = std::min(share(of_source, sample), share(of_target, target.sample())),
+      .seen_alike = seen_alike(source, target, pose, radius)};
   result.landmarks =
       target.views().count_around(there, moved_points(of_source, pose), target.landmarks());
   result.landmarks += source.views().count_around(here, moved_points(of_target, pose.inverse()),

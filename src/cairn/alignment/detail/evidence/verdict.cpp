@@ -100,6 +100,13 @@ constexpr double kMuchAround = 0.2;          // of each map's landmarks
 constexpr double kLeastNotHidden = 0.07;     // share of landmarks that agree
 constexpr double kHardlyContradicted = 0.1;  // of those that agree or are contradicted
 
+// Where so many landmarks were seen alike, the maps may show two places that are built alike if less than one share of
+// them has an agreeing descriptor match outside the largest cluster, and less than the other is distinctive.
+// docs/evidence.md explains the choice.
+constexpr std::size_t kFewestSeenAlike = 40;
+constexpr double kLeastAgreeingSeenAlike = 0.15;
+constexpr double kLeastDistinctive = 0.05;
+
 // Share of the best pose's evidence, of each kind. Another pose with so much evidence cannot be distinguished from the
 // best pose. docs/evidence.md explains the choice.
 constexpr double kAsWell = 0.5;
@@ -169,6 +176,23 @@ std::string other_surroundings(const Surroundings& around, const PlacementCandid
       "around the matches, {} of {} landmarks are at the depth that the other map's cameras saw, "
       "below the required {:g} %",
       percent(share(agree, compared)), compared, 100.0 * kLeastAgreeing);
+}
+
+// Why the maps may show two places that are built alike; empty if they do not.
+std::string alike_places(const SeenAlike& seen, const PlacementCandidate& best) {
+  if (seen.landmarks < kFewestSeenAlike) return {};
+  const auto share = [&](std::size_t part) {
+    return static_cast<double>(part) / static_cast<double>(seen.landmarks);
+  };
+  const std::size_t agreeing = agreement_spread(best.support);
+  if (share(agreeing) >= kLeastAgreeingSeenAlike || share(seen.distinctive) >= kLeastDistinctive) {
+    return {};
+  }
+  return fmt::format(
+      "of {} landmarks that cameras of both maps saw from the same side, {} look like nothing else "
+      "in their map, below the required {:g} %, and {} descriptor matches agree, below {:g} %",
+      seen.landmarks, seen.distinctive, 100.0 * kLeastDistinctive, agreeing,
+      100.0 * kLeastAgreeingSeenAlike);
 }
 
 // Whether the landmarks match at another pose as well as at the best pose. The probability does not show this: it
@@ -340,6 +364,9 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
     }
     if (const std::string other = other_surroundings(around, best); !other.empty()) {
       return ambiguous("the maps may show two places that share one object: " + other);
+    }
+    if (const std::string alike = alike_places(around.seen_alike, best); !alike.empty()) {
+      return ambiguous("the maps may show two places that are built alike: " + alike);
     }
     return {Verdict::kAligned, found};
   }

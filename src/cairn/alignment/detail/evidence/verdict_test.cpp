@@ -321,5 +321,31 @@ TEST(Verdict, MatchesOfOneSpotNeedDescriptorsThatAgreeElsewhereOrFreeLinesOfSigh
   EXPECT_EQ(with(19, 17.4, std::nullopt).verdict, Verdict::kAmbiguous);
 }
 
+TEST(Verdict, AmbiguousIfHardlyAnythingThatBothMapsSawAlikeLooksTheSame) {
+  const auto with = [](std::size_t seen, std::size_t distinctive, std::size_t agreeing,
+                       std::size_t identical = 0) {
+    PlacementCandidate best = judged_candidate(0.996);
+    best.support.agreement = DescriptorAgreement{.matches = 200,
+                                                 .agreeing = agreeing + 5,
+                                                 .spread = agreeing,
+                                                 .expected = 1.0,
+                                                 .identities = identical,
+                                                 .identical = identical};
+    return judge(std::vector{best}, known_pose(), 3000, 0.99,
+                 {.seen_alike = {.landmarks = seen, .distinctive = distinctive}});
+  };
+  const Judgement judgement = with(400, 19, 59);
+  EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
+  EXPECT_THAT(judgement.reason, StartsWith("the maps may show two places that are built alike: of "
+                                           "400 landmarks"));
+  EXPECT_EQ(with(400, 20, 59).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(400, 19, 60).verdict, Verdict::kAligned);
+  // Too few to tell.
+  EXPECT_EQ(with(40, 0, 0).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with(39, 0, 0).verdict, Verdict::kAligned);
+  // Common images prove what looks cannot.
+  EXPECT_EQ(with(400, 0, 10, 10).verdict, Verdict::kAligned);
+}
+
 }  // namespace
 }  // namespace cairn::detail
