@@ -104,7 +104,7 @@ constexpr double kHardlyContradicted = 0.1;  // of those that agree or are contr
 // them has an agreeing descriptor match outside the largest cluster, and less than the other is distinctive.
 // docs/evidence.md explains the choice.
 constexpr std::size_t kFewestSeenAlike = 40;
-constexpr double kLeastAgreeingSeenAlike = 0.15;
+constexpr double kLeastAgreeingSeenAlike = 0.2;
 constexpr double kLeastDistinctive = 0.05;
 
 // Share of the best pose's evidence, of each kind. Another pose with so much evidence cannot be distinguished from the

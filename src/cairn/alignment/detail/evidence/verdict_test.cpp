@@ -334,12 +334,12 @@ TEST(Verdict, AmbiguousIfHardlyAnythingThatBothMapsSawAlikeLooksTheSame) {
     return judge(std::vector{best}, known_pose(), 3000, 0.99,
                  {.seen_alike = {.landmarks = seen, .distinctive = distinctive}});
   };
-  const Judgement judgement = with(400, 19, 59);
+  const Judgement judgement = with(400, 19, 79);
   EXPECT_EQ(judgement.verdict, Verdict::kAmbiguous);
   EXPECT_THAT(judgement.reason, StartsWith("the maps may show two places that are built alike: of "
                                            "400 landmarks"));
-  EXPECT_EQ(with(400, 20, 59).verdict, Verdict::kAligned);
-  EXPECT_EQ(with(400, 19, 60).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(400, 20, 79).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(400, 19, 80).verdict, Verdict::kAligned);
   // Too few to tell.
   EXPECT_EQ(with(40, 0, 0).verdict, Verdict::kAmbiguous);
   EXPECT_EQ(with(39, 0, 0).verdict, Verdict::kAligned);
