@@ -106,6 +106,9 @@ constexpr double kHardlyContradicted = 0.1;  // of those that agree or are contr
 constexpr std::size_t kFewestSeenAlike = 40;
 constexpr double kLeastAgreeingSeenAlike = 0.2;
 constexpr double kLeastDistinctive = 0.05;
+// Fewer agreeing matches show that the maps' descriptors cannot be compared, e.g. because two programs computed them:
+// places that are built alike have more in common.
+constexpr std::size_t kFewestComparable = 3;
 
 // Share of the best pose's evidence, of each kind. Another pose with so much evidence cannot be distinguished from the
 // best pose. docs/evidence.md explains the choice.
@@ -180,11 +183,11 @@ std::string other_surroundings(const Surroundings& around, const PlacementCandid
 
 // Why the maps may show two places that are built alike; empty if they do not.
 std::string alike_places(const SeenAlike& seen, const PlacementCandidate& best) {
-  if (seen.landmarks < kFewestSeenAlike) return {};
   const auto share = [&](std::size_t part) {
     return static_cast<double>(part) / static_cast<double>(seen.landmarks);
   };
   const std::size_t agreeing = agreement_spread(best.support);
+  if (seen.landmarks < kFewestSeenAlike || agreeing < kFewestComparable) return {};
   if (share(agreeing) >= kLeastAgreeingSeenAlike || share(seen.distinctive) >= kLeastDistinctive) {
     return {};
   }

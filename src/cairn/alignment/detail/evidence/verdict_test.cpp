@@ -341,8 +341,10 @@ TEST(Verdict, AmbiguousIfHardlyAnythingThatBothMapsSawAlikeLooksTheSame) {
   EXPECT_EQ(with(400, 20, 79).verdict, Verdict::kAligned);
   EXPECT_EQ(with(400, 19, 80).verdict, Verdict::kAligned);
   // Too few to tell.
-  EXPECT_EQ(with(40, 0, 0).verdict, Verdict::kAmbiguous);
-  EXPECT_EQ(with(39, 0, 0).verdict, Verdict::kAligned);
+  EXPECT_EQ(with(40, 0, 3).verdict, Verdict::kAmbiguous);
+  EXPECT_EQ(with(39, 0, 3).verdict, Verdict::kAligned);
+  // The descriptors of two programs cannot be compared.
+  EXPECT_EQ(with(400, 0, 2).verdict, Verdict::kAligned);
   // Common images prove what looks cannot.
   EXPECT_EQ(with(400, 0, 10, 10).verdict, Verdict::kAligned);
 }
