@@ -98,6 +98,43 @@ TEST(SeenAlike, EqualThingsAreNotDistinctive) {
   EXPECT_EQ(here.distinctive, kLandmarks - kLandmarks / 3);
 }
 
+Descriptor with_flipped(Descriptor descriptor, std::size_t first, std::size_t bits) {
+  for (std::size_t bit = first; bit < first + bits; ++bit) {
+    descriptor[bit / 8] = static_cast<std::uint8_t>(descriptor[bit / 8] ^ (1U << bit % 8));
+  }
+  return descriptor;
+}
+
+// A part of a kitchen has one handle, the other map all of them.
+TEST(SeenAlike, AThingThatIsEqualToOthersInEitherMapIsNotDistinctive) {
+  const auto with_handles = [](std::size_t count) {
+    Random random(2);
+    Descriptor handle;
+    return wall(kCamera, [&](std::size_t i) {
+      const Descriptor own = random_descriptor(random);
+      if (i == 0) handle = own;
+      return i < count ? handle : own;
+    });
+  };
+  EXPECT_EQ(at_truth(with_handles(1), with_handles(2)).distinctive, kLandmarks - 2);
+  EXPECT_EQ(at_truth(with_handles(2), with_handles(1)).distinctive, kLandmarks - 2);
+}
+
+TEST(SeenAlike, ADistinctiveLandmarkIsAtLeastTwiceAsFarFromOthersAsFromItself) {
+  const auto with_another = [](std::size_t bits_of_itself, std::size_t bits_of_another) {
+    Random random(2);
+    Descriptor first;
+    return wall(kCamera, [&](std::size_t i) {
+      const Descriptor own = random_descriptor(random);
+      if (i == 0) first = own;
+      if (i == 0) return with_flipped(own, 0, bits_of_itself);
+      return i == 1 && bits_of_another > 0 ? with_flipped(first, 100, bits_of_another) : own;
+    });
+  };
+  EXPECT_EQ(at_truth(with_another(0, 41), with_another(20, 0)).distinctive, kLandmarks - 1);
+  EXPECT_EQ(at_truth(with_another(0, 40), with_another(20, 0)).distinctive, kLandmarks - 2);
+}
+
 // A map may have several landmarks of one corner.
 TEST(SeenAlike, CopiesOfALandmarkNearbyDoNotCount) {
   LandmarkCloud twice = painted(2);
