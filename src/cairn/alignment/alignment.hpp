@@ -127,7 +127,7 @@ struct SeenAlike {
   /// Number of source landmarks within half a matching radius of target landmarks that were seen alike.
   std::size_t landmarks = 0;
   /// Of these, the number whose descriptor differs from that of such a target landmark by less than half as much as
-  /// from any other place in either map.
+  /// either differs from any other place of its own map. The count ends where it suffices for an aligned pose.
   std::size_t distinctive = 0;
 };
 

@@ -5,10 +5,13 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "cairn/alignment/detail/evidence/look_comparison.hpp"
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
+#include "cairn/core/detail/descriptor_kernel.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -18,21 +21,43 @@ constexpr std::size_t kPartners = 8;  // nearest target landmarks that are compa
 constexpr double kAlikeCosine = 0.985;    // of 10 degrees
 constexpr double kAlikeDistances = 1.25;  // ratio
 constexpr double kClose = 0.5;            // matching radii within which landmarks are compared
-// A landmark is distinctive if no landmark at least this far away, in matching radii, in its own map differs from it by
-// less than this multiple of its difference from its partner.
+// Two landmarks are distinctive if no landmark of their own maps that is at least this far away, in matching radii,
+// differs from them by at most this multiple of their own difference.
 constexpr double kElsewhere = 4.0;
 constexpr std::uint32_t kDistinctive = 2;
+// Of a larger map, only some descriptors are matched, and their number would not compare with that of what was seen
+// alike.
+constexpr std::size_t kMostLandmarks = 8192;
 
-using Centres = std::vector<Eigen::Vector3d>;
-
-// Per landmark: the centres of the cameras that saw it.
-std::vector<Centres> viewers(const LandmarkCloud& cloud) {
-  std::vector<Centres> result(cloud.size());
-  for (const LandmarkView& view : cloud.views) {
-    for (const std::uint32_t landmark : view.landmarks) result[landmark].push_back(view.centre);
+// The views of a cloud by the landmarks that they saw.
+class Viewers {
+ public:
+  // @param moved pose that moves the centres
+  explicit Viewers(const LandmarkCloud& cloud, const Similarity3& moved = Similarity3()) {
+    for (std::uint32_t view = 0; view < cloud.views.size(); ++view) {
+      centres_.push_back(moved * cloud.views[view].centre);
+      for (const std::uint32_t landmark : cloud.views[view].landmarks) {
+        seen_.push_back({landmark, view});
+      }
+    }
+    std::ranges::sort(seen_);
   }
-  return result;
-}
+
+  // Calls visit with the centre of each camera that saw the landmark, until one returns true.
+  // @return whether one did
+  template <class Visit>
+  bool any_of(std::uint32_t landmark, const Visit& visit) const {
+    auto seen = std::ranges::lower_bound(seen_, std::pair(landmark, std::uint32_t{0}));
+    for (; seen != seen_.end() && seen->first == landmark; ++seen) {
+      if (visit(centres_[seen->second])) return true;
+    }
+    return false;
+  }
+
+ private:
+  std::vector<Eigen::Vector3d> centres_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> seen_;  // landmark, view; ascending
+};
 
 bool are_alike(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   const double here = a.norm();
@@ -41,28 +66,39 @@ bool are_alike(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
          there < kAlikeDistances * here;
 }
 
-bool saw_alike(const Centres& some, const Centres& others, const Eigen::Vector3d& point) {
-  return std::ranges::any_of(some, [&](const Eigen::Vector3d& a) {
-    return std::ranges::any_of(
-        others, [&](const Eigen::Vector3d& b) { return are_alike(a - point, b - point); });
-  });
+using Rows = std::vector<std::uint8_t>;
+
+// All descriptors of a landmark.
+Rows rows_of(const DescriptorColumn& column, std::uint32_t landmark) {
+  Rows rows;
+  for (std::size_t k = 0; k < column.count(landmark); ++k) {
+    const auto row = column.descriptor(landmark, k);
+    rows.insert(rows.end(), row.begin(), row.end());
+  }
+  return rows;
 }
 
-// The landmarks of a map by their looks.
+// What the landmarks of a map look like.
 class Looks {
  public:
   // @param elsewhere distance from which a landmark is not the same
   Looks(const LandmarkCloud& cloud, double elsewhere)
-      : cloud_(cloud), descriptors_(cloud, cloud.size()), elsewhere_(elsewhere) {}
+      : cloud_(cloud), all_(cloud, cloud.size()), elsewhere_(elsewhere) {}
 
-  const Descriptors& descriptors() const { return descriptors_; }
+  // Difference of the most similar descriptors.
+  std::uint32_t difference(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) const {
+    const auto norm =
+        all_.binary() ? descriptor_kernel::Norm::kHamming : descriptor_kernel::Norm::kSquaredBytes;
+    return descriptor_kernel::nearest_pair(a, b, all_.bytes_each(), norm).distance;
+  }
 
-  // Whether no landmark elsewhere differs by at most so much from one with descriptors.
-  bool is_unique(std::size_t i, std::uint32_t difference) const {
-    const Eigen::Vector3d& place = cloud_.positions[descriptors_.landmark(i)];
-    for (std::size_t j = 0; j < descriptors_.size(); ++j) {
-      if (least_difference(descriptors_, i, descriptors_, j) > difference) continue;
-      const Eigen::Vector3d& other = cloud_.positions[descriptors_.landmark(j)];
+  // Whether no landmark elsewhere differs from a landmark by at most so much.
+  bool is_unique(std::uint32_t landmark, std::uint32_t most) const {
+    const Rows rows = rows_of(*cloud_.descriptors, landmark);
+    const Eigen::Vector3d& place = cloud_.positions[landmark];
+    for (std::size_t j = 0; j < all_.size(); ++j) {
+      if (difference(rows, all_.rows(j)) > most) continue;
+      const Eigen::Vector3d& other = cloud_.positions[all_.landmark(j)];
       if ((other - place).squaredNorm() >= elsewhere_ * elsewhere_) return false;
     }
     return true;
@@ -70,55 +106,63 @@ class Looks {
 
  private:
   const LandmarkCloud& cloud_;
-  Descriptors descriptors_;
+  Descriptors all_;
   double elsewhere_;
 };
 
 }  // namespace
 
 SeenAlike seen_alike(const PreparedCloud& source, const PreparedCloud& target,
-                     const Similarity3& pose, double radius) {
+                     const Similarity3& pose, double radius, double enough) {
   const LandmarkCloud& here = source.landmarks();
   const LandmarkCloud& there = target.landmarks();
-  if (here.views.empty() || there.views.empty() || !have_like_descriptors(here, there)) return {};
-  std::vector<Centres> source_viewers = viewers(here);
-  for (Centres& centres : source_viewers) {
-    for (Eigen::Vector3d& centre : centres) centre = pose * centre;
+  if (here.views.empty() || there.views.empty() || !have_like_descriptors(here, there) ||
+      std::max(here.size(), there.size()) > kMostLandmarks) {
+    return {};
   }
-  const std::vector<Centres> target_viewers = viewers(there);
-  const Looks of_source(here, kElsewhere * radius / pose.scale());
-  const Looks of_target(there, kElsewhere * radius);
+  const Viewers source_viewers(here, pose);
+  const Viewers target_viewers(there);
   const std::vector<Eigen::Vector3d> moved = moved_points(source.sample(), pose);
+  const auto were_seen_alike = [&](std::uint32_t i, std::uint32_t j) {
+    return source_viewers.any_of(i, [&](const Eigen::Vector3d& a) {
+      return target_viewers.any_of(
+          j, [&](const Eigen::Vector3d& b) { return are_alike(a - moved[i], b - moved[i]); });
+    });
+  };
   const double close = kClose * radius;
-  SeenAlike counts;
-  const auto compare = [&](std::size_t landmark, const NearestList auto& nearest) {
-    const auto i = of_source.descriptors().of(static_cast<std::uint32_t>(landmark));
-    if (!i) return;
-    auto least = std::numeric_limits<std::uint32_t>::max();
-    std::size_t partner = 0;
-    bool compared = false;
+  // Per landmark of the sample: the target landmarks that were seen alike, nearest first.
+  std::vector<std::vector<std::uint32_t>> partners(moved.size());
+  const auto find = [&](std::size_t i, const NearestList auto& nearest) {
+    if (here.descriptors->known[i] == 0) return;
     for (std::size_t k = 0; k < nearest.size(); ++k) {
       if (nearest.squared_distance(k) > close * close) break;
-      const auto j = of_target.descriptors().of(nearest.index(k));
-      if (!j ||
-          !saw_alike(source_viewers[landmark], target_viewers[nearest.index(k)], moved[landmark])) {
-        continue;
-      }
-      compared = true;
-      const std::uint32_t difference =
-          least_difference(of_source.descriptors(), *i, of_target.descriptors(), *j);
-      if (difference >= least) continue;
-      least = difference;
-      partner = *j;
-    }
-    if (!compared) return;
-    ++counts.landmarks;
-    const std::uint32_t clear = kDistinctive * least;
-    if (of_source.is_unique(*i, clear) && of_target.is_unique(partner, clear)) {
-      ++counts.distinctive;
+      const std::uint32_t j = nearest.index(k);
+      if (there.descriptors->known[j] == 0) continue;
+      if (were_seen_alike(static_cast<std::uint32_t>(i), j)) partners[i].push_back(j);
     }
   };
-  target.tree().batch(kPartners).for_each(moved, Executor(), compare);
+  target.tree().batch(kPartners).for_each(moved, Executor(), find);
+  SeenAlike counts;
+  for (const auto& others : partners) counts.landmarks += others.empty() ? 0 : 1;
+  const Looks of_source(here, kElsewhere * radius / pose.scale());
+  const Looks of_target(there, kElsewhere * radius);
+  for (std::uint32_t i = 0; i < partners.size(); ++i) {
+    if (static_cast<double>(counts.distinctive) >= enough * static_cast<double>(counts.landmarks)) {
+      break;
+    }
+    if (partners[i].empty()) continue;
+    const Rows rows = rows_of(*here.descriptors, i);
+    auto least = std::numeric_limits<std::uint32_t>::max();
+    std::uint32_t partner = 0;
+    for (const std::uint32_t j : partners[i]) {
+      const std::uint32_t difference = of_source.difference(rows, rows_of(*there.descriptors, j));
+      if (difference >= least) continue;
+      least = difference;
+      partner = j;
+    }
+    const std::uint32_t clear = kDistinctive * least;
+    if (of_source.is_unique(i, clear) && of_target.is_unique(partner, clear)) ++counts.distinctive;
+  }
   return counts;
 }
 

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "cairn/alignment/detail/evidence/support_counter.hpp"
 #include "cairn/core/random.hpp"
 
 namespace cairn::detail {
@@ -82,6 +83,13 @@ TEST(SeenAlike, LandmarksOfOnePlaceAreDistinctive) {
   const SeenAlike counts = at_truth(painted(2), painted(2));
   EXPECT_EQ(counts.landmarks, kLandmarks);
   EXPECT_EQ(counts.distinctive, kLandmarks);
+}
+
+TEST(SeenAlike, AreCountedUntilEnoughAreDistinctive) {
+  const PreparedCloud cloud(painted(2));
+  const SeenAlike counts = seen_alike(cloud, cloud, Similarity3(), kRadius, 0.1);
+  EXPECT_EQ(counts.landmarks, kLandmarks);
+  EXPECT_EQ(counts.distinctive, kLandmarks / 10);
 }
 
 TEST(SeenAlike, LandmarksOfAnotherPlaceAreNot) {
@@ -179,9 +187,20 @@ TEST(SeenAlike, NothingIsKnownWithoutViewsOrDescriptors) {
   // An unknown descriptor is no evidence against a place.
   LandmarkCloud half = painted(2);
   for (std::size_t i = 0; i < kLandmarks; i += 2) half.descriptors->known[i] = 0;
-  const SeenAlike counts = at_truth(half, painted(2));
-  EXPECT_EQ(counts.landmarks, kLandmarks / 2);
-  EXPECT_EQ(counts.distinctive, kLandmarks / 2);
+  const SeenAlike of_source = at_truth(half, painted(2));
+  EXPECT_EQ(of_source.landmarks, kLandmarks / 2);
+  EXPECT_EQ(of_source.distinctive, kLandmarks / 2);
+  // A few of the others lie by chance beside a known one.
+  const SeenAlike of_target = at_truth(painted(2), half);
+  EXPECT_NEAR(static_cast<double>(of_target.landmarks), kLandmarks / 2.0, 5.0);
+  EXPECT_EQ(of_target.distinctive, kLandmarks / 2);
+}
+
+TEST(SeenAlike, IsPartOfTheSurroundings) {
+  const PreparedCloud cloud(painted(2));
+  const SeenAlike counts = surroundings(cloud, cloud, Similarity3(), kRadius).seen_alike;
+  EXPECT_EQ(counts.landmarks, kLandmarks);
+  EXPECT_EQ(counts.distinctive, kLandmarks / 20);
 }
 
 }  // namespace

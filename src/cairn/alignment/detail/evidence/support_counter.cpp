@@ -242,7 +242,7 @@ Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& targ
       .landmarks = {},
       .extent = there.radius / radius,
       .share = std::min(share(of_source, sample), share(of_target, target.sample())),
-      .seen_alike = seen_alike(source, target, pose, radius)};
+      .seen_alike = seen_alike(source, target, pose, radius, kLeastDistinctive)};
   result.landmarks =
       target.views().count_around(there, moved_points(of_source, pose), target.landmarks());
   result.landmarks += source.views().count_around(here, moved_points(of_target, pose.inverse()),

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "cairn/alignment/detail/evidence/seen_alike.hpp"
+
 namespace cairn::detail {
 namespace {
 
@@ -100,12 +102,11 @@ constexpr double kMuchAround = 0.2;          // of each map's landmarks
 constexpr double kLeastNotHidden = 0.07;     // share of landmarks that agree
 constexpr double kHardlyContradicted = 0.1;  // of those that agree or are contradicted
 
-// Where so many landmarks were seen alike, the maps may show two places that are built alike if less than one share of
-// them has an agreeing descriptor match outside the largest cluster, and less than the other is distinctive.
+// Where so many landmarks were seen alike, the maps may show two places that are built alike if less than this share of
+// them has an agreeing descriptor match outside the largest cluster, and less than kLeastDistinctive is distinctive.
 // docs/evidence.md explains the choice.
 constexpr std::size_t kFewestSeenAlike = 40;
 constexpr double kLeastAgreeingSeenAlike = 0.2;
-constexpr double kLeastDistinctive = 0.05;
 // Fewer agreeing matches show that the maps' descriptors cannot be compared, e.g. because two programs computed them:
 // places that are built alike have more in common.
 constexpr std::size_t kFewestComparable = 3;
@@ -192,8 +193,11 @@ std::string alike_places(const SeenAlike& seen, const PlacementCandidate& best) 
     return {};
   }
   return fmt::format(
-      "of {} landmarks that cameras of both maps saw from the same side, {} look like nothing else "
-      "in their map, below the required {:g} %, and {} descriptor matches agree, below {:g} %",
+      "of {} landmarks that cameras of both maps saw from the same side, {} look the same in both "
+      "and "
+      "like nothing else in either, below the required {:g} %, and {} descriptor matches agree, "
+      "below "
+      "{:g} %",
       seen.landmarks, seen.distinctive, 100.0 * kLeastDistinctive, agreeing,
       100.0 * kLeastAgreeingSeenAlike);
 }

@@ -61,7 +61,8 @@ struct Judgement {
 /// - a direction is open;
 /// - the landmarks match or look as well at another pose;
 /// - the surroundings of its matches contradict it: an object that stands in two places matches as well as a place
-///   does.
+///   does;
+/// - hardly anything that both maps saw alike looks the same: two places may be built alike.
 ///
 /// For a proven pose, only the first two cases apply.
 ///
