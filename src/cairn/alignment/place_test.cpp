@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -628,6 +629,87 @@ TEST(Place, RejectsMapsOfDifferentScenes) {
     EXPECT_NE(result.verdict, Verdict::kAligned) << result.reason;
     expect_judged_pose(result);
   }
+}
+
+// A room: edges and handles by the plan, which look like a few others, and pictures and things of its own.
+// @param session seed of the errors of its landmarks
+LandmarkCloud room(std::uint64_t own, std::uint64_t session) {
+  constexpr std::size_t kOfPlan = 300;
+  constexpr std::size_t kOfItsOwn = 2500;
+  Random plan(1);
+  Random things(own);
+  Random errors(session);
+  const auto on_a_wall = [](Random& random) {
+    const double along = random.uniform(-2.0, 2.0);
+    const double up = random.uniform(0.0, 2.5);
+    switch (random.index(3)) {
+      case 0:
+        return Eigen::Vector3d(along, 2.0, up);
+      case 1:
+        return Eigen::Vector3d(2.0, along, up);
+      default:
+        return Eigen::Vector3d(along, random.uniform(-2.0, 2.0), 0.0);
+    }
+  };
+  const auto descriptor = [](Random& random) {
+    std::vector<std::uint8_t> bytes(32);
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.index(256));
+    return bytes;
+  };
+  std::vector<std::vector<std::uint8_t>> handles;
+  for (int i = 0; i < 40; ++i) handles.push_back(descriptor(plan));
+  LandmarkCloud cloud;
+  DescriptorColumn column;
+  column.kind = "ORB";
+  column.bytes_each = 32;
+  const auto change = [](std::vector<std::uint8_t>& looks, int bits, Random& random) {
+    for (int bit = 0; bit < bits; ++bit) {
+      std::uint8_t& byte = looks[random.index(32)];
+      byte = static_cast<std::uint8_t>(byte ^ (1U << random.index(8)));
+    }
+  };
+  const auto add = [&](Eigen::Vector3d position, std::vector<std::uint8_t> looks) {
+    for (double& coordinate : position) coordinate += errors.normal() * 0.002;
+    change(looks, 6, errors);
+    cloud.positions.push_back(position);
+    column.bytes.insert(column.bytes.end(), looks.begin(), looks.end());
+    column.known.push_back(1);
+  };
+  for (std::size_t i = 0; i < kOfPlan; ++i) {
+    std::vector<std::uint8_t> looks = handles[i % handles.size()];
+    change(looks, 3, plan);  // no two handles look quite the same
+    const Eigen::Vector3d position = on_a_wall(plan);
+    add(position, std::move(looks));
+  }
+  for (std::size_t i = 0; i < kOfItsOwn; ++i) {
+    const Eigen::Vector3d position = on_a_wall(things);
+    add(position, descriptor(things));
+  }
+  cloud.descriptors = std::move(column);
+  for (const Eigen::Vector3d& centre :
+       {Eigen::Vector3d(-1.0, -1.0, 1.5), Eigen::Vector3d(0.0, -1.0, 1.5)}) {
+    LandmarkView& view = cloud.views.emplace_back();
+    view.centre = centre;
+    view.landmarks.resize(cloud.size());
+    std::iota(view.landmarks.begin(), view.landmarks.end(), 0U);
+  }
+  return cloud;
+}
+
+TEST(Place, TellsRoomsApartThatAreBuiltAlike) {
+  Random random(4);
+  const Rigid3 pose = any_pose(random, 5.0);
+  const auto elsewhere = [&](LandmarkCloud cloud) {
+    for (LandmarkView& view : cloud.views) view.centre = pose * view.centre;
+    return moved(std::move(cloud), pose);
+  };
+  const LandmarkCloud here = room(2, 10);
+  const Alignment same = place(here, elsewhere(room(2, 11)), {}, two_threads());
+  EXPECT_EQ(same.verdict, Verdict::kAligned) << same.reason;
+  const Alignment alike = place(here, elsewhere(room(3, 12)), {}, two_threads());
+  EXPECT_GT(*alike.probability, 0.99);
+  EXPECT_EQ(alike.verdict, Verdict::kAmbiguous) << alike.reason;
+  EXPECT_THAT(alike.reason, HasSubstr("built alike"));
 }
 
 TEST(Place, CallsASymmetricSceneAmbiguous) {
