@@ -227,8 +227,7 @@ void run(const std::vector<std::string>& words) {
   fmt::print(
       "pair,source,target,overlap,thing,source_landmarks,target_landmarks,verdict,probability,"
       "rotation_deg,translation_m,right,in_front,agree,behind,extent,around,agreeing,seen_alike,"
-      "distinctive,deformed,"
-      "deformed_scale,deformed_deg,deformed_m\n");
+      "distinctive,deformed,deformed_scale,deformed_deg,deformed_m\n");
   benchmarks::for_each_session_pair(
       folder, benchmarks::pair_numbers(words[1]), part,
       [&](const SessionPair& pair) {

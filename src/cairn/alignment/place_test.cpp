@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -651,41 +652,26 @@ LandmarkCloud room(std::uint64_t own, std::uint64_t session) {
         return Eigen::Vector3d(along, random.uniform(-2.0, 2.0), 0.0);
     }
   };
-  const auto descriptor = [](Random& random) {
-    std::vector<std::uint8_t> bytes(32);
-    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.index(256));
-    return bytes;
-  };
-  std::vector<std::vector<std::uint8_t>> handles;
-  for (int i = 0; i < 40; ++i) handles.push_back(descriptor(plan));
   LandmarkCloud cloud;
-  DescriptorColumn column;
-  column.kind = "ORB";
-  column.bytes_each = 32;
-  const auto change = [](std::vector<std::uint8_t>& looks, int bits, Random& random) {
+  for (std::size_t i = 0; i < kOfPlan; ++i) cloud.positions.push_back(on_a_wall(plan));
+  for (std::size_t i = 0; i < kOfItsOwn; ++i) cloud.positions.push_back(on_a_wall(things));
+  cloud = with_any_looks(std::move(cloud), things);
+  const auto change = [](std::uint8_t* looks, int bits, Random& random) {
     for (int bit = 0; bit < bits; ++bit) {
-      std::uint8_t& byte = looks[random.index(32)];
+      std::uint8_t& byte = looks[random.index(kBytes)];
       byte = static_cast<std::uint8_t>(byte ^ (1U << random.index(8)));
     }
   };
-  const auto add = [&](Eigen::Vector3d position, std::vector<std::uint8_t> looks) {
-    for (double& coordinate : position) coordinate += errors.normal() * 0.002;
-    change(looks, 6, errors);
-    cloud.positions.push_back(position);
-    column.bytes.insert(column.bytes.end(), looks.begin(), looks.end());
-    column.known.push_back(1);
-  };
+  std::array<std::uint8_t, 40 * kBytes> handles{};
+  for (std::uint8_t& byte : handles) byte = static_cast<std::uint8_t>(plan.index(256));
   for (std::size_t i = 0; i < kOfPlan; ++i) {
-    std::vector<std::uint8_t> looks = handles[i % handles.size()];
-    change(looks, 3, plan);  // no two handles look quite the same
-    const Eigen::Vector3d position = on_a_wall(plan);
-    add(position, std::move(looks));
+    std::copy_n(&handles[i * kBytes % handles.size()], kBytes, look(cloud, i));
+    change(look(cloud, i), 3, plan);  // no two handles look quite the same
   }
-  for (std::size_t i = 0; i < kOfItsOwn; ++i) {
-    const Eigen::Vector3d position = on_a_wall(things);
-    add(position, descriptor(things));
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    for (double& coordinate : cloud.positions[i]) coordinate += errors.normal() * 0.002;
+    change(look(cloud, i), 6, errors);
   }
-  cloud.descriptors = std::move(column);
   for (const Eigen::Vector3d& centre :
        {Eigen::Vector3d(-1.0, -1.0, 1.5), Eigen::Vector3d(0.0, -1.0, 1.5)}) {
     LandmarkView& view = cloud.views.emplace_back();

@@ -15,16 +15,14 @@ namespace {
 
 constexpr std::size_t kOthers = Likeness::kOthers;
 
-// Difference of the best pair of descriptors of landmark i in `a` and landmark j in `b`, by bits or
-// else by bytes.
+}  // namespace
+
 std::uint32_t least_difference(const Descriptors& a, std::size_t i, const Descriptors& b,
                                std::size_t j) {
   const auto norm =
       a.binary() ? descriptor_kernel::Norm::kHamming : descriptor_kernel::Norm::kSquaredBytes;
   return descriptor_kernel::nearest_pair(a.rows(i), b.rows(j), a.bytes_each(), norm).distance;
 }
-
-}  // namespace
 
 Descriptors::Descriptors(const LandmarkCloud& cloud, std::size_t sample)
     : binary_(is_binary(cloud.descriptors->kind)), bytes_each_(cloud.descriptors->bytes_each) {

@@ -43,6 +43,11 @@ class Descriptors {
   std::vector<std::uint8_t> bytes_;
 };
 
+/// Difference of the best pair of descriptors of landmark i in `a` and landmark j in `b`, numbered among the landmarks
+/// with descriptors: by bits, or the squared difference of bytes.
+std::uint32_t least_difference(const Descriptors& a, std::size_t i, const Descriptors& b,
+                               std::size_t j);
+
 /// Decides by descriptors whether landmarks that a pose brings together are similar.
 ///
 /// The partners of a source landmark are the candidates for its match in the target. The source landmark is

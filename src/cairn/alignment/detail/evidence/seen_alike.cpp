@@ -4,14 +4,11 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
-#include <span>
 #include <utility>
 #include <vector>
 
 #include "cairn/alignment/detail/evidence/look_comparison.hpp"
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
-#include "cairn/core/detail/descriptor_kernel.hpp"
-#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -66,39 +63,21 @@ bool are_alike(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
          there < kAlikeDistances * here;
 }
 
-using Rows = std::vector<std::uint8_t>;
-
-// All descriptors of a landmark.
-Rows rows_of(const DescriptorColumn& column, std::uint32_t landmark) {
-  Rows rows;
-  for (std::size_t k = 0; k < column.count(landmark); ++k) {
-    const auto row = column.descriptor(landmark, k);
-    rows.insert(rows.end(), row.begin(), row.end());
-  }
-  return rows;
-}
-
 // What the landmarks of a map look like.
 class Looks {
  public:
   // @param elsewhere distance from which a landmark is not the same
   Looks(const LandmarkCloud& cloud, double elsewhere)
-      : cloud_(cloud), all_(cloud, cloud.size()), elsewhere_(elsewhere) {}
+      : cloud_(cloud), descriptors_(cloud, cloud.size()), elsewhere_(elsewhere) {}
 
-  // Difference of the most similar descriptors.
-  std::uint32_t difference(std::span<const std::uint8_t> a, std::span<const std::uint8_t> b) const {
-    const auto norm =
-        all_.binary() ? descriptor_kernel::Norm::kHamming : descriptor_kernel::Norm::kSquaredBytes;
-    return descriptor_kernel::nearest_pair(a, b, all_.bytes_each(), norm).distance;
-  }
+  const Descriptors& descriptors() const { return descriptors_; }
 
-  // Whether no landmark elsewhere differs from a landmark by at most so much.
-  bool is_unique(std::uint32_t landmark, std::uint32_t most) const {
-    const Rows rows = rows_of(*cloud_.descriptors, landmark);
-    const Eigen::Vector3d& place = cloud_.positions[landmark];
-    for (std::size_t j = 0; j < all_.size(); ++j) {
-      if (difference(rows, all_.rows(j)) > most) continue;
-      const Eigen::Vector3d& other = cloud_.positions[all_.landmark(j)];
+  // Whether no landmark elsewhere differs by at most so much from the i-th with descriptors.
+  bool is_unique(std::size_t i, std::uint32_t most) const {
+    const Eigen::Vector3d& place = cloud_.positions[descriptors_.landmark(i)];
+    for (std::size_t j = 0; j < descriptors_.size(); ++j) {
+      if (least_difference(descriptors_, i, descriptors_, j) > most) continue;
+      const Eigen::Vector3d& other = cloud_.positions[descriptors_.landmark(j)];
       if ((other - place).squaredNorm() >= elsewhere_ * elsewhere_) return false;
     }
     return true;
@@ -106,7 +85,7 @@ class Looks {
 
  private:
   const LandmarkCloud& cloud_;
-  Descriptors all_;
+  Descriptors descriptors_;
   double elsewhere_;
 };
 
@@ -129,39 +108,44 @@ SeenAlike seen_alike(const PreparedCloud& source, const PreparedCloud& target,
           j, [&](const Eigen::Vector3d& b) { return are_alike(a - moved[i], b - moved[i]); });
     });
   };
-  const double close = kClose * radius;
-  // Per landmark of the sample: the target landmarks that were seen alike, nearest first.
-  std::vector<std::vector<std::uint32_t>> partners(moved.size());
-  const auto find = [&](std::size_t i, const NearestList auto& nearest) {
-    if (here.descriptors->known[i] == 0) return;
-    for (std::size_t k = 0; k < nearest.size(); ++k) {
-      if (nearest.squared_distance(k) > close * close) break;
-      const std::uint32_t j = nearest.index(k);
-      if (there.descriptors->known[j] == 0) continue;
-      if (were_seen_alike(static_cast<std::uint32_t>(i), j)) partners[i].push_back(j);
-    }
-  };
-  target.tree().batch(kPartners).for_each(moved, Executor(), find);
-  SeenAlike counts;
-  for (const auto& others : partners) counts.landmarks += others.empty() ? 0 : 1;
   const Looks of_source(here, kElsewhere * radius / pose.scale());
   const Looks of_target(there, kElsewhere * radius);
-  for (std::uint32_t i = 0; i < partners.size(); ++i) {
-    if (static_cast<double>(counts.distinctive) >= enough * static_cast<double>(counts.landmarks)) {
-      break;
+  const double close = kClose * radius;
+  // A landmark that was seen alike, and the target landmarks beside it, all numbered among those with descriptors.
+  struct Seen {
+    std::size_t landmark = 0;
+    std::vector<std::size_t> partners;
+  };
+  std::vector<Seen> all;
+  const auto find = [&](std::size_t i, const NearestList auto& nearest) {
+    const auto landmark = static_cast<std::uint32_t>(i);
+    const auto own = of_source.descriptors().of(landmark);
+    if (!own) return;
+    Seen seen{*own, {}};
+    for (std::size_t k = 0; k < nearest.size(); ++k) {
+      if (nearest.squared_distance(k) > close * close) break;
+      const auto partner = of_target.descriptors().of(nearest.index(k));
+      if (partner && were_seen_alike(landmark, nearest.index(k))) seen.partners.push_back(*partner);
     }
-    if (partners[i].empty()) continue;
-    const Rows rows = rows_of(*here.descriptors, i);
+    if (!seen.partners.empty()) all.push_back(std::move(seen));
+  };
+  target.tree().batch(kPartners).for_each(moved, Executor(), find);
+  SeenAlike counts{.landmarks = all.size()};
+  for (const auto& [landmark, partners] : all) {
+    if (static_cast<double>(counts.distinctive) >= enough * static_cast<double>(all.size())) break;
     auto least = std::numeric_limits<std::uint32_t>::max();
-    std::uint32_t partner = 0;
-    for (const std::uint32_t j : partners[i]) {
-      const std::uint32_t difference = of_source.difference(rows, rows_of(*there.descriptors, j));
+    std::size_t nearest = 0;
+    for (const std::size_t partner : partners) {
+      const std::uint32_t difference =
+          least_difference(of_source.descriptors(), landmark, of_target.descriptors(), partner);
       if (difference >= least) continue;
       least = difference;
-      partner = j;
+      nearest = partner;
     }
     const std::uint32_t clear = kDistinctive * least;
-    if (of_source.is_unique(i, clear) && of_target.is_unique(partner, clear)) ++counts.distinctive;
+    if (of_source.is_unique(landmark, clear) && of_target.is_unique(nearest, clear)) {
+      ++counts.distinctive;
+    }
   }
   return counts;
 }

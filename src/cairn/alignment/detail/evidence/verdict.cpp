@@ -194,10 +194,8 @@ std::string alike_places(const SeenAlike& seen, const PlacementCandidate& best) 
   }
   return fmt::format(
       "of {} landmarks that cameras of both maps saw from the same side, {} look the same in both "
-      "and "
-      "like nothing else in either, below the required {:g} %, and {} descriptor matches agree, "
-      "below "
-      "{:g} %",
+      "and like nothing else in either, below the required {:g} %, and {} descriptor matches "
+      "agree, below {:g} %",
       seen.landmarks, seen.distinctive, 100.0 * kLeastDistinctive, agreeing,
       100.0 * kLeastAgreeingSeenAlike);
 }
