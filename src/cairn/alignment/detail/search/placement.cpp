@@ -17,6 +17,11 @@ namespace cairn::detail {
 namespace {
 
 constexpr int kFinalIterations = 60;
+// Shares of the time limit for the stages; the last refinement has the rest.
+constexpr double kQuadTime = 0.1;
+constexpr double kSearchTime = 0.5;
+constexpr double kConstellationTime = 0.65;
+constexpr double kCandidatesTime = 0.85;
 // In units of the fine scale:
 constexpr double kEqual = 0.35;    // largest distance of equal optima
 constexpr double kDistinct = 3.0;  // least distance of poses that a user would call different
@@ -250,19 +255,9 @@ Candidates Placement::candidates(const TimeLimit& time) const {
   // From this probability on, with kDecisiveAgreement, poses from descriptors make the search unnecessary. With less
   // agreement, a search may find other poses that fit equally well.
   constexpr double kDecided = 0.99;
-  // Shares of the time limit for the stages; the last refinement has the rest.
-  constexpr double kQuadTime = 0.1;
-  constexpr double kSearchTime = 0.5;
-  constexpr double kConstellationTime = 0.65;
-  constexpr double kCandidatesTime = 0.85;
-  constexpr std::size_t kShortPoints = 1000;  // of the source, in the first refinement
-  constexpr int kShortIterations = 16;
-  // Largest number of variants of a finalist; the last refinement selects one.
-  constexpr std::ptrdiff_t kVariants = 3;
-  const auto accept = [&](const Rigid3& pose) { return !is_tilted(pose, options_); };
   std::vector<Finalist> proposed;
   for (const DescriptorPose& proposal : proposals()) {
-    if (!accept(proposal.pose.rigid())) continue;
+    if (is_tilted(proposal.pose.rigid(), options_)) continue;
     proposed.emplace_back();
     set_similarity(proposed.back(), proposal.pose);
     proposed.back().support.agreement = DescriptorAgreement{.agreeing = proposal.agreeing};
@@ -280,33 +275,65 @@ Candidates Placement::candidates(const TimeLimit& time) const {
         is_decisive(result.poses.front().support);
     if (decided || options_.search == PoseSearch::kNever) return result;
   }
-  std::vector<Finalist> poses;
+  search_widely(std::move(proposed), time, result);
+  return result;
+}
+
+void Placement::search_widely(std::vector<Finalist> proposed, const TimeLimit& time,
+                              Candidates& result) const {
   std::vector<QuadPose> from_quads;
   result.cut_short =
       time.cuts(kQuadTime, [&](const std::stop_token& stop) { from_quads = quads(stop); }) ||
       result.cut_short;
+  std::vector<Finalist> poses;
   for (const QuadPose& quad : from_quads) {
     poses.emplace_back();
     set_similarity(poses.back(), quad.target_from_source);
   }
-  const bool clear = is_clear(from_quads);
-  const std::vector<double> scales = scales_to_search(from_quads, clear);
+  poses.insert(poses.end(), proposed.begin(), proposed.end());
+  std::vector<double> scales = scales_to_search(from_quads);
+  double done = 0.0;
+  if (is_clear(from_quads)) {
+    done = 0.9;  // because the rest is hardly ever needed
+    search_at({scales.front()}, 0.0, done, false, time, poses, result);
+    const bool found =
+        !result.poses.empty() && result.poses.front().probability >= options_.min_probability;
+    if (found) return;
+    // A pose may look clear and yet be wrong.
+    scales.erase(scales.begin());
+  }
+  search_at(scales, done, 1.0, equal_.has_value(), time, poses, result);
+}
+
+void Placement::search_at(const std::vector<double>& scales, double begin, double end,
+                          bool with_constellations, const TimeLimit& time,
+                          std::vector<Finalist>& poses, Candidates& result) const {
+  constexpr std::size_t kCandidatesAScale = 24;  // if several scales are searched
+  constexpr std::size_t kCandidatesBeside =
+      48;                                     // in addition to those from quads and constellations
+  constexpr std::size_t kShortPoints = 1000;  // of the source, in the first refinement
+  constexpr int kShortIterations = 16;
+  // Largest number of variants of a finalist; the last refinement selects one.
+  constexpr std::ptrdiff_t kVariants = 3;
+  const std::size_t candidates = scales.size() > 1 ? kCandidatesAScale : kCandidatesBeside;
   const auto turns = rotations(options_, Random(execution_.seed).fork(3));
   for (std::size_t i = 0; i < scales.size(); ++i) {
     // Each scale has an equal share of the time.
-    const double done = static_cast<double>(i) / static_cast<double>(scales.size());
-    const double share =
-        std::lerp(kQuadTime, kSearchTime, done + 1.0 / static_cast<double>(scales.size()));
+    const auto progress_at = [&](std::size_t k) {
+      return std::lerp(begin, end, static_cast<double>(k) / static_cast<double>(scales.size()));
+    };
+    const double share = std::lerp(kQuadTime, kSearchTime, progress_at(i + 1));
     const bool cut = time.cuts(share, [&](const std::stop_token& stop) {
-      search(scales[i], done, scales.size(), turns, accept, stop, poses);
+      Execution execution = execution_.stage(progress_at(i), progress_at(i + 1));
+      execution.stop = stop;
+      search(scales[i], candidates, turns, execution, poses);
     });
     result.cut_short = result.cut_short || cut;
   }
-  poses.insert(poses.end(), proposed.begin(), proposed.end());
-  if (equal_ && !clear) {
+  if (with_constellations) {
     const bool cut = time.cuts(kConstellationTime, [&](const std::stop_token& stop) {
       for (const ConstellationPose& found : constellations(stop)) {
-        if (!accept(found.target_from_source)) continue;
+        if (is_tilted(found.target_from_source, options_)) continue;
         poses.emplace_back();
         set_similarity(poses.back(), Similarity3(*equal_, found.target_from_source));
       }
@@ -319,8 +346,7 @@ Candidates Placement::candidates(const TimeLimit& time) const {
     refine_all(poses, all_, PreparedCloud::kSample, kFinalIterations, stop);
   });
   result.cut_short = result.cut_short || unrefined;
-  result.poses = judged(std::move(poses));
-  return result;
+  result.poses = judged(poses);
 }
 
 SightCounts Placement::sights(const Similarity3& pose) const {
@@ -376,12 +402,10 @@ bool Placement::is_clear(const std::vector<QuadPose>& quads) {
          (quads.size() == 1 || quads[1].evidence < kRivalEvidence * quads.front().evidence);
 }
 
-std::vector<double> Placement::scales_to_search(const std::vector<QuadPose>& quads,
-                                                bool clear) const {
+std::vector<double> Placement::scales_to_search(const std::vector<QuadPose>& quads) const {
   constexpr double kApart = 1.12;   // ratio of scales that one search reaches
   constexpr std::size_t kMost = 3;  // from quads
   if (!options_.scale) return scales_;
-  if (clear) return {quads.front().target_from_source.scale()};
   std::vector<double> scales;
   const auto add = [&](double scale) {
     const bool known = std::any_of(scales.begin(), scales.end(), [&](double other) {
@@ -418,16 +442,10 @@ std::vector<Finalist> Placement::judged(std::vector<Finalist> poses) const {
   return with_probabilities(distinct(std::move(poses), all_, 1));
 }
 
-void Placement::search(double scale, double progress, std::size_t scales,
-                       std::span<const Eigen::Quaterniond> turns,
-                       const std::function<bool(const Rigid3&)>& accept,
-                       const std::stop_token& stop, std::vector<Finalist>& poses) const {
-  constexpr std::size_t kCandidatesAScale = 24;  // if several scales are searched
-  constexpr std::size_t kCandidatesBeside =
-      48;  // in addition to those from quads and constellations
-  const std::size_t candidates = scales > 1 ? kCandidatesAScale : kCandidatesBeside;
-  Execution execution = execution_.stage(progress, progress + 1.0 / static_cast<double>(scales));
-  execution.stop = stop;
+void Placement::search(double scale, std::size_t candidates,
+                       std::span<const Eigen::Quaterniond> turns, const Execution& execution,
+                       std::vector<Finalist>& poses) const {
+  const auto accept = [&](const Rigid3& pose) { return !is_tilted(pose, options_); };
   std::vector<Eigen::Vector3d> source = source_.landmarks().positions;
   for (Eigen::Vector3d& position : source) position *= scale;
   for (const SearchCandidate& found : search_poses(

@@ -174,8 +174,8 @@ class Placement {
   std::vector<QuadPose> quads(const std::stop_token& stop) const;
   static bool is_clear(const std::vector<QuadPose>& quads);
 
-  // Scales to search: those of the quads' poses and the likely scales; if the first pose is clear, its scale alone.
-  std::vector<double> scales_to_search(const std::vector<QuadPose>& quads, bool clear) const;
+  // Those of the quads' poses, and the likely scales.
+  std::vector<double> scales_to_search(const std::vector<QuadPose>& quads) const;
 
   // The first pose and the poses that may be right instead; empty if too few matches agree with the first.
   static std::vector<Finalist> rivals_of(const std::vector<Finalist>& proposed);
@@ -183,11 +183,18 @@ class Placement {
   // The distinct poses with their probabilities, likeliest first.
   std::vector<Finalist> judged(std::vector<Finalist> poses) const;
 
+  // Searches by quads, then at all scales and by constellations; after a clear pose from quads, at its scale alone, if
+  // that gives an aligned pose. Judges what is found with the proposed poses.
+  void search_widely(std::vector<Finalist> proposed, const TimeLimit& time,
+                     Candidates& result) const;
+  // Adds what a search at the scales finds to the poses, refines all, and judges the best.
+  // @param begin, end share of the progress
+  void search_at(const std::vector<double>& scales, double begin, double end,
+                 bool with_constellations, const TimeLimit& time, std::vector<Finalist>& poses,
+                 Candidates& result) const;
   // Adds the poses that a search at the scale finds.
-  void search(double scale, double progress, std::size_t scales,
-              std::span<const Eigen::Quaterniond> turns,
-              const std::function<bool(const Rigid3&)>& accept, const std::stop_token& stop,
-              std::vector<Finalist>& poses) const;
+  void search(double scale, std::size_t candidates, std::span<const Eigen::Quaterniond> turns,
+              const Execution& execution, std::vector<Finalist>& poses) const;
 
   // Refines each pose to the nearest optimum, at the fine scale of the lengths, and computes its support there.
   void refine_all(std::vector<Finalist>& poses, const PairScales& lengths, std::size_t points,
