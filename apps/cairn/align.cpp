@@ -248,6 +248,7 @@ struct AlignArguments {
   std::string source;
   std::string target;
   std::string pairs;
+  std::vector<std::string> models;
   std::string confidence = "base";
   PoseArguments initial;
   std::string truth;
@@ -279,6 +280,7 @@ struct AlignArguments {
                                          "Align each pair in a CSV file (columns source and "
                                          "target) instead of two maps; - for stdin",
                                          "FILE|-");
+    add_models_to(command, models, "of the source and of the target");
     command.add_text("--confidence", confidence,
                      "Confidence metric of the landmarks: " + confidence_help() +
                          ". Several, separated by commas, are compared",
@@ -328,9 +330,10 @@ struct AlignArguments {
                         "--source-sequence", "--target-sequence"});
     for (const Option& option : of_icp_alone) option.under("ICP of the paper");
     list.excludes(command.option("source")).excludes(command.option("target"));
-    for (const char* const of_one : {"--confidence", "--initial", "--initial-matrix", "--truth",
-                                     "--output", "--format", "--pose", "--pose-format", "--camera",
-                                     "--method", "--trace", "--report", "--no-verdict"}) {
+    for (const char* const of_one :
+         {"--confidence", "--models", "--initial", "--initial-matrix", "--truth", "--output",
+          "--format", "--pose", "--pose-format", "--camera", "--method", "--trace", "--report",
+          "--no-verdict"}) {
       list.excludes(command.option(of_one));
     }
     for (const Option& option : of_icp_alone) list.excludes(option);
@@ -353,6 +356,8 @@ struct AlignArguments {
       refuse_if(path->empty(), name, "not given", "two maps, or --pairs");
     }
     // What the command line says is checked before any file is read.
+    refuse_if(!models.empty() && models.size() != 2, "--models",
+              fmt::format("{} given", models.size()), "two: of the source and of the target");
     const std::vector<Strategy> strategies = parse_strategies(confidence);
     check_outputs(strategies.size());
     check_options();
@@ -368,6 +373,11 @@ struct AlignArguments {
 
     LoadedMap source_map = load_map(source, common);
     LoadedMap target_map = load_map(target, common);
+    std::optional<LandmarkMap> given_source;  // if its model is aligned in its place
+    if (!models.empty()) {
+      given_source = put_model_into(source_map, models[0]);
+      put_model_into(target_map, models[1]);
+    }
     complete_options();
     with_scale =
         scale_range(options, source_map.map.info().length_unit, target_map.map.info().length_unit)
@@ -393,7 +403,8 @@ struct AlignArguments {
     const std::vector<StrategyResult>& results = shown.results;
 
     const Folds folds = folds_of(results.front().alignment, source_map, target_map);
-    write_answer(results.front().alignment, source_map, target_map, unit, folds.of_source);
+    write_answer(results.front().alignment, given_source ? *given_source : source_map.map,
+                 target_map, unit, given_source ? std::vector<FrameIndex>() : folds.of_source);
     Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
     if (true_pose) {
       inputs["truth"] = {{"path", truth},
@@ -459,6 +470,13 @@ struct AlignArguments {
     return align_pairs(pairs, options, gravity, options_json(parse_strategies("base")), common);
   }
 
+  // @return the map itself
+  LandmarkMap put_model_into(LoadedMap& loaded, const std::string& path) const {
+    LandmarkMap model = load_model(path, loaded, common);
+    require_one_frame(loaded.map, model, loaded.path);
+    return std::exchange(loaded.map, std::move(model));
+  }
+
   // What each map shows to be folded in the other, at a trusted pose.
   struct Folds {
     std::vector<FrameIndex> of_source;
@@ -480,7 +498,8 @@ struct AlignArguments {
       json["map"] = to_string(i == 0 ? MapRole::kSource : MapRole::kTarget);
       result.json.push_back(std::move(json));
       result.text += "\n" + fold_text(*folds[i], *maps[i].map, paths[i], paths[1 - i]);
-      if (i == 0 && !output.empty()) result.text += "; they are left out of " + output;
+      if (i == 0 && !output.empty() && models.empty())
+        result.text += "; they are left out of " + output;
       result.text += "\n";
     }
     if (folds[0]) result.of_source = folds[0]->frames;
@@ -488,14 +507,13 @@ struct AlignArguments {
   }
 
   // Writes the map and the pose that are asked for, if the pose is aligned.
-  void write_answer(const Alignment& first, const LoadedMap& source_map,
+  void write_answer(const Alignment& first, const LandmarkMap& source_map,
                     const LoadedMap& target_map, LengthUnit unit,
                     const std::vector<FrameIndex>& folded) const {
     if (has_answer(first)) {
       if (!output.empty()) {
-        LandmarkMap aligned =
-            transformed(folded.empty() ? source_map.map : without_frames(source_map.map, folded),
-                        *first.estimate);
+        LandmarkMap aligned = transformed(
+            folded.empty() ? source_map : without_frames(source_map, folded), *first.estimate);
         if (aligned.info().length_unit != unit) aligned = with_length_unit(aligned, unit);
         // The frame is the target's now, and so is what is known of its place on the Earth.
         if (const auto& georeference = target_map.map.info().georeference) {
@@ -630,9 +648,13 @@ struct AlignArguments {
              const std::vector<StrategyResult>& results, LengthUnit unit) const {
     const Console console = common.console();
     for (const auto& [role, loaded] : {std::pair{"source", &source_map}, {"target", &target_map}}) {
-      console.print("{}  {}: {} of {} landmarks\n", role, loaded->path,
-                    loaded->description.at("kept_landmarks").dump(-1),
-                    loaded->map.landmark_count());
+      const bool is_model = loaded->description.contains("model");
+      console.print(
+          "{}  {}: {} of {} landmarks\n", role,
+          is_model ? fmt::format("{} (model of {})",
+                                 *loaded->description.at("model").at("path").text(), loaded->path)
+                   : loaded->path,
+          loaded->description.at("kept_landmarks").dump(-1), loaded->map.landmark_count());
     }
     console.print("\n" + alignment_table(results, unit));
     for (const StrategyResult& each : results) {

@@ -322,14 +322,9 @@ struct MergeAtlasArguments : AtlasArguments {
       }
       if (frame_name.empty()) frame_name = node.name;
       before += map.fusion->landmarks;
-      json["maps"].push_back({{"name", node.name},
-                              {"world_from_map", to_json(map.world_from_map->matrix())},
-                              {"scale", map.world_from_map->scale()},
-                              {"covariance", to_json(map.covariance)},
-                              {"landmarks", map.fusion->landmarks},
-                              {"fused", map.fusion->fused},
-                              {"unexplained_deviation", map.fusion->deviation},
-                              {"bend", bend_json(map.bend)}});
+      Json described = {{"name", node.name}};
+      add_placement(map, described);
+      json["maps"].push_back(std::move(described));
       bends += bend_text(map.bend, node.name);
     }
     console.print("merged {} of {}, in the frame of {}\n{}", merged.placed(),

@@ -33,16 +33,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-report::LinkUse atlas_use_of(const Link& link, const AtlasState& state) {
-  if (!link.connects()) {
-    return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
-                                               : report::LinkUse::kRejected;
-  }
-  const auto agrees = state.agrees.find(link.id);
-  if (agrees == state.agrees.end()) return report::LinkUse::kUndecided;
-  return agrees->second ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
-}
-
 // A word in a shell, quoted where it must be.
 std::string shell_word(const std::string& word) {
   const bool plain = !word.empty() && word.find_first_not_of(
@@ -129,13 +119,10 @@ void add_atlas_state(report::Report& report, Atlas& atlas, const AtlasState& sta
   }
   std::vector<report::NetworkEdge> edges;
   for (const auto& [id, link] : state.links) {
-    edges.push_back({.target = index_of.at(link.target),
-                     .source = index_of.at(link.source),
-                     .use = atlas_use_of(link, state),
-                     .kind = std::string(cairn::to_string(link.kind)),
-                     .probability = link.probability,
-                     .reason = link.reason,
-                     .target_from_source = link.target_from_source});
+    const auto agrees = state.agrees.find(id);
+    edges.push_back(
+        edge_of(link, index_of.at(link.target), index_of.at(link.source),
+                agrees == state.agrees.end() ? std::nullopt : std::optional(agrees->second)));
   }
   add_network(report, nodes, edges, open_images(maps, images, common), common);
   std::vector<AtlasCommit> log = atlas.store().log();

@@ -71,6 +71,7 @@ struct ConvertArguments {
   };
 
   void add_transforms_to(const Command& command);
+  void add_estimates_to(const Command& command);
   Changes changes() const;
   LandmarkMap changed(LandmarkMap map, const Changes& made, Json& covariances) const;
   Json describe(const LoadedMap& loaded, const Changes& made, const LandmarkMap& map,
@@ -109,6 +110,21 @@ void ConvertArguments::add_transforms_to(const Command& command) {
       "--enu", enu,
       "Transform a map with a georeference into its ENU frame: metres to the east, north and up");
 }
+
+#ifdef CAIRN_HAS_ADJUSTMENT
+void ConvertArguments::add_estimates_to(const Command& command) {
+  const Option estimate = command.add_flag(
+      "--estimate-covariances", estimate_covariances,
+      "Replace the covariances of landmarks and poses by estimates from their observations, with "
+      "the first frame fixed; without depths, the distance to the farthest frame is fixed too");
+  add_number(command, "--pixel-noise", pixel_noise,
+             "With --estimate-covariances: standard deviation of an observation, in pixels "
+             "(default: from the residuals)")
+      .needs(estimate);
+}
+#else
+void ConvertArguments::add_estimates_to(const Command&) {}
+#endif
 
 void ConvertArguments::add_to(const Command& command) {
   command
@@ -149,16 +165,7 @@ void ConvertArguments::add_to(const Command& command) {
       "by their names in the map",
       "FOLDER");
 #endif
-#ifdef CAIRN_HAS_ADJUSTMENT
-  const Option estimate = command.add_flag(
-      "--estimate-covariances", estimate_covariances,
-      "Replace the covariances of landmarks and poses by estimates from their observations, with "
-      "the first frame fixed; without depths, the distance to the farthest frame is fixed too");
-  add_number(command, "--pixel-noise", pixel_noise,
-             "With --estimate-covariances: standard deviation of an observation, in pixels "
-             "(default: from the residuals)")
-      .needs(estimate);
-#endif
+  add_estimates_to(command);
   add_number(
       command, "--format-version", format_version,
       "Version of the text format, 1, 2 or 3 (default: the lowest that holds the whole map)");

@@ -164,43 +164,8 @@ struct MapArguments {
   bool skip_unreadable = false;
   FeatureOptions features;
 
-  void add_to(const Command& command) {
-    command
-        .add_text(
-            "sequence", sequence,
-            "Recording of ROS (.bag, .mcap, .db3, or the folder of ROS 2), folder of an RGB-D "
-            "sequence in the layout of TUM (rgb.txt, depth.txt), ICL-NUIM (associations.txt) or "
-            "7-Scenes (frame-000000.color.png), or of a stereo sequence in that of KITTI odometry "
-            "(image_0, image_1, calib.txt, times.txt) or EuRoC (mav0)")
-        .required();
-    command.add_text(
-        "-o,--output", output,
-        "Map to write; its ending selects the format: " + all_formats().endings_text() +
-            "; with --mini-map-length a folder. Required",
-        "FILE");
-    command.add_text("--trajectory", trajectory,
-                     "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy "
-                     "qz qw per line",
-                     "FILE");
-    command.add_text("--camera", camera,
-                     fmt::format("{}; of a stereo sequence the file of both, or LEFT,RIGHT "
-                                 "(default: camera.yaml in the sequence's folder or beside the "
-                                 "recording, or what the sequence brings)",
-                                 kCameraHelp),
-                     "CAMERA");
-    command.add_text("--topics", files.topics,
-                     "Topics of a recording to use, if it has several cameras: see cairn info",
-                     "IMAGE,DEPTH|LEFT,RIGHT");
-    add_number(
-        command, "--depth-units", depth_units,
-        "Depth image units per metre (default: from the camera file, else 5000; of a recording "
-        "and of 7-Scenes 1000)");
-    const Option rolling =
-        add_number(command, "--readout", readout,
-                   "Readout time of a rolling shutter, from the first image row to the last, "
-                   "seconds; 0: global "
-                   "shutter (default: from the camera file, else 0). Not with --poses");
-    add_options(command, SequenceOptions::table, &files);
+  // Where the map begins, and which poses are known or corrected.
+  void add_poses_to(const Command& command) {
     const Option pose =
         command.add_text("--start-pose", start_pose,
                          "Pose of the first camera, world_from_camera (default: the identity)",
@@ -234,9 +199,48 @@ struct MapArguments {
             "FILE|topic:NAME[,FRAME]")
         .excludes(pose)
         .excludes(from)
-        .excludes(rolling)
+        .excludes(command.option("--readout"))
         .excludes(length)
         .excludes(loops);
+  }
+
+  void add_to(const Command& command) {
+    command
+        .add_text(
+            "sequence", sequence,
+            "Recording of ROS (.bag, .mcap, .db3, or the folder of ROS 2), folder of an RGB-D "
+            "sequence in the layout of TUM (rgb.txt, depth.txt), ICL-NUIM (associations.txt) or "
+            "7-Scenes (frame-000000.color.png), or of a stereo sequence in that of KITTI odometry "
+            "(image_0, image_1, calib.txt, times.txt) or EuRoC (mav0)")
+        .required();
+    command.add_text(
+        "-o,--output", output,
+        "Map to write; its ending selects the format: " + all_formats().endings_text() +
+            "; with --mini-map-length a folder. Required",
+        "FILE");
+    command.add_text("--trajectory", trajectory,
+                     "Also write the camera's trajectory, in TUM format: timestamp tx ty tz qx qy "
+                     "qz qw per line",
+                     "FILE");
+    command.add_text("--camera", camera,
+                     fmt::format("{}; of a stereo sequence the file of both, or LEFT,RIGHT "
+                                 "(default: camera.yaml in the sequence's folder or beside the "
+                                 "recording, or what the sequence brings)",
+                                 kCameraHelp),
+                     "CAMERA");
+    command.add_text("--topics", files.topics,
+                     "Topics of a recording to use, if it has several cameras: see cairn info",
+                     "IMAGE,DEPTH|LEFT,RIGHT");
+    add_number(
+        command, "--depth-units", depth_units,
+        "Depth image units per metre (default: from the camera file, else 5000; of a recording "
+        "and of 7-Scenes 1000)");
+    add_number(command, "--readout", readout,
+               "Readout time of a rolling shutter, from the first image row to the last, "
+               "seconds; 0: global "
+               "shutter (default: from the camera file, else 0). Not with --poses");
+    add_options(command, SequenceOptions::table, &files);
+    add_poses_to(command);
     command.add_text(
         "--covariance", covariance,
         "Estimation of landmark covariances: recursive (one observation at a time) or marginal "

@@ -34,27 +34,29 @@ namespace {
 
 namespace fs = std::filesystem;
 
-report::LinkUse use_of(const Link& link, bool used) {
-  if (link.connects()) return used ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
-  return link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
-                                             : report::LinkUse::kRejected;
+// Landmarks of the placed maps.
+std::size_t landmarks_before(const MergeResult& result) {
+  std::size_t before = 0;
+  for (const MergedMap& map : result.maps) {
+    if (map.fusion) before += map.fusion->landmarks;
+  }
+  return before;
 }
 
 // "Placed 3 of 4 maps in the frame of monday: 61,204 landmarks became 44,910. Left out: cellar, attic."
 std::string answer_of(std::span<const MergeInput> maps, const MergeResult& result) {
-  std::size_t before = 0;
   std::string frame;
   std::vector<std::string> left_out;
   for (std::size_t i = 0; i < maps.size(); ++i) {
     const MergedMap& map = result.maps[i];
-    if (map.fusion) before += map.fusion->landmarks;
     if (map.placed && frame.empty()) frame = maps[i].name;
     if (!map.placed) left_out.push_back(maps[i].name);
   }
   if (!result.map) return "No two maps are aligned; no map is written.";
-  std::string text = fmt::format("Placed {} of {} maps in the frame of {}: {} landmarks became {}.",
-                                 result.placed(), maps.size(), frame, with_commas(before),
-                                 with_commas(result.map->landmark_count()));
+  std::string text =
+      fmt::format("Placed {} of {} maps in the frame of {}: {} landmarks became {}.",
+                  result.placed(), maps.size(), frame, with_commas(landmarks_before(result)),
+                  with_commas(result.map->landmark_count()));
   if (!left_out.empty()) text += fmt::format(" Left out: {}.", fmt::join(left_out, ", "));
   for (std::size_t i = 0; i < maps.size(); ++i) {
     if (!result.maps[i].fold) continue;
@@ -92,13 +94,7 @@ void add_merge(report::Report& report, std::span<const MergeInput> maps, const M
   std::vector<report::NetworkEdge> edges;
   for (std::size_t i = 0; i < result.links.size(); ++i) {
     const Link& link = result.links[i];
-    edges.push_back({.target = link.target.value,
-                     .source = link.source.value,
-                     .use = use_of(link, result.used[i]),
-                     .kind = std::string(to_string(link.kind)),
-                     .probability = link.probability,
-                     .reason = link.reason,
-                     .target_from_source = link.target_from_source});
+    edges.push_back(edge_of(link, link.target.value, link.source.value, result.used[i]));
   }
   add_network(report, nodes, edges, images, common);
 }
@@ -123,25 +119,13 @@ Json link_json(const Link& link, bool used) {
 Json map_json(std::size_t number, const MergeResult& result, const std::vector<LoadedMap>& loaded,
               const std::vector<std::string>& names) {
   const MergedMap& map = result.maps[number];
-  Json json = {{"name", names[number]},
-               {"placed", map.placed},
-               {"reason", text_or_null(map.reason)},
-               {"world_from_map", nullptr},
-               {"scale", nullptr},
-               {"covariance", nullptr},
-               {"landmarks", nullptr},
-               {"fused", nullptr},
-               {"bend", nullptr},
-               {"fold", nullptr},
-               {"unexplained_deviation", nullptr}};
+  Json json = {
+      {"name", names[number]},     {"placed", map.placed}, {"reason", text_or_null(map.reason)},
+      {"world_from_map", nullptr}, {"scale", nullptr},     {"covariance", nullptr},
+      {"landmarks", nullptr},      {"fused", nullptr},     {"floaters", nullptr},
+      {"bend", nullptr},           {"fold", nullptr},      {"unexplained_deviation", nullptr}};
   if (!map.placed) return json;
-  json["world_from_map"] = to_json(map.world_from_map->matrix());
-  json["scale"] = map.world_from_map->scale();
-  json["covariance"] = to_json(map.covariance);
-  json["landmarks"] = map.fusion->landmarks;
-  json["fused"] = map.fusion->fused;
-  json["unexplained_deviation"] = map.fusion->deviation;
-  json["bend"] = bend_json(map.bend);
+  add_placement(map, json);
   if (map.fold) json["fold"] = fold_json(*map.fold, loaded[number].map, names[map.fold->other]);
   return json;
 }
@@ -167,15 +151,6 @@ std::string placement_text(const MergeResult& result, const std::vector<std::str
   }
   if (!links.empty()) text += fmt::format(": {}", fmt::join(links, ", "));
   return text + "\n";
-}
-
-// Landmarks of the placed maps.
-std::size_t landmarks_before(const MergeResult& result) {
-  std::size_t before = 0;
-  for (const MergedMap& map : result.maps) {
-    if (map.fusion) before += map.fusion->landmarks;
-  }
-  return before;
 }
 
 // The maps that are left out, and the links that are not used.
@@ -212,6 +187,20 @@ std::string omission_text(const MergeResult& result, const std::vector<std::stri
   return text;
 }
 
+// Of splats with models: "floaters in first.ply, which images of other splats look through: 120".
+std::string floaters_text(const MergeResult& result, const std::vector<std::string>& names,
+                          bool dropped) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto& fusion = result.maps[i].fusion;
+    if (!fusion || fusion->floaters.value_or(0) == 0) continue;
+    text += fmt::format("{}: {} floaters that images of other splats look through{}\n", names[i],
+                        with_commas(*fusion->floaters), dropped ? "; left out" : "");
+  }
+  if (!text.empty() && !dropped) text += "  hint: --drop-floaters leaves them out\n";
+  return text;
+}
+
 struct MergeMapsArguments {
   CommonArguments common;
   std::vector<std::string> paths;
@@ -231,14 +220,13 @@ struct MergeMapsArguments {
                      "Map to write; its ending selects the format: " +
                          all_formats().endings_text() + ". Required",
                      "FILE");
-    command.add_words(
-        "--models", models,
-        "Align these in place of the maps, one for each: the models, in the maps' "
-        "frames, that splats were trained on. nerfstudio's dataparser_transforms.json "
-        "beside a map is applied to its model",
-        "MODEL...");
+    add_models_to(command, models, "one for each");
     add_options(command, LinkOptions::table, &options.links);
     add_adjustment_to(command, options);
+    command
+        .add_flag("--drop-floaters", options.drop_floaters,
+                  "Leave out floaters, which the images of another splat's model look through")
+        .needs(command.option("--models"));
     common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
     add_images_to(command, images);
     common.add_to(command);
@@ -246,7 +234,8 @@ struct MergeMapsArguments {
     common.add_seed_to(command);
     command.list_under("Pairs", {"--min-probability", "--prior-odds", "--effort",
                                  "--min-observations", "--candidates"});
-    command.list_under("Merged map", {"--straighten", "--thin-splats", "--refine-intrinsics"});
+    command.list_under("Merged map",
+                       {"--straighten", "--thin-splats", "--drop-floaters", "--refine-intrinsics"});
     command.footer(
         "Aligns every pair of maps without an initial pose and uses the pairs that are judged "
         "aligned. The\n"
@@ -280,8 +269,9 @@ struct MergeMapsArguments {
       names.push_back(map.name);
       loaded.push_back(load_map(map.file, common));
       inputs.push_back({map.name, &loaded.back().map, map.session});
+      if (common.report_path.empty()) inputs.back().disposable = &loaded.back().map;
       if (models.empty()) continue;
-      aligned.push_back(model_of(map.file, models[aligned.size()], loaded.back()));
+      aligned.push_back(load_model(models[aligned.size()], loaded.back(), common));
       inputs.back().model = &aligned.back();
     }
     std::vector<const LandmarkMap*> shown;
@@ -319,17 +309,6 @@ struct MergeMapsArguments {
               fmt::format("{} given", models.size()),
               fmt::format("one for each of the {} maps", maps.size()));
     return maps;
-  }
-
-  // The model in the frame of the map.
-  LandmarkMap model_of(const std::string& map, const std::string& path, LoadedMap& loaded) const {
-    LoadedMap model = load_map(path, common);
-    loaded.description["model"] = std::move(model.description);
-    const fs::path training = fs::path(map).parent_path() / "dataparser_transforms.json";
-    std::error_code ignored;
-    if (!fs::is_regular_file(training, ignored)) return std::move(model.map);
-    return with_length_unit(transformed(model.map, read_similarity_file(training.string())),
-                            LengthUnit::kFree);
   }
 
   Json options_json() const {
@@ -373,7 +352,8 @@ struct MergeMapsArguments {
       for (std::size_t i = 0; i < names.size(); ++i) {
         text += bend_text(result.maps[i].bend, names[i]);
       }
-      text += fmt::format("\n{}wrote {}\n", adjustment_text(result.adjustment), output);
+      text += fmt::format("\n{}{}wrote {}\n", floaters_text(result, names, options.drop_floaters),
+                          adjustment_text(result.adjustment), output);
     } else {
       text += fmt::format("{} is not written: no two maps are aligned\n", output);
     }

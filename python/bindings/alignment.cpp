@@ -295,7 +295,7 @@ std::string html(const AlignmentResult& self) {
   add("verdict", fmt::format("<b>{}</b>", status_of(alignment)));
   if (alignment.probability) add("probability", probability_text(*alignment.probability));
   add("reason", escaped(alignment.reason));
-  const std::string unit = self.record.length_unit == LengthUnit::kMetres ? " m" : " units";
+  const std::string unit = std::string(" ") + unit_symbol(self.record.length_unit);
   if (const auto& pose = alignment.estimate) {
     const Eigen::Vector3d& t = pose->translation();
     const Eigen::Vector3d angles =

@@ -509,7 +509,9 @@ struct MergeKeywords : Selection {
 Keywords<MergeKeywords> atlas_merge_keywords() {
   Keywords<MergeKeywords> keywords("merge");
   keywords.add("frame", py::none(), set_frame).add("at", [](auto& c) -> auto& { return c.at; });
-  keywords.add_table(FusionOptions::table, [](auto& c) -> auto& { return c.fusion; }).add_seed();
+  keywords
+      .add_table(FusionOptions::table, [](auto& c) -> auto& { return c.fusion; }, {"drop_floaters"})
+      .add_seed();
   return keywords;
 }
 

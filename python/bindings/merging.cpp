@@ -102,6 +102,10 @@ void bind_parts(py::module_& module) {
       .get("landmarks", "", &fusion_of, &MapFusion::landmarks)
       .get("fused", "Number of landmarks that were fused with a landmark of an earlier map.",
            &fusion_of, &MapFusion::fused)
+      .get("floaters",
+           "Number of splats that the images of another map's model look through; None if no other "
+           "map has a model.",
+           &fusion_of, &MapFusion::floaters)
       .get("bend_deg",
            "How far the map was bent, if it was straightened before the fusion; else None.",
            &MergedPart::part, &MergedMap::bend, &MapBend::rotation_rad, &degrees)
@@ -175,6 +179,9 @@ void bind_merging(py::module_& module) {
            "                   None: all of up to 32 maps, otherwise 10\n"
            "straighten         straighten maps that others show to be bent\n"
            "thin_splats        leave out duplicates of Gaussian splats of lower opacity\n"
+           "drop_floaters      leave out Gaussian splats that the images of another map's model "
+           "look\n"
+           "                   through\n"
            "adjust             optimise all keyframes and landmarks (bundle adjustment); warns if "
            "the\n"
            "                   maps lack the data\n"

@@ -303,6 +303,8 @@ class MergedMap:
     @property
     def fused(self) -> int: ...
     @property
+    def floaters(self) -> Optional[int]: ...
+    @property
     def bend_deg(self) -> Optional[float]: ...
     @property
     def folded_frames(self) -> Optional[List[int]]: ...
@@ -932,6 +934,7 @@ def merge(
     fusion_probability: float = ...,
     straighten: bool = ...,
     thin_splats: bool = ...,
+    drop_floaters: bool = ...,
     adjust: bool = ...,
     refine_intrinsics: bool = ...,
     matching_rounds: int = ...,

@@ -117,6 +117,61 @@ TEST_F(MergeTest, AlignsTheModelsThatSplatsWereTrainedOn) {
                      "target.map"})
                   .errors,
               HasSubstr("--models: 1 given; expected one for each of the 2 maps"));
+
+  const CommandResult aligned = cairn({"align", "second/splat.ply", "first/splat.ply", "--models",
+                                       "source.map", "target.map", "-o", "moved.ply"});
+  EXPECT_EQ(aligned.exit_code, kDone) << aligned.errors;
+  EXPECT_THAT(aligned.output, HasSubstr("source  source.map (model of second/splat.ply)"));
+  const LandmarkMap moved = read_map(path("moved.ply"));
+  ASSERT_EQ(moved.landmark_count(), pair.source.landmark_count());
+  EXPECT_NE(moved.column("rot_0"), nullptr) << "the splat is written, and not its model";
+  for (std::size_t i = 0; i < pair.source.landmark_count(); ++i) {
+    const Eigen::Vector3d truth = pair.target_from_source * pair.source.landmarks().positions[i];
+    EXPECT_LT((moved.landmarks().positions[i] - truth).norm(), 0.02);
+  }
+  EXPECT_THAT(
+      cairn({"align", "second/splat.ply", "first/splat.ply", "--models", "source.map"}).errors,
+      HasSubstr("--models: 1 given; expected two: of the source and of the target"));
+}
+
+// A splat with floaters between the first model's images and what they show.
+TEST_F(MergeTest, NamesAndDropsFloatersOfSplats) {
+  const SyntheticPair pair = write_pair(900);
+  constexpr std::size_t kFloaters = 5;
+  const auto write_splat = [&](const std::vector<Eigen::Vector3d>& positions,
+                               const std::string& file) {
+    LandmarkMap splats = random_splats(positions.size(), 0, positions.size());
+    for (const char* name : {"scale_0", "scale_1", "scale_2"}) {
+      splats = with_column(splats, name, std::vector<double>(positions.size(), std::log(0.01)));
+    }
+    MapTables tables = std::move(splats).tables();
+    tables.landmarks.positions = positions;
+    write_map(LandmarkMap(std::move(tables)), path(file));
+  };
+  write_splat(pair.target.landmarks().positions, "first.ply");
+  std::vector<Eigen::Vector3d> positions = pair.source.landmarks().positions;
+  const Eigen::Vector3d camera = pair.target.world_from_camera(FrameIndex{10}).translation();
+  for (std::size_t i = 0; i < kFloaters; ++i) {
+    positions.emplace_back(pair.target_from_source.inverse() *
+                           (0.5 * (camera + pair.target.landmarks().positions[100 * i])));
+  }
+  write_splat(positions, "second.ply");
+  std::vector<std::string> command = {"merge",      "first.ply",  "second.ply",
+                                      "-o",         "both.ply",   "--models",
+                                      "target.map", "source.map", "--no-thin-splats"};
+  EXPECT_THAT(answer(command), HasSubstr("hint: --drop-floaters"));
+  const Json maps = document(command)["maps"];
+  const auto of_first = maps[0]["floaters"].get<std::size_t>();
+  const auto of_second = maps[1]["floaters"].get<std::size_t>();
+  EXPECT_GE(of_second, kFloaters / 2) << "few images show much behind them";
+  EXPECT_LT(of_first + of_second, 3 * kFloaters);
+  const std::size_t all = read_map(path("both.ply")).landmark_count();
+  command.emplace_back("--drop-floaters");
+  EXPECT_THAT(answer(command), HasSubstr("images of other splats look through; left out"));
+  EXPECT_EQ(read_map(path("both.ply")).landmark_count(), all - of_first - of_second);
+  EXPECT_THAT(
+      cairn({"merge", "first.ply", "second.ply", "-o", "both.ply", "--drop-floaters"}).errors,
+      HasSubstr("--drop-floaters requires --models"));
 }
 
 TEST_F(MergeTest, JsonHasEveryMapAndEveryPair) {

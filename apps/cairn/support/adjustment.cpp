@@ -27,6 +27,17 @@ std::string bend_text(const std::optional<MapBend>& bend, const std::string& nam
   return fmt::format("; {} was bent by {:.1f} deg, mended", name, degrees(bend->rotation_rad));
 }
 
+void add_placement(const MergedMap& map, Json& json) {
+  json["world_from_map"] = to_json(map.world_from_map->matrix());
+  json["scale"] = map.world_from_map->scale();
+  json["covariance"] = to_json(map.covariance);
+  json["landmarks"] = map.fusion->landmarks;
+  json["fused"] = map.fusion->fused;
+  json["floaters"] = to_json(map.fusion->floaters);
+  json["unexplained_deviation"] = map.fusion->deviation;
+  json["bend"] = bend_json(map.bend);
+}
+
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment) {
   if (!adjustment) return nullptr;
   return {{"converged", adjustment->converged},

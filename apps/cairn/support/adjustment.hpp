@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "cairn/merging/fusion/merge_placed.hpp"
+#include "cairn/merging/merge.hpp"
 
 #include "support/documents.hpp"
 
@@ -19,6 +19,9 @@ Json bend_json(const std::optional<MapBend>& bend);
 
 /// "; NAME was bent by 2.1 deg, mended"; empty if the map was not straightened.
 std::string bend_text(const std::optional<MapBend>& bend, const std::string& name);
+
+/// Adds the pose of a placed map and how it was fused to its document.
+void add_placement(const MergedMap& map, Json& json);
 
 /// The adjustment in documents; null if the map was not adjusted.
 Json adjustment_json(const std::optional<MergeAdjustment>& adjustment);

@@ -2,6 +2,7 @@
 #include "support/documents.hpp"
 
 #include <cmath>
+#include <filesystem>
 #include <string_view>
 #include <system_error>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/foreign/conventions.hpp"
 #include "cairn/geometry/angles.hpp"
+#include "cairn/map/operations.hpp"
 #include "cairn/report/report.hpp"
 
 #include "support/interrupt.hpp"
@@ -53,6 +55,27 @@ void MapLoading::add_to(const Command& command) {
 void MapLoading::validate() const {
   if (convention == "data" || convention == "format") return;
   throw Error(ErrorKind::kMisuse, "--convention", printable(convention), "data or format");
+}
+
+void add_models_to(const Command& command, std::vector<std::string>& models,
+                   const std::string& how_many) {
+  command.add_words("--models", models,
+                    "Align these in place of the maps, " + how_many +
+                        ": the models, in the maps' frames, that splats were trained on. "
+                        "nerfstudio's dataparser_transforms.json beside a map is applied to its "
+                        "model",
+                    "MODEL...");
+}
+
+LandmarkMap load_model(const std::string& path, LoadedMap& map, const CommonArguments& common) {
+  LoadedMap model = load_map(path, common);
+  map.description["model"] = std::move(model.description);
+  const auto training =
+      std::filesystem::path(map.path).parent_path() / "dataparser_transforms.json";
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(training, ignored)) return std::move(model.map);
+  return with_length_unit(transformed(model.map, read_similarity_file(training.string())),
+                          LengthUnit::kFree);
 }
 
 LogSink strict_log(LogSink log, bool strict) {
@@ -361,10 +384,6 @@ Json text_or_null(const std::string& text) {
 
 std::string to_string(LengthUnit unit) {
   return unit == LengthUnit::kMetres ? "metres" : "free";
-}
-
-std::string unit_symbol(LengthUnit unit) {
-  return unit == LengthUnit::kMetres ? "m" : "units";
 }
 
 }  // namespace cairn::cli

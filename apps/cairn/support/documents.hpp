@@ -48,6 +48,16 @@ struct MapLoading {
 LoadedMap load_map(const std::string& path, const CommonArguments& common,
                    const MapLoading& loading = {}, bool with_hash = false);
 
+/// Adds --models, which names the models that splats were trained on.
+/// @param how_many e.g. "one for each"
+void add_models_to(const Command& command, std::vector<std::string>& models,
+                   const std::string& how_many);
+
+/// Reads the model that a splat was trained on, and moves it into the splat's frame by nerfstudio's
+/// dataparser_transforms.json beside the splat, if there is one. Adds the model to the map's description.
+/// @throws Error (input) as load_map()
+LandmarkMap load_model(const std::string& path, LoadedMap& map, const CommonArguments& common);
+
 /// A log that throws the first loss as an Error (input) if `strict`, and passes on everything else.
 LogSink strict_log(LogSink log, bool strict);
 
@@ -144,8 +154,5 @@ Json text_or_null(const std::string& text);
 
 /// "metres" or "free".
 std::string to_string(LengthUnit unit);
-
-/// "m", or "units" for maps of free scale.
-std::string unit_symbol(LengthUnit unit);
 
 }  // namespace cairn::cli

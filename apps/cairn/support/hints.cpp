@@ -194,8 +194,8 @@ class Hints {
     const bool are_splats =
         splat_columns(source_.landmarks().columns) && splat_columns(target_.landmarks().columns);
     if (are_splats) {
-      add("Align the COLMAP models that the splats were trained on, which have descriptors and "
-          "cameras, and move the splats by cairn convert --apply.");
+      add("Add --models with the COLMAP models that the splats were trained on, which have "
+          "descriptors and cameras.");
     } else if (!candidates.empty() && !candidates.front().support.agreement) {
       add("Use maps that both have descriptors of one kind, which tell similar places apart; cairn "
           "map stores them.");

@@ -185,6 +185,24 @@ std::vector<std::filesystem::path> folders_of_maps(const std::vector<std::string
   return paths;
 }
 
+report::NetworkEdge edge_of(const Link& link, std::size_t target, std::size_t source,
+                            std::optional<bool> agrees) {
+  report::LinkUse use = report::LinkUse::kUndecided;
+  if (!link.connects()) {
+    use = link.verdict == Verdict::kAmbiguous ? report::LinkUse::kAmbiguous
+                                              : report::LinkUse::kRejected;
+  } else if (agrees) {
+    use = *agrees ? report::LinkUse::kUsed : report::LinkUse::kContradicted;
+  }
+  return {.target = target,
+          .source = source,
+          .use = use,
+          .kind = std::string(to_string(link.kind)),
+          .probability = link.probability,
+          .reason = link.reason,
+          .target_from_source = link.target_from_source};
+}
+
 void add_network(report::Report& report, const std::vector<report::NetworkMap>& maps,
                  const std::vector<report::NetworkEdge>& edges,
                  [[maybe_unused]] const std::shared_ptr<report::LinkImages>& images,

@@ -3,10 +3,12 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "cairn/map/landmark_map.hpp"
+#include "cairn/pose_graph/pose_graph.hpp"
 #include "cairn/report/report.hpp"
 #include "cairn/report/sections.hpp"
 
@@ -69,6 +71,11 @@ std::vector<std::filesystem::path> folders_of_maps(const std::vector<std::string
 std::shared_ptr<report::LinkImages> open_images(const std::vector<const LandmarkMap*>& maps,
                                                 const std::vector<std::filesystem::path>& folders,
                                                 const CommonArguments& common);
+
+/// A link between two maps of a network.
+/// @param agrees whether it agrees with the maps' poses; std::nullopt if these were not computed since
+report::NetworkEdge edge_of(const Link& link, std::size_t target, std::size_t source,
+                            std::optional<bool> agrees);
 
 /// Adds maps and links, and the images if there are any.
 void add_network(report::Report& report, const std::vector<report::NetworkMap>& maps,

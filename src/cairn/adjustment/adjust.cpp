@@ -52,12 +52,6 @@ struct DepthMeasure {
   }
 };
 
-std::unique_ptr<ceres::LossFunction> loss_of(RobustKernel kernel, double usual) {
-  if (kernel == RobustKernel::kHuber) return std::make_unique<ceres::HuberLoss>(std::sqrt(usual));
-  if (kernel == RobustKernel::kCauchy) return std::make_unique<ceres::CauchyLoss>(std::sqrt(usual));
-  return nullptr;
-}
-
 class StopWhenAsked final : public ceres::IterationCallback {
  public:
   StopWhenAsked(const Execution& execution, int max_iterations)
@@ -253,8 +247,8 @@ void Adjustment::carry_along(std::uint32_t landmark) {
 
 Solved Adjustment::run() {
   Solved solved;
-  const auto pixel_loss = loss_of(options_.kernel, kPixel95);
-  const auto depth_loss = loss_of(options_.kernel, kDepth95);
+  ceres::HuberLoss pixel_loss(std::sqrt(kPixel95));
+  ceres::HuberLoss depth_loss(std::sqrt(kDepth95));
   ceres::Problem::Options how;
   how.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   how.disable_all_safety_checks = true;
@@ -266,7 +260,7 @@ Solved Adjustment::run() {
     if (measurements_[l].size() < options_.min_observations) continue;
     problem.AddParameterBlock(points_[l].data(), 3);
     ordering->AddElementToGroup(points_[l].data(), 0);
-    add_landmark(problem, l, pixel_loss.get(), depth_loss.get());
+    add_landmark(problem, l, &pixel_loss, &depth_loss);
     ++moving;
   }
   if (moving == 0) {

@@ -33,17 +33,9 @@ struct MeasurementNoise {
 /// @throws Error (input) for a map without observations or an observing frame without a camera
 MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise& start = {});
 
-/// Loss function of the normalised residuals.
-enum class RobustKernel {
-  kNone,    ///< quadratic
-  kHuber,   ///< linear beyond the 95 % quantile of inlier residuals
-  kCauchy,  ///< logarithmic
-};
-
 struct AdjustOptions {
   /// std::nullopt: estimated from the residuals before and after a first adjustment.
   std::optional<MeasurementNoise> noise;
-  RobustKernel kernel = RobustKernel::kHuber;
   /// Also adjusts the parameters of all cameras. The given parameters are the prior, with standard
   /// deviations of 2 % of the focal length, 1 % of the image size and 0.05 for each other
   /// parameter. EQUIRECTANGULAR cameras stay unchanged.

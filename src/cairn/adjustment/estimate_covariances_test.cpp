@@ -50,7 +50,6 @@ Consistency consistency(bool is_monocular, const CovarianceOptions& options) {
     if (is_monocular) map = monocular(std::move(map));
     AdjustOptions how;
     how.noise = true_noise();
-    how.kernel = RobustKernel::kNone;
     how.covariances = false;
     map = adjust(map, how).map;
     if (is_monocular) truth = scaled_like(std::move(truth), map);
@@ -106,7 +105,6 @@ TEST(EstimateCovariances, SayHowFarOffLandmarksOfMonocularMapsAre) {
 TEST(EstimateCovariances, SayHowFarOffImagesOfARigAre) {
   AdjustOptions how;
   how.noise = true_noise();
-  how.kernel = RobustKernel::kNone;
   double poses = 0.0;
   double count = 0.0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {

@@ -2,6 +2,7 @@
 #include "cairn/alignment/align.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <iterator>
@@ -27,6 +28,8 @@
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/pose_graph/optimise_poses.hpp"
+#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
 namespace {
@@ -644,6 +647,24 @@ GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target)
 
 GravityPrior gravity_prior(const PreparedMap& source, const PreparedMap& target) {
   return gravity_prior(source.gravity(), target.gravity());
+}
+
+void require_one_frame(const LandmarkMap& map, const LandmarkMap& model, const std::string& name) {
+  constexpr double kNear = 0.02;  // of the model's radius
+  constexpr double kLeastShare = 0.5;
+  const std::vector<Eigen::Vector3d>& positions = model.landmarks().positions;
+  reject_if(positions.empty(), name, "its model has no landmarks", "a model with landmarks");
+  const double limit = kNear * node_extent(positions).radius;
+  const BatchTree tree(map.landmarks().positions);
+  std::array<Neighbor, 1> nearest;
+  const auto near = std::ranges::count_if(positions, [&](const Eigen::Vector3d& x) {
+    return tree.nearest(x, nearest, limit * limit) > 0;
+  });
+  const double share = static_cast<double>(near) / static_cast<double>(positions.size());
+  if (share >= kLeastShare) return;
+  throw Error(ErrorKind::kInput, name,
+              fmt::format("{:.0f} % of its model's landmarks are near its own", 100.0 * share),
+              "a model in the same frame and unit");
 }
 
 }  // namespace cairn

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/alignment/prepared_map.hpp"
@@ -179,5 +180,12 @@ class PreparedPair {
 /// The vertical of both maps: the stored gravity direction, or else the map's negative z axis.
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target);
 GravityPrior gravity_prior(const PreparedMap& source, const PreparedMap& target);
+
+/// Checks that a map and its model, such as a splat and the SfM model that it was trained on, are in one
+/// frame: at least half of the model's landmarks have a landmark of the map within 2 % of the model's
+/// radius.
+/// @param name of the map
+/// @throws Error (input) naming the map
+void require_one_frame(const LandmarkMap& map, const LandmarkMap& model, const std::string& name);
 
 }  // namespace cairn

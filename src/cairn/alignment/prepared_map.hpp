@@ -157,9 +157,9 @@ struct RefineOptions {
   std::optional<double> error_scale = {};
   /// Keep the initial pose; matches, scores and covariance describe this pose.
   bool hold = false;
-  /// Also refines from the result of ICP with unlimited match distances, and keeps that pose if its
-  /// objective is at least twice as large. ICP converges from larger errors if the maps share most
-  /// landmarks; otherwise it often converges to a wrong pose. No effect with a scale.
+  /// A second refinement starts at the result of ICP with unlimited match distances. Its pose is kept if
+  /// its objective (larger is better) is at least twice as large. ICP converges from larger errors if the
+  /// maps share most landmarks; otherwise its pose is often wrong. No effect if the scale is estimated.
   bool by_icp_too = true;
   bool one_to_one = false;   ///< match each target landmark only with its nearest source landmark
   int max_iterations = 100;  ///< limit of each method; at least 1

@@ -11,14 +11,13 @@
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <type_traits>
 #include <utility>
 
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "cairn/atlas/detail/row_bytes.hpp"
 #include "cairn/atlas/store/open_store.hpp"
-#include "cairn/core/detail/hash.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/version_number.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -124,62 +123,23 @@ void extend(AtlasRoute& route, const Link& link, bool forward) {
 
 namespace fs = std::filesystem;
 
-class KeyHasher {
- public:
-  // With its length, so that texts side by side are told apart.
-  void add(std::string_view text) {
-    add(text.size());
-    hasher_.update(text);
-  }
-  template <class Number>
-    requires std::is_arithmetic_v<Number>
-  void add(Number number) {
-    hasher_.update({reinterpret_cast<const char*>(&number), sizeof number});
-  }
-  template <class Derived>
-  void add(const Eigen::MatrixBase<Derived>& matrix) {
-    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-      for (Eigen::Index j = 0; j < matrix.cols(); ++j) add(double{matrix(i, j)});
-    }
-  }
-  template <class Value>
-  void add(const std::optional<Value>& value) {
-    add(value.has_value());
-    if (value) add(*value);
-  }
-  std::string digest() const { return to_string(hasher_.digest()); }
-
- private:
-  detail::Hasher hasher_;
-};
-
 // Of all that Atlas::merge() reads; ids alone would not do, because another atlas may have the same.
 std::string key_of(const AtlasState& state, std::uint64_t seed) {
-  KeyHasher hasher;
-  hasher.add(std::string_view(kVersion));
-  hasher.add(seed);
-  for (const auto& [id, node] : state.nodes) {
-    hasher.add(id.value);
-    hasher.add(node.name);
-    hasher.add(node.map);
-  }
+  RowBytes bytes;
+  bytes.add(std::string_view(kVersion)).add(seed);
+  for (const auto& [id, node] : state.nodes) bytes.add(id.value).add(node.name).add(node.map);
   for (const auto& [id, link] : state.links) {
     if (!is_used(state, link)) continue;
-    hasher.add(link.target.value);
-    hasher.add(link.source.value);
-    hasher.add(static_cast<int>(link.kind));
-    hasher.add(link.probability);
-    hasher.add(link.target_from_source->matrix());
-    hasher.add(link.covariance);
-    hasher.add(link.covariance_with_scale);
+    const LinkBlobs blobs = blobs_of(link);
+    bytes.add(link.target.value).add(link.source.value).add(static_cast<std::uint64_t>(link.kind));
+    bytes.add(link.probability.value_or(-1.0)).add(blobs.target_from_source);
+    bytes.add(blobs.covariance).add(blobs.covariance_with_scale);
   }
   for (const auto& [id, pose] : state.poses) {
-    hasher.add(id.value);
-    hasher.add(pose.frame.value);
-    hasher.add(pose.frame_from_node.matrix());
-    hasher.add(pose.covariance);
+    const PoseBlobs blobs = blobs_of(pose);
+    bytes.add(id.value).add(pose.frame.value).add(blobs.frame_from_node).add(blobs.covariance);
   }
-  return "merged world " + hasher.digest();
+  return "merged world " + hexadecimal(bytes.digest());
 }
 
 // The map in a file of this key, which is its last step of provenance.

@@ -11,9 +11,6 @@
 
 namespace cairn {
 
-/// Parses a number; bit-identical to std::from_chars, but faster for plain decimals.
-std::from_chars_result read_number(const char* first, const char* last, double& value);
-
 /// Parses a number in the form of printf's "%f" ("-0.500000": up to eight digits, a point, six
 /// decimals), bit-identical to std::from_chars. Inline for speed: maps contain millions of such
 /// numbers.

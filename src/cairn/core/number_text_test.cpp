@@ -15,56 +15,6 @@
 namespace cairn {
 namespace {
 
-// Any text of the characters that numbers consist of.
-TEST(ReadNumber, AgreesWithTheStandardLibrary) {
-  Random random(7);
-  const auto expect_same = [](const std::string& text) {
-    double ours = 0.5;
-    double theirs = 0.5;
-    const char* const end = text.data() + text.size();
-    const auto [our_stop, our_error] = read_number(text.data(), end, ours);
-    const auto [their_stop, their_error] = std::from_chars(text.data(), end, theirs);
-    EXPECT_EQ(our_stop, their_stop) << text;
-    EXPECT_EQ(our_error, their_error) << text;
-    EXPECT_EQ(std::bit_cast<std::uint64_t>(ours), std::bit_cast<std::uint64_t>(theirs)) << text;
-  };
-  for (const char* text : {"",
-                           "-",
-                           ".",
-                           "-.",
-                           "1.",
-                           "-0",
-                           "0.0",
-                           ".5",
-                           "-.5",
-                           "+1",
-                           "1e5",
-                           "1.5e-3",
-                           "1e",
-                           "1.5E+",
-                           "1.5x",
-                           "9007199254740992",
-                           "9007199254740993",
-                           "0.000000000000000000000000001",
-                           "12345678901234567890.5",
-                           "99999999999999999999999999999999999999.5",
-                           "1.2.3",
-                           "inf",
-                           "nan",
-                           "--1"}) {
-    expect_same(text);
-  }
-  constexpr std::string_view kCharacters = "0123456789012345678901234567890123456789..-e ";
-  for (int i = 0; i < 200000; ++i) {
-    std::string text;
-    const std::size_t size = random.index(26);
-    for (std::size_t k = 0; k < size; ++k) text += kCharacters[random.index(kCharacters.size())];
-    expect_same(text);
-    // Decimals of every length, as maps hold them.
-    expect_same(fmt::format("{:.{}f}", random.normal() * 100.0, random.index(18)));
-  }
-}
-
 TEST(ReadSixDecimals, ReadsWhatPrintfWritesAsTheStandardLibraryDoes) {
   Random random(8);
   for (int i = 0; i < 200000; ++i) {

@@ -137,7 +137,7 @@ struct Shard {
 };
 
 /// A folder with the runs of a study or shard. The process may be killed at any time: complete rows
-/// of runs.csv and timings.csv are kept, and no row is written twice. From a truncated or damaged
+/// of runs.csv and timings.csv are kept, and no row appears twice. From a truncated or damaged
 /// row on, rows are dropped and run again. The folder serves one process at a time and rejects a
 /// second process before it reads or writes anything.
 class StudyFolder {

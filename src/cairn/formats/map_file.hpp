@@ -37,7 +37,7 @@ struct MapFormat {
   std::string name;   ///< name in options, e.g. "colmap-text"; unique in a registry
   std::string title;  ///< name in messages, e.g. "COLMAP text"
   /// Endings of paths for this format: an extension (".ply"), a file name ("reconstruction.json"), or "/"
-  /// for a folder. Empty: written only if requested by name.
+  /// for a folder. Empty: written only if the caller names the format.
   std::vector<std::string> endings = {};
   bool is_folder = false;      ///< written as a folder of files
   bool holds_frames = true;    ///< false: landmarks only
@@ -87,8 +87,8 @@ class FormatRegistry {
   std::vector<std::filesystem::path> maps_of_folder(const std::filesystem::path& folder) const;
 
   /// Reads a map in any of the formats, recognised by content. A folder must contain exactly one
-  /// map (maps_of_folder()). A path that does not exist may be "path#N": map N of a file with
-  /// several maps.
+  /// map (maps_of_folder()). If no file has this path, "path#N" is map N of the file `path`,
+  /// which holds several maps.
   /// @throws Error (input) naming the file, line or byte, field, value and constraint; (cancelled)
   LandmarkMap read(const std::filesystem::path& path, const Execution& execution = {}) const;
 

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
@@ -15,9 +14,14 @@
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/detail/covisibility.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn {
 namespace {
+
+// Features are matched well over such changes of the direction and distance.
+constexpr double kAlikeCosine = 0.93969262078590838;  // of 20 degrees
+constexpr double kAlikeDistances = 1.5;
 
 // Common images by whether both maps have them at one place.
 struct Division {
@@ -118,7 +122,7 @@ class SharedViews {
       const Eigen::Vector3d& x = map_.landmarks().positions[i];
       const Eigen::Vector3d here = x - place;
       const Eigen::Vector3d there = x - pose.translation();
-      if (!is_similar(here, there)) continue;
+      if (!are_alike(here, there, kAlikeCosine, kAlikeDistances)) continue;
       const auto pixel = project(camera, camera_from_world * x);
       if (!pixel || !is_well_inside(camera, *pixel)) continue;
       ++count.expected;
@@ -126,15 +130,6 @@ class SharedViews {
       const bool sees = std::find(frames.begin(), frames.end(), FrameIndex{to}) != frames.end();
       count.shared += sees ? 1 : 0;
     }
-  }
-
-  // Features are matched well over such changes of the direction and distance.
-  static bool is_similar(const Eigen::Vector3d& here, const Eigen::Vector3d& there) {
-    static const double kLeastCosine = std::cos(20.0 * std::numbers::pi / 180.0);
-    constexpr double kMostRatio = 1.5;
-    const double near = std::min(here.norm(), there.norm());
-    const double far = std::max(here.norm(), there.norm());
-    return far < kMostRatio * near && here.dot(there) > kLeastCosine * near * far;
   }
 
   static bool is_well_inside(const Camera& camera, const Pixel& pixel) {

@@ -101,6 +101,11 @@ enum class LengthUnit {
   kFree,  ///< scale unknown, as from a single moving camera
 };
 
+/// "m", or "units" for free scale.
+inline const char* unit_symbol(LengthUnit unit) {
+  return unit == LengthUnit::kMetres ? "m" : "units";
+}
+
 /// Metadata of a map; std::nullopt if unknown.
 struct MapInfo {
   LengthUnit length_unit = LengthUnit::kMetres;

@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -353,16 +354,34 @@ bool is_binary(std::string_view kind) {
   return std::find(kBinary.begin(), kBinary.end(), kind) != kBinary.end();
 }
 
+DescriptorNorm descriptor_norm(std::string_view kind) {
+  return is_binary(kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+}
+
+bool are_alike(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double cosine,
+               double most_ratio) {
+  const double here = a.norm();
+  const double there = b.norm();
+  return a.dot(b) > cosine * here * there && here < most_ratio * there && there < most_ratio * here;
+}
+
 std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
                                     std::span<const std::uint8_t> b, DescriptorNorm norm) {
   std::uint64_t sum = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    if (norm == DescriptorNorm::kHamming) {
-      sum += static_cast<std::uint64_t>(std::popcount(static_cast<std::uint8_t>(a[i] ^ b[i])));
-    } else {
+  if (norm == DescriptorNorm::kSquared) {
+    for (std::size_t i = 0; i < a.size(); ++i) {
       const int by = int{a[i]} - int{b[i]};
       sum += static_cast<std::uint64_t>(by * by);
     }
+    return sum;
+  }
+  for (std::size_t i = 0; i < a.size(); i += sizeof(std::uint64_t)) {
+    const std::size_t count = std::min(sizeof(std::uint64_t), a.size() - i);
+    std::uint64_t word_a = 0;
+    std::uint64_t word_b = 0;
+    std::memcpy(&word_a, a.data() + i, count);
+    std::memcpy(&word_b, b.data() + i, count);
+    sum += static_cast<std::uint64_t>(std::popcount(word_a ^ word_b));
   }
   return sum;
 }
@@ -561,7 +580,7 @@ void ModelDescriptors::set(const Wanted& wanted, std::span<const float> descript
 std::optional<DescriptorColumn> ModelDescriptors::column(std::string kind,
                                                          std::size_t bytes_each) const {
   if (bytes_.empty()) return std::nullopt;
-  const DescriptorNorm norm = is_binary(kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+  const DescriptorNorm norm = descriptor_norm(kind);
   DescriptorColumn column{std::move(kind), bytes_each, {}, {}};
   std::vector<std::span<const std::uint8_t>> of_landmark;
   for (std::size_t i = 0; i < model_.landmark_count(); ++i) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -90,6 +91,14 @@ bool states_image_sizes(const MapInfo& info);
 /// observations.
 void note_unstated_image_sizes(MapInfo& info);
 
+/// An id above all of these.
+template <class Id>
+Id next_free_id(std::span<const Id> ids) {
+  Id next;
+  for (const Id id : ids) next.value = std::max(next.value, id.value + 1);
+  return next;
+}
+
 // ---- rigs
 
 /// Rigidly coupled frames: captured by one rig at one instant.
@@ -120,6 +129,16 @@ enum class DescriptorNorm {
 /// Whether descriptors of a kind are compared by bits (ORB, BRIEF, BRISK, AKAZE, FREAK, LATCH); others are
 /// compared by bytes.
 bool is_binary(std::string_view kind);
+
+/// The norm of a kind: kHamming if it is binary.
+DescriptorNorm descriptor_norm(std::string_view kind);
+
+/// Whether two views of a landmark are so alike that its descriptors match.
+/// @param a, b       from the landmark to the cameras
+/// @param cosine     least, of the angle between the lines of sight
+/// @param most_ratio greatest, of the distances
+bool are_alike(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double cosine,
+               double most_ratio);
 
 std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
                                     std::span<const std::uint8_t> b, DescriptorNorm norm);
@@ -177,8 +196,8 @@ class ModelDescriptors {
   const LandmarkMap& model() const { return model_; }
   std::span<const Wanted> wanted(FrameIndex frame) const { return wanted_[frame.value]; }
 
-  /// Whether half of what is wanted of a frame is near the keypoints of its features. The keypoints of undistorted images
-  /// are the same ones at slightly different positions.
+  /// Whether at least half of the wanted observations of a frame are near keypoints of the frame's features. Undistorting
+  /// an image moves its keypoints slightly, but they stay the same keypoints.
   /// @param pixel of a keypoint, the centre of the top-left pixel being (0, 0); std::nullopt: unknown
   bool are_near(FrameIndex frame,
                 const std::function<std::optional<Pixel>(std::uint32_t keypoint)>& pixel) const;

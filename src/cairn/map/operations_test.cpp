@@ -14,6 +14,7 @@
 
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
+#include "cairn/geometry/angles.hpp"
 #include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
@@ -580,6 +581,33 @@ TEST(WithoutFrames, DropsWhatFewerThanTwoOthersSee) {
   }
   EXPECT_EQ(left.landmark_count(), expected);
   EXPECT_LT(expected, map.landmark_count());
+}
+
+TEST(AreAlike, ByAngleAndDistance) {
+  constexpr double kCosine = 0.94;
+  constexpr double kRatio = 1.5;
+  const Eigen::Vector3d here(0.0, 0.0, 2.0);
+  const auto turned = [](double degrees_off, double distance) -> Eigen::Vector3d {
+    return distance *
+           Eigen::Vector3d(std::sin(radians(degrees_off)), 0.0, std::cos(radians(degrees_off)));
+  };
+  EXPECT_TRUE(are_alike(here, turned(19.0, 2.0), kCosine, kRatio));
+  EXPECT_FALSE(are_alike(here, turned(21.0, 2.0), kCosine, kRatio));
+  for (const auto& [a, b] :
+       {std::pair(here, turned(0.0, 2.9)), std::pair(turned(0.0, 2.9), here)}) {
+    EXPECT_TRUE(are_alike(a, b, kCosine, kRatio));
+  }
+  for (const auto& [a, b] :
+       {std::pair(here, turned(0.0, 3.1)), std::pair(turned(0.0, 3.1), here)}) {
+    EXPECT_FALSE(are_alike(a, b, kCosine, kRatio));
+  }
+  EXPECT_FALSE(are_alike(here, Eigen::Vector3d::Zero(), kCosine, kRatio));
+}
+
+TEST(NextFreeId, IsAboveAllIds) {
+  EXPECT_EQ(next_free_id(std::span<const LandmarkId>()), LandmarkId{0});
+  const std::vector<LandmarkId> ids = {LandmarkId{7}, LandmarkId{3}};
+  EXPECT_EQ(next_free_id(std::span<const LandmarkId>(ids)), LandmarkId{8});
 }
 
 }  // namespace

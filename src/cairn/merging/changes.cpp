@@ -12,19 +12,16 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/geometry/decompositions.hpp"
-#include "cairn/map/camera.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
+#include "cairn/merging/detail/map_sights.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kBorderPx = 8.0;  // margin of the image in which a view does not count
 constexpr double kLargestTurn =
     0.71;                         // cosine: views of a landmark from directions within 45 degrees
 constexpr double kNearer = 0.5;   // ranges at which a landmark is seen again, as shares of the
 constexpr double kFarther = 1.6;  // least and of the greatest at which it was seen
-constexpr double kCell = 0.02;    // of the sight's grid: focal lengths, about one degree
-constexpr double kRangeShare = 0.04;   // by which ranges along one direction may differ
 constexpr double kLikeShare = 0.25;    // largest share of differing bits of similar descriptors
 constexpr double kChanceFound = 0.04;  // that a landmark that is gone has a counterpart
 constexpr double kSeenThroughIfGone = 0.5;
@@ -82,145 +79,6 @@ class PointGrid {
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells_;
 };
 
-// Ranges at which the keyframes of a map saw landmarks, by direction.
-class MapSights {
- public:
-  enum class Sight { kNone, kHidden, kOpen, kAgrees, kThrough };
-
-  MapSights(const LandmarkMap& map, const Similarity3& world_from_map, double tolerance)
-      : map_(map), world_from_map_(world_from_map), tolerance_(tolerance) {
-    std::vector<std::vector<std::uint32_t>> seen(map.frame_count());
-    for (std::uint32_t i = 0; i < map.landmark_count(); ++i) {
-      for (const FrameIndex frame : map.observing_frames(LandmarkIndex{i})) {
-        seen[frame.value].push_back(i);
-      }
-    }
-    for (std::uint32_t f = 0; f < map.frame_count(); ++f) {
-      View view;
-      view.camera_from_world =
-          (world_from_map * Similarity3(map.world_from_camera(FrameIndex{f}))).inverse();
-      view.centre = world_from_map * map.world_from_camera(FrameIndex{f}).translation();
-      const auto camera = map.frames().cameras.empty() ? std::nullopt : map.frames().cameras[f];
-      if (!camera) continue;
-      view.camera = camera->value;
-      view.intrinsics = intrinsics(map.cameras()[view.camera]);
-      view.unit = 1.0 / view.camera_from_world.scale();
-      for (const std::uint32_t i : seen[f]) {
-        const Eigen::Vector3d x =
-            view.camera_from_world * (world_from_map * map.landmarks().positions[i]);
-        const auto pixel = project(map.cameras()[view.camera], x);
-        if (!pixel) continue;
-        const Eigen::Vector2d at = view.on_plane(*pixel);
-        view.ranges[cell(at.x(), at.y())].push_back(view.unit * x.norm());
-      }
-      views_.push_back(std::move(view));
-    }
-  }
-
-  struct Count {
-    std::size_t views = 0;    // in which the point would be visible
-    std::size_t agrees = 0;   // of these: something is seen where it is
-    std::size_t through = 0;  // the view sees something behind the point, but not at it
-  };
-
-  // Counts for a point in the world that was seen from `directions` (unit vectors to its cameras),
-  // at ranges from `nearest` to `farthest`.
-  Count count(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> directions,
-              double nearest, double farthest) const {
-    Count count;
-    for (const View& view : views_) {
-      const Eigen::Vector3d to_camera = view.centre - point;
-      const double range = to_camera.norm();
-      if (!(range >= kNearer * nearest && range <= kFarther * farthest)) continue;
-      const bool known_side =
-          std::any_of(directions.begin(), directions.end(), [&](const Eigen::Vector3d& direction) {
-            return direction.dot(to_camera) >= kLargestTurn * range;
-          });
-      if (!known_side) continue;
-      switch (sight(view, point)) {
-        case Sight::kNone:
-        case Sight::kHidden:
-          break;
-        case Sight::kOpen:
-          ++count.views;
-          break;
-        case Sight::kAgrees:
-          ++count.views;
-          ++count.agrees;
-          break;
-        case Sight::kThrough:
-          ++count.views;
-          ++count.through;
-          break;
-      }
-    }
-    return count;
-  }
-
- private:
-  struct View {
-    Similarity3 camera_from_world;
-    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    std::uint32_t camera = 0;
-    Intrinsics intrinsics;
-    double unit = 1.0;  // units of the world per unit of the camera
-    std::unordered_map<std::int64_t, std::vector<double>> ranges;
-
-    // In focal lengths from the principal point.
-    Eigen::Vector2d on_plane(const Pixel& pixel) const {
-      return {(pixel.u - intrinsics.cx) / intrinsics.fx, (pixel.v - intrinsics.cy) / intrinsics.fy};
-    }
-  };
-
-  static std::int64_t cell(double x, double y) {
-    constexpr std::int64_t kWide = 1 << 20;
-    return static_cast<std::int64_t>(std::floor(x / kCell)) * kWide +
-           static_cast<std::int64_t>(std::floor(y / kCell));
-  }
-
-  Sight sight(const View& view, const Eigen::Vector3d& point) const {
-    const Eigen::Vector3d x = view.camera_from_world * point;
-    const Camera& camera = map_.cameras()[view.camera];
-    const auto pixel = project(camera, x);
-    if (!pixel) return Sight::kNone;
-    const bool inside = pixel->u >= kBorderPx && pixel->v >= kBorderPx &&
-                        pixel->u <= camera.width - kBorderPx &&
-                        pixel->v <= camera.height - kBorderPx;
-    if (!inside) return Sight::kNone;
-    const double range = view.unit * x.norm();
-    const double margin = tolerance_ + kRangeShare * range;
-    const Eigen::Vector2d at = view.on_plane(*pixel);
-    std::size_t before = 0;
-    std::size_t behind = 0;
-    for (int dx = -1; dx <= 1; ++dx) {
-      for (int dy = -1; dy <= 1; ++dy) {
-        const auto found = view.ranges.find(cell(at.x() + dx * kCell, at.y() + dy * kCell));
-        if (found == view.ranges.end()) continue;
-        for (const double other : found->second) {
-          if (std::abs(other - range) <= margin) return Sight::kAgrees;
-          ++(other < range ? before : behind);
-        }
-      }
-    }
-    if (before > behind) return Sight::kHidden;
-    return behind > before ? Sight::kThrough : Sight::kOpen;
-  }
-
-  const LandmarkMap& map_;
-  Similarity3 world_from_map_;
-  double tolerance_;
-  std::vector<View> views_;
-};
-
-std::vector<Eigen::Vector3d> in_world(const PlacedMap& placed) {
-  std::vector<Eigen::Vector3d> positions;
-  positions.reserve(placed.map->landmark_count());
-  for (const Eigen::Vector3d& position : placed.map->landmarks().positions) {
-    positions.push_back(placed.world_from_map * position);
-  }
-  return positions;
-}
-
 // Compares descriptors: whether that is possible, and the share of differing bits.
 class Looks {
  public:
@@ -236,7 +94,8 @@ class Looks {
   // 1 where either is unknown.
   double difference(std::size_t i, std::size_t j) const {
     if (first_->known[i] == 0 || second_->known[j] == 0) return 1.0;
-    return static_cast<double>(detail::differing_bits(*first_, i, *second_, j)) /
+    return static_cast<double>(
+               detail::least_difference(*first_, i, *second_, j, DescriptorNorm::kHamming)) /
            (8.0 * static_cast<double>(first_->bytes_each));
   }
 
@@ -269,11 +128,13 @@ class OneSide {
   /// @param swapped whether `own` is the second map of `looks`
   OneSide(const PlacedMap& own, const PlacedMap& other, const Looks& looks, bool swapped,
           const ChangeOptions& options, const Execution& execution)
-      : options_(options), positions_(in_world(own)) {
+      : options_(options),
+        positions_(moved_points(own.map->landmarks().positions, own.world_from_map)) {
     const LandmarkMap& map = *own.map;
-    const std::vector<Eigen::Vector3d> others = in_world(other);
+    const std::vector<Eigen::Vector3d> others =
+        moved_points(other.map->landmarks().positions, other.world_from_map);
     const PointGrid grid(others, options.tolerance);
-    const MapSights sights(*other.map, other.world_from_map, options.tolerance);
+    const detail::MapSights sights(*other.map, other.world_from_map);
     std::vector<std::optional<Comparable>> compared(map.landmark_count());
     constexpr std::size_t kBlock = 256;
     const auto compare = [&](std::size_t begin, std::size_t end) {
@@ -354,7 +215,7 @@ class OneSide {
  private:
   // Compares all but `found`; std::nullopt if the other map could hardly see the landmark.
   std::optional<Comparable> compare_landmark(const PlacedMap& own, std::uint32_t i,
-                                             const MapSights& sights) const {
+                                             const detail::MapSights& sights) const {
     const LandmarkMap& map = *own.map;
     const auto frames = map.observing_frames(LandmarkIndex{i});
     if (frames.size() < options_.min_observations) return std::nullopt;
@@ -369,7 +230,13 @@ class OneSide {
       nearest = std::min(nearest, range);
       farthest = std::max(farthest, range);
     }
-    const MapSights::Count seen = sights.count(positions_[i], directions, nearest, farthest);
+    const auto seen = sights.count(positions_[i], options_.tolerance, [&](const auto& to_camera) {
+      const double range = to_camera.norm();
+      return range >= kNearer * nearest && range <= kFarther * farthest &&
+             std::any_of(directions.begin(), directions.end(), [&](const auto& direction) {
+               return direction.dot(to_camera) >= kLargestTurn * range;
+             });
+    });
     if (seen.views < 2) return std::nullopt;
     Comparable one;
     one.landmark = i;
@@ -509,8 +376,10 @@ std::vector<PlacePair> moved_pairs(const std::vector<OneSide::Group>& before,
                                    const std::vector<OneSide::Group>& after, const Looks& looks,
                                    const PlacedMap& first, const PlacedMap& second,
                                    const ChangeOptions& options, std::uint64_t seed) {
-  const std::vector<Eigen::Vector3d> first_positions = in_world(first);
-  const std::vector<Eigen::Vector3d> second_positions = in_world(second);
+  const std::vector<Eigen::Vector3d> first_positions =
+      moved_points(first.map->landmarks().positions, first.world_from_map);
+  const std::vector<Eigen::Vector3d> second_positions =
+      moved_points(second.map->landmarks().positions, second.world_from_map);
   std::vector<PlacePair> pairs;
   for (std::size_t i = 0; i < before.size(); ++i) {
     for (std::size_t j = 0; j < after.size(); ++j) {

@@ -2,17 +2,15 @@
 #include "cairn/merging/merge.hpp"
 
 #include <algorithm>
-#include <array>
 #include <iterator>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "cairn/alignment/alignment.hpp"
+#include "cairn/alignment/align.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/join_splats.hpp"
-#include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn {
 namespace {
@@ -60,26 +58,6 @@ const LandmarkMap& aligned_map(const MergeInput& input) {
 
 bool is_same_map(const LandmarkMap& a, const LandmarkMap& b) {
   return are_one_map(a.landmarks().positions, b.landmarks().positions);
-}
-
-// Checks that a map is in the frame of its model: both show the same surfaces.
-void require_one_frame(const MergeInput& input) {
-  constexpr double kNear = 0.02;  // of the model's radius
-  constexpr double kLeastShare = 0.5;
-  if (input.model == nullptr) return;
-  const std::vector<Eigen::Vector3d>& positions = input.model->landmarks().positions;
-  reject_if(positions.empty(), input.name, "its model has no landmarks", "a model with landmarks");
-  const double limit = kNear * node_extent(positions).radius;
-  const BatchTree tree(input.map->landmarks().positions);
-  std::array<Neighbor, 1> nearest;
-  const auto near = std::ranges::count_if(positions, [&](const Eigen::Vector3d& x) {
-    return tree.nearest(x, nearest, limit * limit) > 0;
-  });
-  const double share = static_cast<double>(near) / static_cast<double>(positions.size());
-  if (share >= kLeastShare) return;
-  throw Error(ErrorKind::kInput, input.name,
-              fmt::format("{:.0f} % of its model's landmarks are near its own", 100.0 * share),
-              "a model in the same frame and unit");
 }
 
 }  // namespace
@@ -132,7 +110,7 @@ MergeResult place_maps(std::span<const MergeInput> maps, const MergeOptions& opt
   }
   detail::are_splats(joinable);  // throws before the long work
   for (const MergeInput& input : maps) {
-    require_one_frame(input);
+    if (input.model != nullptr) require_one_frame(*input.map, *input.model, input.name);
     pointers.push_back(&aligned_map(input));
     sessions.push_back(input.session);
     extents.push_back(node_extent(pointers.back()->landmarks().positions));
@@ -178,6 +156,8 @@ std::vector<std::vector<FrameIndex>> fuse_placed(std::span<const MergeInput> map
     if (!map.placed) continue;
     place_of[i] = placed.size();
     placed.push_back({maps[i].map, maps[i].name, *map.world_from_map, map.covariance});
+    placed.back().model = maps[i].model;
+    placed.back().disposable = maps[i].disposable;
     index_of.push_back(i);
   }
   if (placed.empty()) return frames;

@@ -21,6 +21,7 @@ struct MergeInput {
   /// Map in the same frame and unit that is aligned in place of `map`, such as the SfM model that a
   /// splat was trained on. Null: `map` itself.
   const LandmarkMap* model = nullptr;
+  LandmarkMap* disposable = nullptr;  ///< see PlacedMap
 };
 
 /// Options of merge(): options of fusion and linking.

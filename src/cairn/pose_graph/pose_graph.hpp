@@ -81,7 +81,7 @@ struct PoseGraph {
   std::vector<Link> links;
 
   /// @throws Error (input) naming the node or link, for a duplicate id, a link of a node with
-  ///        itself or with a missing node, a link that does not connect, a number that is not
+  ///        itself or with a missing node, a link without a trusted transform, a number that is not
   ///        finite, a covariance that is not symmetric or has a negative eigenvalue, or a
   ///        probability outside [0, 1]
   /// @param where prefix of the messages, e.g. the file's name

@@ -110,8 +110,7 @@ DescriptorColumn with_views(const DescriptorColumn& old, std::span<const Located
     }
   }
   DescriptorColumn column{.kind = old.kind, .bytes_each = old.bytes_each, .known = {}, .bytes = {}};
-  const DescriptorNorm norm =
-      is_binary(old.kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+  const DescriptorNorm norm = descriptor_norm(old.kind);
   for (std::size_t i = 0; i < views.size(); ++i) {
     const std::size_t most = std::max(kDistinctViews, old.count(i));
     if (views[i].size() == old.count(i)) {
@@ -172,8 +171,7 @@ void detail::require_camera_size(const LandmarkMap& map, FrameIndex frame, std::
 LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images) {
   MapTables tables = LandmarkMap(map).tables();
   std::set<std::string> names(tables.frames.image_names.begin(), tables.frames.image_names.end());
-  std::uint64_t next_id = 0;
-  for (const FrameId id : tables.frames.ids) next_id = std::max(next_id, id.value + 1);
+  FrameId next = next_free_id(std::span<const FrameId>(tables.frames.ids));
   const std::size_t first_frame = tables.frames.ids.size();
   for (const LocatedImage& image : images) {
     refuse_if(!image.location.world_from_camera, printable(image.name), "is not located",
@@ -183,7 +181,7 @@ LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> im
                   "is the name of an image of the map, or given twice",
                   "each image once; an image of another session under another name");
     }
-    add_frame(tables, image, FrameId{next_id++});
+    add_frame(tables, image, FrameId{next.value++});
   }
   tables.observations =
       with_matches(tables.observations, tables.landmarks.ids.size(), first_frame, images);

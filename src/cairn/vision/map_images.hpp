@@ -51,7 +51,7 @@ LandmarkMap with_new_landmarks(const LandmarkMap& map, std::span<const FrameInde
 /// descriptors of its most distinct views, or none if no feature is near its observations. The UUID
 /// is computed from the new content.
 /// @param image_of returns a frame's image, or std::nullopt without one; called by several threads
-/// @throws Error (input) for an image without the size of its frame's camera; (cancelled)
+/// @throws Error (input) if an image's size differs from its camera's; (cancelled)
 LandmarkMap with_image_descriptors(
     const LandmarkMap& map, const std::function<std::optional<GrayImage>(FrameIndex)>& image_of,
     const Execution& execution = {});

@@ -296,16 +296,14 @@ void add_landmarks(const NewLandmarkSearch& search, std::span<const NewLandmark>
                    MapTables& tables) {
   LandmarkTable& landmarks = tables.landmarks;
   ObservationTable& observations = tables.observations;
-  std::uint64_t next_id = 0;
-  for (const LandmarkId id : landmarks.ids) next_id = std::max(next_id, id.value + 1);
+  LandmarkId next = next_free_id(std::span<const LandmarkId>(landmarks.ids));
   landmarks.colors.resize(landmarks.ids.size());
   if (observations.offsets.empty()) observations.offsets.resize(landmarks.ids.size() + 1, 0);
   const bool has_covariances = !landmarks.covariances.empty();
   const std::size_t old_rows = observations.frames.size();
-  const DescriptorNorm norm =
-      is_binary(landmarks.descriptors->kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+  const DescriptorNorm norm = descriptor_norm(landmarks.descriptors->kind);
   for (const NewLandmark& landmark : found) {
-    landmarks.ids.push_back(LandmarkId{next_id++});
+    landmarks.ids.push_back(LandmarkId{next.value++});
     landmarks.positions.push_back(landmark.position);
     std::vector<std::span<const std::uint8_t>> descriptors;
     for (const Sighting& one : landmark.seen) {

@@ -70,32 +70,4 @@ class CalibrationCost final : public ceres::CostFunction {
   const Rigid3* camera_from_body_;
 };
 
-/// A measured pose of one camera relative to another, a_from_b, whitened. Blocks: PoseBlocks of a and b.
-class RelativePoseCost final : public ceres::SizedCostFunction<6, 7, 7> {
- public:
-  /// @param covariance left perturbation in a, (δt, δφ); positive definite
-  RelativePoseCost(const Rigid3& a_from_b, const Matrix6d& covariance);
-
-  bool Evaluate(const double* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  Rigid3 measured_;
-  Eigen::Matrix<double, 6, 6> whitening_;
-};
-
-/// Prior of a pose, whitened. Block: its PoseBlock.
-class PosePriorCost final : public ceres::SizedCostFunction<6, 7> {
- public:
-  /// @param covariance left perturbation in the world, (δt, δφ); positive definite
-  PosePriorCost(const Rigid3& pose, const Matrix6d& covariance);
-
-  bool Evaluate(const double* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  Rigid3 expected_;
-  Eigen::Matrix<double, 6, 6> whitening_;
-};
-
 }  // namespace cairn::detail

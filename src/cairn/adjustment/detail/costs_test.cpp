@@ -150,50 +150,6 @@ TEST(PointCost, RefusesAPointBehindTheCamera) {
   EXPECT_FALSE(cost.Evaluate(blocks.data(), residuals.data(), nullptr));
 }
 
-Matrix6d some_covariance(Random& random) {
-  Eigen::Matrix<double, 6, 6> root;
-  for (int i = 0; i < 36; ++i) root(i / 6, i % 6) = random.uniform(-0.1, 0.1);
-  return root * root.transpose() + 1e-3 * Eigen::Matrix<double, 6, 6>::Identity();
-}
-
-TEST(RelativePoseCost, DerivativesAgreeWithNumericOnes) {
-  Random random(5);
-  for (int i = 0; i < 5; ++i) {
-    const RelativePoseCost cost(random_pose(random), some_covariance(random));
-    expect_true_derivatives(cost, {numbers(random_pose(random)), numbers(random_pose(random))},
-                            1e-6);
-  }
-}
-
-TEST(RelativePoseCost, IsTheMahalanobisDistanceOfThePerturbation) {
-  Random random(6);
-  const Rigid3 a = random_pose(random);
-  const Rigid3 measured = random_pose(random);
-  const Matrix6d covariance = some_covariance(random);
-  Vector6d step;
-  step << 0.1, -0.2, 0.05, 0.02, 0.03, -0.01;
-  const Rigid3 b = a * measured.perturbed(step);
-  const RelativePoseCost cost(measured, covariance);
-  const PoseBlock block_a = to_block(a);
-  const PoseBlock block_b = to_block(b);
-  const std::vector<const double*> blocks = {block_a.data(), block_b.data()};
-  Eigen::Matrix<double, 6, 1> residuals;
-  ASSERT_TRUE(cost.Evaluate(blocks.data(), residuals.data(), nullptr));
-  EXPECT_NEAR(residuals.squaredNorm(), step.dot(covariance.ldlt().solve(step)), 1e-9);
-}
-
-TEST(PosePriorCost, DerivativesAgreeWithNumericOnes) {
-  Random random(7);
-  for (int i = 0; i < 5; ++i) {
-    const PosePriorCost cost(random_pose(random), some_covariance(random));
-    expect_true_derivatives(cost, {numbers(random_pose(random))}, 1e-6);
-  }
-}
-
-TEST(PosePriorCost, RefusesACovarianceThatIsNotPositiveDefinite) {
-  EXPECT_THROW(PosePriorCost(Rigid3(), Matrix6d::Zero()), Error);
-}
-
 TEST(PoseManifold, MinusUndoesPlus) {
   Random random(8);
   const PoseManifold manifold;

@@ -5,7 +5,6 @@
 #include <limits>
 #include <map>
 #include <string>
-#include <type_traits>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -14,7 +13,7 @@
 
 #include "cairn/core/detail/output_folder.hpp"
 #include "cairn/core/error.hpp"
-#include "cairn/core/number_text.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/foreign/colmap_model.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/foreign/sfm_builder.hpp"
@@ -44,60 +43,24 @@ double reprojection_error(const LandmarkMap& map, LandmarkIndex landmark) {
 }
 
 // Writes a model's records in either form.
-class ColmapOutput {
+class ColmapOutput : public TextOutput {
  public:
   ColmapOutput(const ByteSink& sink, ColmapForm form)
-      : sink_(sink), is_text_(form == ColmapForm::kText) {}
-  ColmapOutput(const ColmapOutput&) = delete;
-  ColmapOutput& operator=(const ColmapOutput&) = delete;
+      : TextOutput(sink), is_text_(form == ColmapForm::kText) {}
 
   bool is_text() const { return is_text_; }
   template <class Number>
   void binary(Number number) {
-    bytes_.append(reinterpret_cast<const char*>(&number), sizeof number);
-    flush_if_large();
+    raw({reinterpret_cast<const char*>(&number), sizeof number});
   }
   // Writes a number in both forms.
   template <class Number>
   void both(Number number) {
-    if (!is_text_) return binary(number);
-    separate();
-    if constexpr (std::is_floating_point_v<Number>) {
-      append_number(bytes_, number);
-    } else {
-      append_number(bytes_, static_cast<std::uint64_t>(number));
-    }
-    flush_if_large();
-  }
-  void word(std::string_view text) {
-    separate();
-    bytes_ += text;
-  }
-  void raw(std::string_view text) { bytes_ += text; }
-  void end_line() {
-    bytes_ += '\n';
-    line_begins_ = true;
-    flush_if_large();
-  }
-  void finish() {
-    sink_(bytes_);
-    bytes_.clear();
+    is_text_ ? words(number) : binary(number);
   }
 
  private:
-  void separate() {
-    if (!line_begins_) bytes_ += ' ';
-    line_begins_ = false;
-  }
-  void flush_if_large() {
-    constexpr std::size_t kLarge = std::size_t{1} << 20;
-    if (bytes_.size() >= kLarge) finish();
-  }
-
-  const ByteSink& sink_;
   bool is_text_;
-  bool line_begins_ = true;
-  std::string bytes_;
 };
 
 constexpr std::uint64_t kMostSmall = std::numeric_limits<std::uint32_t>::max() - 1;
@@ -223,16 +186,16 @@ class ColmapWriter {
       shift_centre(camera, kPixelCentre);
       out.both(static_cast<std::uint32_t>(ids_.cameras[i]));
       if (out.is_text()) {
-        out.word(camera.model);
+        out.words(camera.model);
       } else {
         out.binary(static_cast<std::int32_t>(camera_model(camera.model) - camera_models().data()));
       }
       out.both(std::uint64_t{camera.width});
       out.both(std::uint64_t{camera.height});
       for (const double parameter : camera.parameters) out.both(parameter);
-      if (out.is_text()) out.end_line();
+      if (out.is_text()) out.line();
     }
-    out.finish();
+    out.flush();
   }
 
   void write_images(const ByteSink& sink) const {
@@ -252,8 +215,8 @@ class ColmapWriter {
       out.both(static_cast<std::uint32_t>(ids_.cameras[frames.cameras[i]->value]));
       const std::string& name = image_names_[i];
       if (out.is_text()) {
-        out.word(name);
-        out.end_line();
+        out.words(name);
+        out.line();
       } else {
         out.raw(name);
         out.binary('\0');
@@ -266,9 +229,9 @@ class ColmapWriter {
         out.both(pixel.v + kPixelCentre);
         out.both(ids_.landmarks[observations_.landmark_of[observation]]);
       }
-      if (out.is_text()) out.end_line();
+      if (out.is_text()) out.line();
     }
-    out.finish();
+    out.flush();
   }
 
   void write_points(const ByteSink& sink) const {
@@ -297,10 +260,10 @@ class ColmapWriter {
         out.both(static_cast<std::uint32_t>(ids_.frames[frames[j].value]));
         out.both(keypoint_of_observation_[first + j]);
       }
-      if (out.is_text()) out.end_line();
+      if (out.is_text()) out.line();
       report(i);
     }
-    out.finish();
+    out.flush();
   }
 
   void write_rigs(const ByteSink& sink) const {
@@ -319,9 +282,9 @@ class ColmapWriter {
         for (const double part : mount.quaternion) out.both(part);
         for (const double part : mount.translation) out.both(part);
       }
-      if (out.is_text()) out.end_line();
+      if (out.is_text()) out.line();
     }
-    out.finish();
+    out.flush();
   }
 
   void write_frames(const ByteSink& sink) const {
@@ -344,15 +307,15 @@ class ColmapWriter {
         sensor(out, *frames.cameras[image]);
         out.both(ids_.frames[image]);
       }
-      if (out.is_text()) out.end_line();
+      if (out.is_text()) out.line();
     }
-    out.finish();
+    out.flush();
   }
 
  private:
   void sensor(ColmapOutput& out, CameraIndex camera) const {
     if (out.is_text()) {
-      out.word("CAMERA");
+      out.words("CAMERA");
     } else {
       out.binary(std::int32_t{0});
     }

@@ -11,10 +11,10 @@
 #include <fmt/ranges.h>
 
 #include "cairn/core/error.hpp"
-#include "cairn/core/number_text.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/npy_array.hpp"
 #include "cairn/formats/detail/bytes/record_reader.hpp"
+#include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/bytes/zip_archive.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/detail/losses.hpp"
@@ -338,18 +338,12 @@ LandmarkMap read_npz_points(ByteSource& source, const Execution& execution) {
 }
 
 void write_xyz_points(const LandmarkMap& map, const ByteSink& sink, const Execution& execution) {
-  std::string text;
+  TextOutput out(sink);
   for (const Eigen::Vector3d& x : map.landmarks().positions) {
-    for (int i = 0; i < 3; ++i) {
-      append_number(text, x[i]);
-      text += i < 2 ? ' ' : '\n';
-    }
-    constexpr std::size_t kLarge = std::size_t{1} << 20;
-    if (text.size() < kLarge) continue;
-    sink(text);
-    text.clear();
+    out.words(x.x(), x.y(), x.z());
+    out.line();
   }
-  sink(text);
+  out.flush();
   log_losses(execution.log, map, kPositionsOnly, "XYZ");
 }
 

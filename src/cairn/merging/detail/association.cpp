@@ -31,7 +31,7 @@ constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 class Likeness {
  public:
   Likeness(const DescriptorColumn& first, const DescriptorColumn& second, std::uint64_t seed)
-      : first_(first), second_(second), binary_(is_binary(first.kind)) {
+      : first_(first), second_(second), norm_(descriptor_norm(first.kind)) {
     const auto known = [](const DescriptorColumn& column) {
       std::vector<std::uint32_t> rows;
       for (std::uint32_t i = 0; i < column.known.size(); ++i) {
@@ -59,20 +59,12 @@ class Likeness {
 
  private:
   double distance(std::uint32_t first, std::uint32_t second) const {
-    if (binary_) return differing_bits(first_, first, second_, second);
-    return least_difference(first_, first, second_, second, [](auto a, auto b) {
-      double sum = 0.0;
-      for (std::size_t i = 0; i < a.size(); ++i) {
-        const int difference = int{a[i]} - int{b[i]};
-        sum += difference * difference;
-      }
-      return sum;
-    });
+    return static_cast<double>(least_difference(first_, first, second_, second, norm_));
   }
 
   const DescriptorColumn& first_;
   const DescriptorColumn& second_;
-  bool binary_;
+  DescriptorNorm norm_;
   double most_ = 0.0;
 };
 

@@ -231,8 +231,7 @@ void Fusion::log_common_images(std::size_t k, std::size_t m, const CommonImages&
       "{} images are both in {} and in {}, and count once; their poses differ by "
       "{:.3g} {} and {:.2g}° (medians)",
       common.same.size(), maps_[k].name, maps_[m].name, rounded(upper_median(poses.apart)),
-      maps_.front().map->info().length_unit == LengthUnit::kMetres ? "m" : "units",
-      rounded(upper_median(poses.turned_deg))));
+      unit_symbol(maps_.front().map->info().length_unit), rounded(upper_median(poses.turned_deg))));
 }
 
 // The frame of an earlier map that is the same keyframe: the last of one mini-map is the first of the next.

@@ -20,6 +20,7 @@
 #include "cairn/map/column_motion.hpp"
 #include "cairn/map/splats.hpp"
 #include "cairn/merging/detail/fusion.hpp"
+#include "cairn/merging/detail/map_sights.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
 namespace cairn::detail {
@@ -71,48 +72,103 @@ double overlap_coefficient(const Vector3d& apart, const Matrix3d& a, const Matri
   return std::exp(-distance);
 }
 
-// Marks the splats of a map that have a duplicate of higher opacity in another map.
-void mark_duplicates(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
-                     const Executor& executor, std::vector<std::uint8_t>& thinned) {
+enum class Fate : std::uint8_t { kKept, kDuplicate, kFloater };
+
+// Calls visit(splat, neighbour in `other`, overlap) for the nearest splats of another map.
+template <class Visit>
+void for_near_splats(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
+                     const Executor& executor, const Visit& visit) {
   constexpr std::size_t kNearest = 4;
-  constexpr double kLeastOverlap = 0.8;  // of equal discs 1.3 standard deviations apart
   BatchTree::Batch batch = of_other.batch(kNearest);
   batch.for_each(map.positions, executor, [&](std::size_t i, const auto& nearest) {
-    for (std::size_t k = 0; k < nearest.size() && thinned[i] == 0; ++k) {
+    for (std::size_t k = 0; k < nearest.size(); ++k) {
       const std::uint32_t j = nearest.index(k);
-      const bool has_more = other.opacities[j] == map.opacities[i]
-                                ? other.rank < map.rank
-                                : other.opacities[j] > map.opacities[i];
-      if (has_more && overlap_coefficient(other.positions[j] - map.positions[i], map.covariances[i],
-                                          other.covariances[j]) >= kLeastOverlap) {
-        thinned[i] = 1;
-      }
+      visit(i, j,
+            overlap_coefficient(other.positions[j] - map.positions[i], map.covariances[i],
+                                other.covariances[j]));
     }
   });
 }
 
-// By map and splat: whether it is left out.
-std::vector<std::vector<std::uint8_t>> thinned_splats(std::span<const PlacedMap> maps,
-                                                      const FusionOptions& options,
-                                                      const Executor& executor) {
-  std::vector<std::vector<std::uint8_t>> thinned;
-  for (const PlacedMap& placed : maps) thinned.emplace_back(placed.map->landmark_count(), 0);
-  if (!options.thin_splats) return thinned;
+// Marks the splats of a map that have a duplicate of higher opacity in another map.
+void mark_duplicates(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
+                     const Executor& executor, std::vector<Fate>& fates) {
+  constexpr double kLeastOverlap = 0.8;  // of equal discs 1.3 standard deviations apart
+  for_near_splats(map, other, of_other, executor,
+                  [&](std::size_t i, std::uint32_t j, double overlap) {
+                    const bool has_more = other.opacities[j] == map.opacities[i]
+                                              ? other.rank < map.rank
+                                              : other.opacities[j] > map.opacities[i];
+                    if (has_more && overlap >= kLeastOverlap) fates[i] = Fate::kDuplicate;
+                  });
+}
+
+// Views that see through a splat, against those that see something at it.
+bool is_seen_through(const MapSights::Count& count) {
+  constexpr std::size_t kLeastViews = 3;
+  constexpr std::size_t kLeastRatio = 4;  // images agree by chance where they show much behind
+  return count.through >= kLeastViews && count.through >= kLeastRatio * count.agrees;
+}
+
+// Marks the splats where another map has none, that the keyframes of its model look through, and
+// that the keyframes of the map's own model do not confirm.
+void mark_floaters(const WorldSplats& map, const std::optional<MapSights>& own,
+                   const WorldSplats& other, const BatchTree& of_other,
+                   const MapSights& sights_of_other, const Executor& executor,
+                   std::vector<Fate>& fates) {
+  constexpr double kMostOverlap = 0.05;  // of equal discs 4.9 standard deviations apart
+  constexpr double kDeviations = 3.0;
+  std::vector<std::uint8_t> has_neighbor(map.positions.size(), 0);
+  for_near_splats(map, other, of_other, executor,
+                  [&](std::size_t i, std::uint32_t, double overlap) {
+                    if (overlap > kMostOverlap) has_neighbor[i] = 1;
+                  });
+  constexpr std::size_t kBlock = 256;
+  const auto any_view = [](const Vector3d&) { return true; };
+  executor.for_blocks(fates.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (has_neighbor[i] != 0 || fates[i] != Fate::kKept) continue;
+      const double extent = kDeviations * std::sqrt(map.covariances[i].trace());
+      if (!is_seen_through(sights_of_other.count(map.positions[i], extent, any_view))) continue;
+      const auto seen = own ? own->count(map.positions[i], extent, any_view) : MapSights::Count();
+      if (seen.agrees <= seen.through) fates[i] = Fate::kFloater;
+    }
+  });
+}
+
+std::size_t models_among(std::span<const PlacedMap> maps) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(maps, [](const PlacedMap& one) { return one.model != nullptr; }));
+}
+
+// By map and splat.
+std::vector<std::vector<Fate>> fates_of_splats(std::span<const PlacedMap> maps,
+                                               const FusionOptions& options,
+                                               const Executor& executor) {
+  std::vector<std::vector<Fate>> fates;
+  for (const PlacedMap& placed : maps) {
+    fates.emplace_back(placed.map->landmark_count(), Fate::kKept);
+  }
+  if (!options.thin_splats && models_among(maps) == 0) return fates;
   std::vector<WorldSplats> worlds;
   std::vector<BatchTree> trees;
-  for (const PlacedMap& placed : maps) {
-    worlds.push_back(splats_in_world(placed, executor));
+  std::vector<std::optional<MapSights>> sights(maps.size());
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    worlds.push_back(splats_in_world(maps[m], executor));
     trees.emplace_back(worlds.back().positions);
+    if (maps[m].model != nullptr) sights[m].emplace(*maps[m].model, maps[m].world_from_map);
   }
   const std::vector<std::size_t> order = largest_first(maps);
   for (std::size_t i = 0; i < order.size(); ++i) worlds[order[i]].rank = i;
   for (std::size_t a = 0; a < maps.size(); ++a) {
     for (std::size_t b = 0; b < maps.size(); ++b) {
       if (a == b || worlds[b].positions.empty()) continue;
-      mark_duplicates(worlds[a], worlds[b], trees[b], executor, thinned[a]);
+      if (options.thin_splats) mark_duplicates(worlds[a], worlds[b], trees[b], executor, fates[a]);
+      if (!sights[b]) continue;
+      mark_floaters(worlds[a], sights[a], worlds[b], trees[b], *sights[b], executor, fates[a]);
     }
   }
-  return thinned;
+  return fates;
 }
 
 // A column of the joined splats, and its index in each map.
@@ -181,14 +237,15 @@ ColumnValues empty_column(std::span<const PlacedMap> maps, const JoinedColumn& c
   return std::vector<float>();
 }
 
+template <class IsKept>
 void append_splats(const PlacedMap& placed, std::size_t number,
-                   std::span<const JoinedColumn> joined, const std::vector<std::uint8_t>& thinned,
-                   LandmarkTable& all) {
+                   std::span<const JoinedColumn> joined, const std::vector<Fate>& fates,
+                   const IsKept& is_kept, LandmarkTable& all) {
   const LandmarkTable& landmarks = placed.map->landmarks();
   const ColumnMotion motion(column_names(landmarks.columns), placed.world_from_map, placed.name);
   std::vector<double> row(landmarks.columns.size());
   for (std::size_t i = 0; i < landmarks.positions.size(); ++i) {
-    if (thinned[i] != 0) continue;
+    if (!is_kept(fates[i])) continue;
     for (std::size_t k = 0; k < row.size(); ++k) row[k] = landmarks.columns[k].values[i];
     motion.move(row);
     for (std::size_t k = 0; k < joined.size(); ++k) {
@@ -234,7 +291,13 @@ bool are_splats(std::span<const PlacedMap> maps) {
 
 FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& options,
                          const Executor& executor) {
-  const std::vector<std::vector<std::uint8_t>> thinned = thinned_splats(maps, options, executor);
+  const std::size_t models = models_among(maps);
+  refuse_if(options.drop_floaters && models == 0, "FusionOptions.drop_floaters",
+            "no splat has a model", "a model, whose images show floaters");
+  const std::vector<std::vector<Fate>> fates = fates_of_splats(maps, options, executor);
+  const auto is_kept = [&](Fate fate) {
+    return fate == Fate::kKept || (fate == Fate::kFloater && !options.drop_floaters);
+  };
   const std::vector<JoinedColumn> joined = joined_columns(maps);
   FusionResult result;
   result.frames.resize(maps.size());
@@ -242,8 +305,8 @@ FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& o
   tables.info = info_of_world(maps);
   LandmarkTable& all = tables.landmarks;
   std::size_t kept = 0;
-  for (const auto& of_map : thinned) {
-    kept += static_cast<std::size_t>(std::count(of_map.begin(), of_map.end(), 0));
+  for (const auto& of_map : fates) {
+    kept += static_cast<std::size_t>(std::ranges::count_if(of_map, is_kept));
   }
   all.positions.reserve(kept);
   all.ids.reserve(kept);
@@ -252,16 +315,27 @@ FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& o
   }
   for (NamedColumn& column : all.columns) column.values.reserve(kept);
   for (std::size_t m = 0; m < maps.size(); ++m) {
-    append_splats(maps[m], m, joined, thinned[m], all);
-    const auto left_out =
-        static_cast<std::size_t>(std::count(thinned[m].begin(), thinned[m].end(), 1));
-    result.maps.push_back({.landmarks = maps[m].map->landmark_count(), .fused = left_out});
+    append_splats(maps[m], m, joined, fates[m], is_kept, all);
+    const auto number_of = [&](Fate fate) {
+      return static_cast<std::size_t>(std::ranges::count(fates[m], fate));
+    };
+    MapFusion& fusion = result.maps.emplace_back();
+    fusion.landmarks = maps[m].map->landmark_count();
+    fusion.fused = number_of(Fate::kDuplicate);
+    if (models > (maps[m].model != nullptr ? 1U : 0U)) {
+      fusion.floaters = number_of(Fate::kFloater);
+    }
     for (const std::string& line : maps[m].map->info().provenance) {
       tables.info.provenance.push_back(fmt::format("{}: {}", maps[m].name, line));
     }
-    tables.info.provenance.push_back(
+    std::string origin =
         fmt::format("map {} of a merge: {}, {} splats, of which {} are left out as duplicates", m,
-                    maps[m].name, maps[m].map->landmark_count(), left_out));
+                    maps[m].name, fusion.landmarks, fusion.fused);
+    if (options.drop_floaters) {
+      origin += fmt::format(" and {} as floaters", fusion.floaters.value_or(0));
+    }
+    tables.info.provenance.push_back(std::move(origin));
+    if (maps[m].disposable != nullptr) *maps[m].disposable = LandmarkMap();
   }
   set_splat_looks(*splat_columns(all.columns), all);
   result.map = LandmarkMap(std::move(tables));

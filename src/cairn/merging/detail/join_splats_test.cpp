@@ -12,6 +12,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/random.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/synthetic.hpp"
 
 #include "support/maps.hpp"
 #include "support/refusal.hpp"
@@ -83,6 +84,21 @@ TEST(JoinSplats, LeaveOutTheDuplicateOfLowerOpacity) {
   for (const double opacity : result.map.column("opacity")->values) EXPECT_GE(opacity, 1.5);
 }
 
+TEST(JoinSplats, LeaveTheirMapsEmptyIfTheseMayBe) {
+  const LandmarkMap first = random_splats(50, 1, 12);
+  const LandmarkMap second = random_splats(60, 2, 13);
+  const LandmarkMap expected = joined(first, second, kSecondPlace);
+  LandmarkMap spent = first;
+  const std::vector<PlacedMap> maps = {
+      {.map = &spent, .name = "a", .disposable = &spent},
+      {.map = &second, .name = "b", .world_from_map = kSecondPlace}};
+  const FusionResult result = fuse_maps(maps);
+  EXPECT_THAT(result.map, testing::EqualsMap(expected));
+  EXPECT_EQ(result.maps[0].landmarks, 50U);
+  EXPECT_EQ(spent.landmark_count(), 0U);
+  EXPECT_EQ(second.landmark_count(), 60U);
+}
+
 TEST(JoinSplats, KeepWhatHasNoCounterpart) {
   const LandmarkMap splats = separate_splats(60, 3);
   const LandmarkMap elsewhere =
@@ -134,6 +150,105 @@ TEST(JoinSplats, TakeOtherColumnsAlongWithoutInventingValues) {
   const LandmarkMap both = joined(a, b, {}, false);
   EXPECT_EQ(both.column("label")->values[1], 2.0);
   EXPECT_TRUE(std::isnan(both.column("label")->values[2]));
+}
+
+// Splats of 1 cm at positions in metres.
+LandmarkMap splats_at(const std::vector<Eigen::Vector3d>& positions, std::uint64_t seed) {
+  MapTables tables = random_splats(positions.size(), 0, seed).tables();
+  tables.landmarks.positions = positions;
+  LandmarkMap map(std::move(tables));
+  for (const char* name : {"scale_0", "scale_1", "scale_2"}) {
+    map = with_column(map, name, std::vector<double>(positions.size(), std::log(0.01)));
+  }
+  tables = std::move(map).tables();
+  set_splat_looks(*splat_columns(tables.landmarks.columns), tables.landmarks);
+  return LandmarkMap(std::move(tables));
+}
+
+// Points halfway from a keyframe to what the map shows.
+std::vector<Eigen::Vector3d> points_in_the_air(const LandmarkMap& map, std::size_t count) {
+  const Eigen::Vector3d camera = map.world_from_camera(FrameIndex{30}).translation();
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t i = 0; i < count; ++i) {
+    points.emplace_back(0.5 * (camera + map.landmarks().positions[100 * i]));
+  }
+  return points;
+}
+
+// The map with landmarks that all keyframes see whose images they are in.
+LandmarkMap with_seen_points(const LandmarkMap& map, const std::vector<Eigen::Vector3d>& points) {
+  MapTables tables = LandmarkMap(map).tables();
+  tables.observations = {.offsets = tables.observations.offsets,
+                         .frames = tables.observations.frames,
+                         .pixels = tables.observations.pixels};
+  tables.landmarks = {.ids = tables.landmarks.ids, .positions = tables.landmarks.positions};
+  for (const Eigen::Vector3d& x : points) {
+    tables.landmarks.ids.push_back(LandmarkId{1'000'000 + tables.landmarks.ids.size()});
+    tables.landmarks.positions.push_back(x);
+    for (std::uint32_t f = 0; f < map.frame_count(); ++f) {
+      const Camera& camera = map.cameras()[0];
+      const auto pixel = project(camera, map.world_from_camera(FrameIndex{f}).inverse() * x);
+      if (!pixel || pixel->u < 0 || pixel->v < 0 || pixel->u > camera.width - 1.0 ||
+          pixel->v > camera.height - 1.0) {
+        continue;
+      }
+      tables.observations.frames.push_back(FrameIndex{f});
+      tables.observations.pixels.push_back(*pixel);
+    }
+    tables.observations.offsets.push_back(tables.observations.frames.size());
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(JoinSplats, NameFloatersThatTheOtherImagesLookThrough) {
+  const LandmarkMap first = synthetic_map({.seed = 1});
+  const LandmarkMap second = synthetic_map({.seed = 1, .pixel_noise_px = 0.0});
+  constexpr std::size_t kFloaters = 20;
+  std::vector<Eigen::Vector3d> positions = second.landmarks().positions;
+  for (const Eigen::Vector3d& x : points_in_the_air(first, kFloaters)) positions.push_back(x);
+  const LandmarkMap a = splats_at(first.landmarks().positions, 1);
+  const LandmarkMap b = splats_at(positions, 2);
+  std::vector<PlacedMap> maps = {{&a, "a", {}}, {&b, "b", {}}};
+  FusionOptions options{.thin_splats = false};
+  EXPECT_EQ(fuse_maps(maps, options).maps[1].floaters, std::nullopt) << "no images are known";
+  maps[0].model = &first;
+  EXPECT_EQ(fuse_maps(maps, options).maps[0].floaters, std::nullopt) << "nor other ones";
+  maps[1].model = &second;
+  const FusionResult named = fuse_maps(maps, options);
+  EXPECT_EQ(named.maps[0].floaters, 0U);
+  ASSERT_TRUE(named.maps[1].floaters);
+  const std::size_t floaters = *named.maps[1].floaters;
+  EXPECT_GE(floaters, 9 * kFloaters / 10);
+  EXPECT_LE(floaters, kFloaters);
+  EXPECT_EQ(named.map.landmark_count(), a.landmark_count() + b.landmark_count());
+  options.drop_floaters = true;
+  const LandmarkMap clean = fuse_maps(maps, options).map;
+  EXPECT_EQ(clean.landmark_count(), a.landmark_count() + b.landmark_count() - floaters);
+  for (std::size_t i = 0; i < a.landmark_count(); ++i) {
+    EXPECT_EQ(clean.landmarks().positions[i], a.landmarks().positions[i]);
+  }
+}
+
+TEST(JoinSplats, DoNotCallAThingAFloaterThatTheOwnImagesShow) {
+  const LandmarkMap first = synthetic_map({.seed = 3});
+  const std::vector<Eigen::Vector3d> thing = points_in_the_air(first, 20);
+  const LandmarkMap second = with_seen_points(first, thing);
+  const LandmarkMap a = splats_at(first.landmarks().positions, 1);
+  const LandmarkMap b = splats_at(second.landmarks().positions, 2);
+  std::vector<PlacedMap> maps = {{&a, "a", {}}, {&b, "b", {}}};
+  maps[0].model = &first;
+  EXPECT_GE(fuse_maps(maps).maps[1].floaters.value_or(0), 18U)
+      << "without the own images, it seems to float";
+  maps[1].model = &second;
+  EXPECT_EQ(fuse_maps(maps).maps[1].floaters, 0U);
+}
+
+TEST(JoinSplats, AreNotDroppedAsFloatersWithoutImages) {
+  const LandmarkMap splats = random_splats(4, 0, 11);
+  const std::vector<PlacedMap> maps = {{&splats, "a", {}}, {&splats, "b", {}}};
+  EXPECT_THAT(
+      testing::refusal(ErrorKind::kMisuse, [&] { fuse_maps(maps, {.drop_floaters = true}); }),
+      HasSubstr("FusionOptions.drop_floaters: no splat has a model"));
 }
 
 TEST(JoinSplats, AreNotJoinedWithOthers) {

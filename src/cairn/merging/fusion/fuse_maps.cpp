@@ -488,8 +488,7 @@ void Fusion::take_further(const DescriptorColumn& theirs, std::uint32_t i, std::
   for (std::size_t at = 0; at < all.size(); at += ours.bytes_each) {
     rows.push_back(std::span(all).subspan(at, ours.bytes_each));
   }
-  const DescriptorNorm norm =
-      is_binary(ours.kind) ? DescriptorNorm::kHamming : DescriptorNorm::kSquared;
+  const DescriptorNorm norm = descriptor_norm(ours.kind);
   std::vector<std::uint8_t> kept;
   for (const std::size_t row : distinct_descriptors(rows, 0, kDistinctViews, norm)) {
     kept.insert(kept.end(), rows[row].begin(), rows[row].end());
@@ -576,6 +575,7 @@ constexpr OptionField kFusionFields[] = {
      {},
      "--thin-splats,!--no-thin-splats",
      "Gaussian splats: leave out the duplicates of lower opacity where maps overlap. Default: on"},
+    {"drop_floaters", option_at<&FusionOptions::drop_floaters>},
     {"adjust",
      option_at<&FusionOptions::adjust>,
      {},

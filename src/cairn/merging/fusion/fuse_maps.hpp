@@ -25,6 +25,11 @@ struct PlacedMap {
   /// The same relative to the largest map. Landmarks are compared by this covariance, so that the
   /// world frame does not matter. If std::nullopt, `covariance` is used.
   std::optional<Matrix7d> relative_covariance = {};
+  /// Splats: the SfM model that they were trained on, in the map's frame and unit; its keyframes show
+  /// floaters of other maps. Null: unknown.
+  const LandmarkMap* model = nullptr;
+  /// Splats: `map`, if it may be emptied once its splats are joined, which saves memory. Null: it stays.
+  LandmarkMap* disposable = nullptr;
 
   /// Whether the map's frame is the world: its pose is exactly the identity. The values of such a
   /// map are copied exactly.
@@ -42,6 +47,8 @@ struct FusionOptions {
   bool straighten = true;
   /// Splats: whether to leave out the duplicates of lower opacity; see fuse_maps().
   bool thin_splats = true;
+  /// Splats: whether to leave out floaters; see fuse_maps().
+  bool drop_floaters = false;
   /// merge_placed(): whether to bundle-adjust all keyframes and landmarks of the merged map.
   bool adjust = false;
   AdjustOptions adjustment = {};
@@ -59,6 +66,8 @@ struct MapFusion {
   std::size_t fused = 0;  ///< number fused with landmarks of other maps
   /// Deviation of fused landmarks beyond their covariances, per coordinate, in the world's unit.
   double deviation = 0.0;
+  /// Splats: number of floaters; std::nullopt if no other map has a model.
+  std::optional<std::size_t> floaters = {};
 };
 
 struct FusionResult {
@@ -109,9 +118,12 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of combined la
 /// without other changes. Two splats of different maps are duplicates if the Bhattacharyya
 /// coefficient of their Gaussians is at least 0.8. The splat of lower opacity is left out and
 /// counts as fused. Columns of the map with the highest harmonic degree come first, then other
-/// columns. Missing harmonics and normals are zero; other missing values are unknown.
+/// columns. Missing harmonics and normals are zero; other missing values are unknown. Where another
+/// map has a model, floaters are counted, and left out on request: splats that at least three keyframes
+/// of that model look through, where that map has no splat, and that the keyframes of the map's own
+/// model, if any, do not confirm.
 ///
-/// @throws Error (misuse) for no map or invalid options, (input) for more landmarks or frames than
+/// @throws Error (misuse) for no map, invalid options or drop_floaters without a model, (input) for more landmarks or frames than
 ///         32-bit indices, or for splats mixed with other maps
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {},
                        const Execution& execution = {});

@@ -40,8 +40,8 @@ class BatchTree {
   std::span<const std::uint32_t> order() const;
 
   /// A batch for repeated queries of the k nearest points; the tree must outlive the batch.
-  /// @param order order of the queries, with consecutive queries close together; empty: spatial
-  ///        order of the first queries
+  /// @param order order of the queries, with consecutive queries close together. If it is
+  ///        empty, the first search sorts its queries, and later searches keep that order.
   Batch batch(std::size_t k, std::vector<std::uint32_t> order = {}) const;
 
  private:

@@ -5,6 +5,7 @@
 
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -72,11 +73,8 @@ Sight DescribedLandmarks::sight(std::uint32_t i, const Eigen::Vector3d& centre) 
   const Eigen::Vector3d now = centre - position(i);
   for (const std::uint32_t frame : frames) {
     const Eigen::Vector3d then = centres_[frame] - position(i);
-    const double ratio = then.norm() / now.norm();
-    const double cosine = then.dot(now) / (then.norm() * now.norm());
-    sight.cosine = std::max(sight.cosine, cosine);
-    sight.alike = sight.alike ||
-                  (cosine > kAlikeCosine && ratio < kAlikeDistance && ratio > 1.0 / kAlikeDistance);
+    sight.cosine = std::max(sight.cosine, then.dot(now) / (then.norm() * now.norm()));
+    sight.alike = sight.alike || are_alike(then, now, kAlikeCosine, kAlikeDistance);
   }
   return sight;
 }

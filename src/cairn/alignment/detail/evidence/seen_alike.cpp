@@ -9,6 +9,7 @@
 
 #include "cairn/alignment/detail/evidence/look_comparison.hpp"
 #include "cairn/alignment/detail/search/descriptor_matches.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 namespace {
@@ -56,13 +57,6 @@ class Viewers {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> seen_;  // landmark, view; ascending
 };
 
-bool are_alike(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  const double here = a.norm();
-  const double there = b.norm();
-  return a.dot(b) > kAlikeCosine * here * there && here < kAlikeDistances * there &&
-         there < kAlikeDistances * here;
-}
-
 // What the landmarks of a map look like.
 class Looks {
  public:
@@ -104,8 +98,9 @@ SeenAlike seen_alike(const PreparedCloud& source, const PreparedCloud& target,
   const std::vector<Eigen::Vector3d> moved = moved_points(source.sample(), pose);
   const auto were_seen_alike = [&](std::uint32_t i, std::uint32_t j) {
     return source_viewers.any_of(i, [&](const Eigen::Vector3d& a) {
-      return target_viewers.any_of(
-          j, [&](const Eigen::Vector3d& b) { return are_alike(a - moved[i], b - moved[i]); });
+      return target_viewers.any_of(j, [&](const Eigen::Vector3d& b) {
+        return are_alike(a - moved[i], b - moved[i], kAlikeCosine, kAlikeDistances);
+      });
     });
   };
   const Looks of_source(here, kElsewhere * radius / pose.scale());

@@ -35,8 +35,12 @@ class TextOutput {
     text_ += text;
     text_ += '\n';
     begins_ = true;
-    constexpr std::size_t kLarge = std::size_t{1} << 20;
-    if (text_.size() >= kLarge) flush();
+    flush_if_large();
+  }
+  /// Appends bytes as they are.
+  void raw(std::string_view bytes) {
+    text_ += bytes;
+    flush_if_large();
   }
   /// Call at the end.
   void flush() {
@@ -45,6 +49,10 @@ class TextOutput {
   }
 
  private:
+  void flush_if_large() {
+    constexpr std::size_t kLarge = std::size_t{1} << 20;
+    if (text_.size() >= kLarge) flush();
+  }
   void separate() {
     if (!begins_) text_ += ' ';
     begins_ = false;

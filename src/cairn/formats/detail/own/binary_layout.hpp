@@ -131,17 +131,15 @@ template <class Info, class Cameras, class Rigs, class Frames, class Landmarks, 
 MapParts(Info&, Cameras&, Rigs&, Frames&, Landmarks&, Observations&)
     -> MapParts<Info, Cameras, Rigs, Frames, Landmarks, Observations>;
 
-/// Passes the content of every section to a codec, which reads or writes it.
+inline constexpr auto code_geodetic = [](auto& io, auto& position) {
+  io(position.latitude_deg, "latitude");
+  io(position.longitude_deg, "longitude");
+  io(position.altitude_m, "altitude");
+};
+
 template <class Codec, class Parts>
-void code_sections(Codec& codec, const Parts& map) {
+void code_info_and_cameras(Codec& codec, const Parts& map) {
   using enum MapColumn;
-  constexpr std::int64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
-  const auto number = [](auto& io, auto& value) { io(value, "number"); };
-  const auto geodetic = [](auto& io, auto& position) {
-    io(position.latitude_deg, "latitude");
-    io(position.longitude_deg, "longitude");
-    io(position.altitude_m, "altitude");
-  };
   const auto vector = [](auto& io, auto& x) {
     for (auto& component : x) io(component, "vector");
   };
@@ -153,13 +151,13 @@ void code_sections(Codec& codec, const Parts& map) {
   codec.entries(kProvenance, info.provenance,
                 [](auto& io, auto& step) { io.filled(step, "a text"); });
   codec.entry(kGeoReference, info.georeference, [&](auto& io, auto& georeference) {
-    geodetic(io, georeference.origin);
+    code_geodetic(io, georeference.origin);
     io(georeference.scale, "scale");
     vector(io, georeference.quaternion);
     vector(io, georeference.translation);
   });
-  codec.entries(kControlPoints, info.control_points, [&](auto& io, auto& point) {
-    geodetic(io, point);
+  codec.entries(kControlPoints, info.control_points, [](auto& io, auto& point) {
+    code_geodetic(io, point);
     io(point.name, "name");
     io.list(point.views, "number of images", [&](auto& view) {
       io(view.pixel.u, "u");
@@ -182,6 +180,15 @@ void code_sections(Codec& codec, const Parts& map) {
       vector(io, mount.translation);
     });
   });
+}
+
+/// Passes the content of every section to a codec, which reads or writes it.
+template <class Codec, class Parts>
+void code_sections(Codec& codec, const Parts& map) {
+  using enum MapColumn;
+  constexpr std::int64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
+  const auto number = [](auto& io, auto& value) { io(value, "number"); };
+  code_info_and_cameras(codec, map);
 
   auto& frames = map.frames;
   codec.rows(kFrameIds, frames.ids);
@@ -191,8 +198,8 @@ void code_sections(Codec& codec, const Parts& map) {
   codec.integers(kInstants, frames.instants, 0, kMost32);
   codec.template numbers<1>(kTimestamps, frames.timestamps_s, number);
   codec.names(kImageNames, frames.image_names);
-  codec.template numbers<4>(kGnss, frames.gnss, [=](auto& io, auto& fix) {
-    geodetic(io, fix.position);
+  codec.template numbers<4>(kGnss, frames.gnss, [](auto& io, auto& fix) {
+    code_geodetic(io, fix.position);
     io(fix.accuracy_m, "accuracy");
   });
   const auto upper_triangle = [](auto& io, auto& matrix) {

@@ -124,7 +124,7 @@ class NumberedFields {
   double any_number() {
     double value = 0.0;
     const char* const begin = next_ + (*next_ == '+' ? 1 : 0);
-    const auto [stop, error] = read_number(begin, end_, value);
+    const auto [stop, error] = std::from_chars(begin, end_, value);
     const bool whole = error == std::errc{} && (stop == end_ || is_blank(*stop));
     if (!whole || !std::isfinite(value) || (begin != next_ && *begin == '-')) {
       refuse_field("is not a number", "a finite decimal number");
