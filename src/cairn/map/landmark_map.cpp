@@ -65,34 +65,7 @@ class Checks {
     }
     const auto not_ascending = [](Id a, Id b) { return a >= b; };
     if (std::adjacent_find(ids.begin(), ids.end(), not_ascending) == ids.end()) return {};
-    const auto not_descending = [](Id a, Id b) { return a <= b; };
-    if (std::adjacent_find(ids.begin(), ids.end(), not_descending) == ids.end()) {
-      std::vector<std::uint32_t> order(ids.size());
-      std::iota(order.rbegin(), order.rend(), 0U);  // some systems write the latest first
-      return order;
-    }
-    const auto refuse_repeated = [&](std::size_t row) {
-      refuse(column, row, fmt::format("{} {}", kind, ids[row].value), "the id occurs twice",
-             "distinct ids");
-    };
-    const auto [lowest, highest] = std::minmax_element(ids.begin(), ids.end());
-    const std::uint64_t span = highest->value - lowest->value;
-    std::vector<std::uint32_t> order;
-    order.reserve(ids.size());
-    constexpr std::uint64_t kMostPlacesEach = 4;
-    if (span / kMostPlacesEach < ids.size()) {
-      // Ids from a counter are dense, so one pass over a table sorts them.
-      std::vector<std::uint32_t> row_of(span + 1, kNoRow);
-      for (std::uint32_t row = 0; row < ids.size(); ++row) {
-        std::uint32_t& place = row_of[ids[row].value - lowest->value];
-        if (place != kNoRow) refuse_repeated(row);
-        place = row;
-      }
-      std::copy_if(row_of.begin(), row_of.end(), std::back_inserter(order),
-                   [](std::uint32_t row) { return row != kNoRow; });
-      return order;
-    }
-    order.resize(ids.size());
+    std::vector<std::uint32_t> order(ids.size());
     std::iota(order.begin(), order.end(), 0U);
     std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
       return ids[a] != ids[b] ? ids[a] < ids[b] : a < b;
@@ -101,7 +74,10 @@ class Checks {
     for (std::size_t i = 1; i < order.size(); ++i) {
       if (ids[order[i]] == ids[order[i - 1]]) first = std::min(first, order[i]);
     }
-    if (first != kNoRow) refuse_repeated(first);
+    if (first != kNoRow) {
+      refuse(column, first, fmt::format("{} {}", kind, ids[first].value), "the id occurs twice",
+             "distinct ids");
+    }
     return order;
   }
 

@@ -253,11 +253,11 @@ void add_tables(std::vector<Section>& sections, std::span<const ResultTable> tab
 
 std::vector<AlignmentRun> runs_of(const ShownPair& pair) {
   const bool has_maps = pair.source != nullptr && pair.target != nullptr;
-  detail::ShownPoints source;
-  detail::ShownPoints target;
+  detail::Points source;
+  detail::Points target;
   if (has_maps) {
-    source = detail::ShownPoints::only_aligned(*pair.source, pair.points);
-    target = detail::ShownPoints::only_aligned(*pair.target, pair.points);
+    source = point_set(*pair.source, std::nullopt, pair.points).positions;
+    target = point_set(*pair.target, std::nullopt, pair.points).positions;
   }
   std::vector<AlignmentRun> runs;
   for (const ShownAlignment& shown : pair.alignments) {

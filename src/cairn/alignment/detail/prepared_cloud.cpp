@@ -41,47 +41,14 @@ std::vector<std::uint32_t> random_order(const LandmarkCloud& cloud, Random rando
   return order;
 }
 
-// Permutes in place, cycle by cycle, so that entry i becomes the former entry order[i]. `save(i)` saves entry
-// i, `move(to, from)` moves one, `restore(i)` sets entry i to the saved one.
-template <class Save, class Move, class Restore>
-void reorder(std::span<const std::uint32_t> order, const Save& save, const Move& move,
-             const Restore& restore) {
-  std::vector<bool> is_done(order.size(), false);
-  for (std::size_t start = 0; start < order.size(); ++start) {
-    if (is_done[start]) continue;
-    save(start);
-    std::size_t at = start;
-    for (; order[at] != start; at = order[at]) {
-      move(at, order[at]);
-      is_done[at] = true;
-    }
-    restore(at);
-    is_done[at] = true;
-  }
-}
-
+// Entry i becomes the former entry order[i].
 template <class Value>
 void reorder(std::vector<Value>& column, std::span<const std::uint32_t> order) {
   if (column.empty()) return;
-  Value kept;
-  reorder(
-      order, [&](std::size_t i) { kept = std::move(column[i]); },
-      [&](std::size_t to, std::size_t from) { column[to] = std::move(column[from]); },
-      [&](std::size_t i) { column[i] = std::move(kept); });
-}
-
-void reorder(DescriptorColumn& column, std::span<const std::uint32_t> order) {
-  if (column.has_further()) {
-    column = descriptor_rows(column, order);  // rows vary in size
-    return;
-  }
-  reorder(column.known, order);
-  std::vector<std::uint8_t> kept(column.bytes_each);
-  const auto row = [&](std::size_t i) { return column.bytes.data() + i * column.bytes_each; };
-  reorder(
-      order, [&](std::size_t i) { std::copy_n(row(i), kept.size(), kept.data()); },
-      [&](std::size_t to, std::size_t from) { std::copy_n(row(from), kept.size(), row(to)); },
-      [&](std::size_t i) { std::copy_n(kept.data(), kept.size(), row(i)); });
+  std::vector<Value> ordered;
+  ordered.reserve(order.size());
+  for (const std::uint32_t i : order) ordered.push_back(std::move(column[i]));
+  column = std::move(ordered);
 }
 
 LandmarkCloud ordered(LandmarkCloud cloud, std::span<const std::uint32_t> order) {
@@ -89,7 +56,7 @@ LandmarkCloud ordered(LandmarkCloud cloud, std::span<const std::uint32_t> order)
   reorder(cloud.covariances, order);
   reorder(cloud.weights, order);
   reorder(cloud.lightness, order);
-  if (cloud.descriptors) reorder(*cloud.descriptors, order);
+  if (cloud.descriptors) cloud.descriptors = descriptor_rows(*cloud.descriptors, order);
   std::vector<std::uint32_t> place(order.size());
   for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
   for (LandmarkView& view : cloud.views) {

@@ -2,6 +2,7 @@
 #include "cairn/merging/detail/join_splats.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -15,6 +16,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/map/column_motion.hpp"
@@ -74,33 +76,101 @@ double overlap_coefficient(const Vector3d& apart, const Matrix3d& a, const Matri
 
 enum class Fate : std::uint8_t { kKept, kDuplicate, kFloater };
 
-// Calls visit(splat, neighbour in `other`, overlap) for the nearest splats of another map.
+constexpr std::size_t kNearest = 4;
+constexpr std::uint32_t kNoSplat = std::numeric_limits<std::uint32_t>::max();
+
+// Calls visit(splat, k, its k-th neighbour in `other`, overlap) for the nearest splats of another map.
 template <class Visit>
 void for_near_splats(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
                      const Executor& executor, const Visit& visit) {
-  constexpr std::size_t kNearest = 4;
   BatchTree::Batch batch = of_other.batch(kNearest);
   batch.for_each(map.positions, executor, [&](std::size_t i, const auto& nearest) {
     for (std::size_t k = 0; k < nearest.size(); ++k) {
       const std::uint32_t j = nearest.index(k);
-      visit(i, j,
+      visit(i, k, j,
             overlap_coefficient(other.positions[j] - map.positions[i], map.covariances[i],
                                 other.covariances[j]));
     }
   });
 }
 
-// Marks the splats of a map that have a duplicate of higher opacity in another map.
-void mark_duplicates(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
-                     const Executor& executor, std::vector<Fate>& fates) {
+// A splat and a like one of another map that comes before it.
+struct Twin {
+  std::uint32_t splat = 0;
+  std::uint32_t other_map = 0;
+  std::uint32_t other = 0;
+  Vector3d color_change = Vector3d::Zero();  // from the other, of 255
+};
+
+// Whether splat i of a map comes before splat j of another map, so that j may be left out.
+bool comes_before(const WorldSplats& map, std::uint32_t i, const WorldSplats& other,
+                  std::uint32_t j) {
+  return map.opacities[i] == other.opacities[j] ? map.rank < other.rank
+                                                : map.opacities[i] > other.opacities[j];
+}
+
+// Keeps the twins whose colours differ as those of most twins do: captures differ in exposure.
+void drop_other_colors(std::vector<Twin>& twins) {
+  constexpr double kMostChange = 25.0;
+  if (twins.empty()) return;
+  Vector3d usual;
+  for (int channel = 0; channel < 3; ++channel) {
+    std::vector<double> changes;
+    for (const Twin& twin : twins) changes.push_back(twin.color_change[channel]);
+    usual[channel] = upper_median(changes);
+  }
+  std::erase_if(twins, [&](const Twin& twin) {
+    return (twin.color_change - usual).cwiseAbs().maxCoeff() > kMostChange;
+  });
+}
+
+// The twins of a map's splats in another map, by ascending splat.
+std::vector<Twin> twins_in(const PlacedMap& placed, const WorldSplats& map,
+                           const PlacedMap& other_placed, const WorldSplats& other,
+                           std::uint32_t other_map, const BatchTree& of_other,
+                           const Executor& executor) {
   constexpr double kLeastOverlap = 0.8;  // of equal discs 1.3 standard deviations apart
+  std::vector<std::array<std::uint32_t, kNearest>> like(map.positions.size());
+  for (auto& each : like) each.fill(kNoSplat);
   for_near_splats(map, other, of_other, executor,
-                  [&](std::size_t i, std::uint32_t j, double overlap) {
-                    const bool has_more = other.opacities[j] == map.opacities[i]
-                                              ? other.rank < map.rank
-                                              : other.opacities[j] > map.opacities[i];
-                    if (has_more && overlap >= kLeastOverlap) fates[i] = Fate::kDuplicate;
+                  [&](std::size_t i, std::size_t k, std::uint32_t j, double overlap) {
+                    const auto own = static_cast<std::uint32_t>(i);
+                    if (overlap >= kLeastOverlap && comes_before(other, j, map, own))
+                      like[i][k] = j;
                   });
+  const auto color = [](const PlacedMap& of, std::uint32_t i) {
+    const auto& colors = of.map->landmarks().colors;
+    const auto shown = colors.empty() ? std::nullopt : colors[i];
+    return shown ? Vector3d(shown->red, shown->green, shown->blue) : Vector3d(0.0, 0.0, 0.0);
+  };
+  std::vector<Twin> twins;
+  for (std::uint32_t i = 0; i < like.size(); ++i) {
+    for (const std::uint32_t j : like[i]) {
+      if (j == kNoSplat) continue;
+      twins.push_back({i, other_map, j, color(placed, i) - color(other_placed, j)});
+    }
+  }
+  drop_other_colors(twins);
+  return twins;
+}
+
+// Marks splats of which a twin stays. Those that come first are decided first.
+void mark_duplicates(const std::vector<WorldSplats>& worlds,
+                     const std::vector<std::vector<Twin>>& twins,
+                     std::vector<std::vector<Fate>>& fates) {
+  std::vector<std::pair<std::uint32_t, const Twin*>> all;  // by map
+  for (std::uint32_t m = 0; m < twins.size(); ++m) {
+    for (const Twin& twin : twins[m]) all.emplace_back(m, &twin);
+  }
+  std::ranges::stable_sort(all, [&](const auto& a, const auto& b) {
+    const double here = worlds[a.first].opacities[a.second->splat];
+    const double there = worlds[b.first].opacities[b.second->splat];
+    return here == there ? worlds[a.first].rank < worlds[b.first].rank : here > there;
+  });
+  for (const auto& [m, twin] : all) {
+    if (fates[twin->other_map][twin->other] == Fate::kKept)
+      fates[m][twin->splat] = Fate::kDuplicate;
+  }
 }
 
 // Views that see through a splat, against those that see something at it.
@@ -120,7 +190,7 @@ void mark_floaters(const WorldSplats& map, const std::optional<MapSights>& own,
   constexpr double kDeviations = 3.0;
   std::vector<std::uint8_t> has_neighbor(map.positions.size(), 0);
   for_near_splats(map, other, of_other, executor,
-                  [&](std::size_t i, std::uint32_t, double overlap) {
+                  [&](std::size_t i, std::size_t, std::uint32_t, double overlap) {
                     if (overlap > kMostOverlap) has_neighbor[i] = 1;
                   });
   constexpr std::size_t kBlock = 256;
@@ -136,9 +206,13 @@ void mark_floaters(const WorldSplats& map, const std::optional<MapSights>& own,
   });
 }
 
+// A model that has images.
+bool has_images(const PlacedMap& placed) {
+  return placed.model != nullptr && placed.model->has_observations();
+}
+
 std::size_t models_among(std::span<const PlacedMap> maps) {
-  return static_cast<std::size_t>(
-      std::ranges::count_if(maps, [](const PlacedMap& one) { return one.model != nullptr; }));
+  return static_cast<std::size_t>(std::ranges::count_if(maps, has_images));
 }
 
 // By map and splat.
@@ -156,18 +230,30 @@ std::vector<std::vector<Fate>> fates_of_splats(std::span<const PlacedMap> maps,
   for (std::size_t m = 0; m < maps.size(); ++m) {
     worlds.push_back(splats_in_world(maps[m], executor));
     trees.emplace_back(worlds.back().positions);
-    if (maps[m].model != nullptr) sights[m].emplace(*maps[m].model, maps[m].world_from_map);
+    if (has_images(maps[m])) sights[m].emplace(*maps[m].model, maps[m].world_from_map);
   }
   const std::vector<std::size_t> order = largest_first(maps);
   for (std::size_t i = 0; i < order.size(); ++i) worlds[order[i]].rank = i;
-  for (std::size_t a = 0; a < maps.size(); ++a) {
-    for (std::size_t b = 0; b < maps.size(); ++b) {
-      if (a == b || worlds[b].positions.empty()) continue;
-      if (options.thin_splats) mark_duplicates(worlds[a], worlds[b], trees[b], executor, fates[a]);
-      if (!sights[b]) continue;
-      mark_floaters(worlds[a], sights[a], worlds[b], trees[b], *sights[b], executor, fates[a]);
+  std::vector<std::vector<Twin>> twins(maps.size());
+  const auto for_other_maps = [&](const auto& visit) {
+    for (std::size_t a = 0; a < maps.size(); ++a) {
+      for (std::size_t b = 0; b < maps.size(); ++b) {
+        if (a != b && !worlds[b].positions.empty()) visit(a, b);
+      }
     }
+  };
+  if (options.thin_splats) {
+    for_other_maps([&](std::size_t a, std::size_t b) {
+      const auto found = twins_in(maps[a], worlds[a], maps[b], worlds[b],
+                                  static_cast<std::uint32_t>(b), trees[b], executor);
+      twins[a].insert(twins[a].end(), found.begin(), found.end());
+    });
+    mark_duplicates(worlds, twins, fates);
   }
+  for_other_maps([&](std::size_t a, std::size_t b) {
+    if (!sights[b]) return;
+    mark_floaters(worlds[a], sights[a], worlds[b], trees[b], *sights[b], executor, fates[a]);
+  });
   return fates;
 }
 
@@ -293,7 +379,7 @@ FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& o
                          const Executor& executor) {
   const std::size_t models = models_among(maps);
   refuse_if(options.drop_floaters && models == 0, "FusionOptions.drop_floaters",
-            "no splat has a model", "a model, whose images show floaters");
+            "no splat has a model with images", "models of the splats, whose images show floaters");
   const std::vector<std::vector<Fate>> fates = fates_of_splats(maps, options, executor);
   const auto is_kept = [&](Fate fate) {
     return fate == Fate::kKept || (fate == Fate::kFloater && !options.drop_floaters);
@@ -322,7 +408,7 @@ FusionResult join_splats(std::span<const PlacedMap> maps, const FusionOptions& o
     MapFusion& fusion = result.maps.emplace_back();
     fusion.landmarks = maps[m].map->landmark_count();
     fusion.fused = number_of(Fate::kDuplicate);
-    if (models > (maps[m].model != nullptr ? 1U : 0U)) {
+    if (models > (has_images(maps[m]) ? 1U : 0U)) {
       fusion.floaters = number_of(Fate::kFloater);
     }
     for (const std::string& line : maps[m].map->info().provenance) {

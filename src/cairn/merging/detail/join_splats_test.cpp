@@ -113,7 +113,11 @@ TEST(JoinSplats, KeepWhatHasNoCounterpart) {
 
 TEST(JoinSplats, AreTheSameInAnyOrder) {
   const LandmarkMap a = random_splats(200, 1, 4);
-  const LandmarkMap b = random_splats(150, 1, 5);
+  std::vector<LandmarkIndex> some;
+  for (std::uint32_t i = 0; i < 150; ++i) some.push_back(LandmarkIndex{i});
+  const LandmarkMap b = with_opacities(with_landmarks(a, some), [](std::size_t i) {
+    return 0.1 * static_cast<double>(i % 31) - 1.5;
+  });
   const auto sorted_opacities = [](const LandmarkMap& map) {
     const ColumnValues& column = map.column("opacity")->values;
     std::vector<double> values(column.begin(), column.end());
@@ -163,6 +167,46 @@ LandmarkMap splats_at(const std::vector<Eigen::Vector3d>& positions, std::uint64
   tables = std::move(map).tables();
   set_splat_looks(*splat_columns(tables.landmarks.columns), tables.landmarks);
   return LandmarkMap(std::move(tables));
+}
+
+// Round splats of one size along a line, in standard deviations, with logits of their opacities.
+LandmarkMap splats_along(const std::vector<double>& places, const std::vector<double>& opacities) {
+  std::vector<Eigen::Vector3d> positions;
+  for (const double place : places) positions.emplace_back(0.01 * place, 0.0, 0.0);
+  return with_column(splats_at(positions, 1), "opacity", opacities);
+}
+
+TEST(JoinSplats, KeepOneOfEachPairOfDuplicates) {
+  // The second one is like both others, which are not like each other.
+  const LandmarkMap ends = splats_along({0.0, 2.4}, {3.0, 1.0});
+  const LandmarkMap middle = splats_along({1.2}, {2.0});
+  const std::vector<PlacedMap> maps = {{&ends, "ends", {}}, {&middle, "middle", {}}};
+  const FusionResult result = fuse_maps(maps);
+  EXPECT_EQ(result.maps[0].fused, 0U) << "the one that the last would be left out for is left out";
+  EXPECT_EQ(result.maps[1].fused, 1U);
+}
+
+TEST(JoinSplats, KeepWhatLooksDifferent) {
+  constexpr std::size_t kCount = 40;
+  std::vector<double> places;
+  for (std::size_t i = 0; i < kCount; ++i) places.push_back(10.0 * static_cast<double>(i));
+  const auto colored = [&](double opacity, double brightness, double of_last) {
+    LandmarkMap map = splats_along(places, std::vector<double>(kCount, opacity));
+    for (const char* name : {"f_dc_0", "f_dc_1", "f_dc_2"}) {
+      std::vector<double> values(kCount, brightness);
+      values.back() = of_last;
+      map = with_column(map, name, std::move(values));
+    }
+    MapTables tables = std::move(map).tables();
+    set_splat_looks(*splat_columns(tables.landmarks.columns), tables.landmarks);
+    return LandmarkMap(std::move(tables));
+  };
+  const LandmarkMap bright = colored(2.0, 0.5, 0.5);
+  const LandmarkMap dark = colored(1.0, -0.3, 1.0);  // but for its last one, of the darker capture
+  const std::vector<PlacedMap> maps = {{&bright, "bright", {}}, {&dark, "dark", {}}};
+  const FusionResult result = fuse_maps(maps);
+  EXPECT_EQ(result.maps[0].fused, 0U);
+  EXPECT_EQ(result.maps[1].fused, kCount - 1);
 }
 
 // Points halfway from a keyframe to what the map shows.
@@ -248,7 +292,7 @@ TEST(JoinSplats, AreNotDroppedAsFloatersWithoutImages) {
   const std::vector<PlacedMap> maps = {{&splats, "a", {}}, {&splats, "b", {}}};
   EXPECT_THAT(
       testing::refusal(ErrorKind::kMisuse, [&] { fuse_maps(maps, {.drop_floaters = true}); }),
-      HasSubstr("FusionOptions.drop_floaters: no splat has a model"));
+      HasSubstr("FusionOptions.drop_floaters: no splat has a model with images"));
 }
 
 TEST(JoinSplats, AreNotJoinedWithOthers) {

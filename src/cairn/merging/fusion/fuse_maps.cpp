@@ -600,8 +600,10 @@ FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& opt
                        const Execution& execution) {
   options.validate();
   if (maps.empty()) throw Error(ErrorKind::kMisuse, "maps", "none", "at least one map");
-  return detail::are_splats(maps) ? detail::join_splats(maps, options, execution.executor)
-                                  : detail::Fusion(maps, options, execution).run();
+  if (detail::are_splats(maps)) return detail::join_splats(maps, options, execution.executor);
+  refuse_if(options.drop_floaters, "FusionOptions.drop_floaters", "the maps are no Gaussian splats",
+            "Gaussian splats");
+  return detail::Fusion(maps, options, execution).run();
 }
 
 }  // namespace cairn

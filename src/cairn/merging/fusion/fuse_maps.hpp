@@ -116,15 +116,17 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of combined la
 ///
 /// Gaussian splats are concatenated instead: each splat except a duplicate is moved into the world
 /// without other changes. Two splats of different maps are duplicates if the Bhattacharyya
-/// coefficient of their Gaussians is at least 0.8. The splat of lower opacity is left out and
+/// coefficient of their Gaussians is at least 0.8, and if their colours differ as those of most
+/// duplicates do (25 of 255). A splat is left out if a duplicate of higher opacity stays, and
 /// counts as fused. Columns of the map with the highest harmonic degree come first, then other
 /// columns. Missing harmonics and normals are zero; other missing values are unknown. Where another
 /// map has a model, floaters are counted, and left out on request: splats that at least three keyframes
 /// of that model look through, where that map has no splat, and that the keyframes of the map's own
 /// model, if any, do not confirm.
 ///
-/// @throws Error (misuse) for no map, invalid options or drop_floaters without a model, (input) for more landmarks or frames than
-///         32-bit indices, or for splats mixed with other maps
+/// @throws Error (misuse) for no map, invalid options, or drop_floaters without splats and a model;
+///         (input) for more landmarks or frames than 32-bit indices, or for splats mixed with other
+///         maps
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {},
                        const Execution& execution = {});
 

@@ -27,21 +27,21 @@ Scalar scalar(std::optional<double> value) {
   return value ? Scalar(*value) : Scalar();
 }
 
-std::uint32_t landmark_of(const ShownPoints& points, std::uint32_t point, std::string_view role) {
-  if (point >= points.landmarks.size()) {
+std::int32_t checked(std::uint32_t point, const Points& points, std::string_view role) {
+  if (point >= points.size()) {
     throw Error(ErrorKind::kMisuse, fmt::format("match of a {} point", role),
-                fmt::format("{}", point), fmt::format("one of {} points", points.landmarks.size()));
+                fmt::format("{}", point), fmt::format("one of {} points", points.size()));
   }
-  return points.landmarks[point];
+  return static_cast<std::int32_t>(point);
 }
 
-// The match of each source landmark in one iteration.
-std::vector<std::int32_t> match_list(const std::vector<Match>& matches, const ShownPoints& source,
-                                     const ShownPoints& target) {
-  std::vector<std::int32_t> list(source.landmark_count, kNoMatch);
+// The match of each source point in one iteration.
+std::vector<std::int32_t> match_list(const std::vector<Match>& matches, const Points& source,
+                                     const Points& target) {
+  std::vector<std::int32_t> list(source.size(), kNoMatch);
   for (const Match& match : matches) {
-    list.at(landmark_of(source, match.source, "source")) =
-        static_cast<std::int32_t>(landmark_of(target, match.target, "target"));
+    list[static_cast<std::size_t>(checked(match.source, source, "source"))] =
+        checked(match.target, target, "target");
   }
   return list;
 }
@@ -77,8 +77,7 @@ std::vector<IterationRecord> with_estimate(const RegistrationResult& result) {
   return history;
 }
 
-void add_errors(AlignmentRun& run, const Similarity3& truth,
-                const std::vector<Eigen::Vector3d>& positions) {
+void add_errors(AlignmentRun& run, const Similarity3& truth, const Points& positions) {
   for (const Similarity3& pose : run.target_from_source) {
     const PoseError error = pose_error(pose, truth, positions);
     run.rotation_error_deg.push_back(degrees(error.rotation_rad));
@@ -110,25 +109,8 @@ Scalar summary_value(const AlignmentRun& run, std::string_view name) {
 
 }  // namespace
 
-ShownPoints ShownPoints::only_aligned(const LandmarkMap& map, const PointSetOptions& options) {
-  ShownPoints points = among_all(map, options);
-  points.landmark_count = points.landmarks.size();
-  for (std::uint32_t i = 0; i < points.landmarks.size(); ++i) points.landmarks[i] = i;
-  return points;
-}
-
-ShownPoints ShownPoints::among_all(const LandmarkMap& map, const PointSetOptions& options) {
-  ShownPoints points;
-  points.landmark_count = map.landmark_count();
-  for (const LandmarkIndex landmark : landmarks_to_align(map, options)) {
-    points.landmarks.push_back(landmark.value);
-    points.positions.push_back(map.landmarks().positions[landmark.value]);
-  }
-  return points;
-}
-
-Matches delta_coded(std::span<const IterationRecord> history, const ShownPoints& source,
-                    const ShownPoints& target) {
+Matches delta_coded(std::span<const IterationRecord> history, const Points& source,
+                    const Points& target) {
   Matches matches;
   if (history.empty()) return matches;
   matches.first = match_list(history.front().matches, source, target);
@@ -148,8 +130,8 @@ Matches delta_coded(std::span<const IterationRecord> history, const ShownPoints&
   return matches;
 }
 
-AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& source,
-                      const ShownPoints& target, const RunOptions& options) {
+AlignmentRun make_run(const RegistrationResult& result, const Points& source, const Points& target,
+                      const RunOptions& options) {
   AlignmentRun run;
   run.name = options.name;
   // In the target's unit from the first iteration, because a start without a pose has no scale.
@@ -167,7 +149,7 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
   }
   if (!history.empty()) run.scores.back() = result.score.value_or(run.scores.back());
   if (std::all_of(run.scores.begin(), run.scores.end(), is_nan)) run.scores.clear();
-  if (options.truth) add_errors(run, *options.truth, source.positions);
+  if (options.truth) add_errors(run, *options.truth, source);
   if (traced) run.matches = delta_coded(history, source, target);
 
   const std::string status =
@@ -194,8 +176,8 @@ AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& sourc
   return run;
 }
 
-AlignmentRun make_run(const Alignment& alignment, const ShownPoints& source,
-                      const ShownPoints& target, RunOptions options) {
+AlignmentRun make_run(const Alignment& alignment, const Points& source, const Points& target,
+                      RunOptions options) {
   RegistrationResult registration = alignment.registration;
   registration.reason = alignment.reason;
   registration.duration_s = alignment.duration_s;

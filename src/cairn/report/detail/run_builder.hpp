@@ -16,20 +16,9 @@
 
 namespace cairn::report::detail {
 
-/// Landmarks of a report's Map that show aligned points: entry i is the index in the Map of point i. Needed
-/// because matches of a RegistrationResult index points of a PointSet, which leaves out landmarks and has
-/// its own order.
-struct ShownPoints {
-  std::size_t landmark_count = 0;               ///< number of landmarks of the Map
-  std::vector<std::uint32_t> landmarks = {};    ///< one per point
-  std::vector<Eigen::Vector3d> positions = {};  ///< one per point
-
-  /// For a report that shows only the aligned landmarks. The caller makes its Map with
-  /// MapOptions::landmarks = landmarks_to_align(map, options), so that both have the PointSet's order.
-  static ShownPoints only_aligned(const LandmarkMap& map, const PointSetOptions& options);
-  /// For a map that shows all its landmarks.
-  static ShownPoints among_all(const LandmarkMap& map, const PointSetOptions& options);
-};
+/// Positions of the points of an alignment, in the order of a PointSet. The Map of a report with matches is made
+/// with MapOptions::landmarks = landmarks_to_align(), so that its landmarks have this order too.
+using Points = std::vector<Eigen::Vector3d>;
 
 struct RunOptions {
   std::string name = {};                  ///< e.g. "base"
@@ -45,17 +34,17 @@ struct RunOptions {
 /// An alignment by iteration; if the result has a pose, it is the last one. Includes the scores and matches
 /// of each iteration if IcpOptions::trace was set; otherwise only those of the result.
 /// @throws Error (misuse) if a match names a missing point
-AlignmentRun make_run(const RegistrationResult& result, const ShownPoints& source,
-                      const ShownPoints& target, const RunOptions& options);
+AlignmentRun make_run(const RegistrationResult& result, const Points& source, const Points& target,
+                      const RunOptions& options);
 
 /// An alignment as a run of a scene: the result of make_run(), with the alignment's status and reason.
 /// @throws Error as make_run()
-AlignmentRun make_run(const Alignment& alignment, const ShownPoints& source,
-                      const ShownPoints& target, RunOptions options);
+AlignmentRun make_run(const Alignment& alignment, const Points& source, const Points& target,
+                      RunOptions options);
 
 /// The matches of `history` in differential coding.
-Matches delta_coded(std::span<const IterationRecord> history, const ShownPoints& source,
-                    const ShownPoints& target);
+Matches delta_coded(std::span<const IterationRecord> history, const Points& source,
+                    const Points& target);
 
 /// Score by iteration; for runs without scores, the mean squared distance of their matches.
 LinesChart convergence_chart(std::span<const AlignmentRun> runs, LengthUnit unit);

@@ -60,6 +60,10 @@ struct Aligned {
   }
 };
 
+Points points_of(const LandmarkMap& map, const PointSetOptions& options) {
+  return point_set(map, std::nullopt, options).positions;
+}
+
 std::vector<std::int32_t> current_matches(const Matches& matches, std::size_t iteration) {
   std::vector<std::int32_t> current = matches.first;
   std::size_t next = 0;
@@ -73,8 +77,8 @@ std::vector<std::int32_t> current_matches(const Matches& matches, std::size_t it
 
 TEST(MakeRun, PosesBeginWithTheInitialOne) {
   const Aligned aligned;
-  const auto source = ShownPoints::among_all(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::among_all(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
   const std::size_t count = aligned.result.history.size() + 1;
   ASSERT_GT(count, 3U);
@@ -91,15 +95,15 @@ TEST(MakeRun, PosesBeginWithTheInitialOne) {
   ASSERT_THAT(run.rotation_error_deg, SizeIs(count));
   EXPECT_GT(run.rotation_error_deg.front(), 5.0);
   EXPECT_LT(run.scores.back(), run.scores.front());
-  const PoseError error = pose_error(aligned.result.target_from_source,
-                                     aligned.pair.target_from_source, source.positions);
+  const PoseError error =
+      pose_error(aligned.result.target_from_source, aligned.pair.target_from_source, source);
   EXPECT_EQ(run.translation_error.back(), error.translation);
 }
 
 TEST(MakeRun, KeepsScales) {
   Aligned aligned;
-  const auto source = ShownPoints::among_all(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::among_all(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   aligned.result.history.front().scale = 1.25;
   aligned.result.scale = aligned.result.history.back().scale = 1.5;
   const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
@@ -107,7 +111,7 @@ TEST(MakeRun, KeepsScales) {
   EXPECT_EQ(run.target_from_source[2].scale(), 1.0);
   EXPECT_EQ(run.target_from_source.back().scale(), 1.5);
   const PoseError error = pose_error(Similarity3(1.5, aligned.result.target_from_source),
-                                     aligned.pair.target_from_source, source.positions);
+                                     aligned.pair.target_from_source, source);
   EXPECT_EQ(run.translation_error.back(), error.translation);
 }
 
@@ -117,8 +121,8 @@ TEST(MakeRun, APoseTakenFromACycleComesLast) {
   aligned.result = icp(aligned.pair.source, aligned.pair.target, observations_metric(),
                        aligned.options, aligned.point_options);
   ASSERT_EQ(aligned.result.stop_reason, StopReason::kCycle) << "or this shows nothing";
-  const auto source = ShownPoints::among_all(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::among_all(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
   ASSERT_THAT(run.target_from_source, SizeIs(aligned.result.history.size() + 2));
   EXPECT_EQ(run.target_from_source.back().matrix(), aligned.result.target_from_source.matrix());
@@ -134,16 +138,16 @@ std::map<std::string, Scalar> summary_of(const AlignmentRun& run) {
 TEST(MakeRun, AResultWithoutAHistoryEndsAtItsPose) {
   Aligned aligned;
   aligned.result.history.clear();
-  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
   ASSERT_THAT(run.target_from_source, SizeIs(2));
   EXPECT_EQ(run.target_from_source.front().matrix(), aligned.options.initial.matrix());
   EXPECT_EQ(run.target_from_source.back().matrix(), aligned.result.target_from_source.matrix());
   EXPECT_THAT(run.scores, ElementsAre(*aligned.result.initial_score, *aligned.result.score));
   EXPECT_FALSE(run.matches.has_value());
-  const PoseError error = pose_error(aligned.result.target_from_source,
-                                     aligned.pair.target_from_source, source.positions);
+  const PoseError error =
+      pose_error(aligned.result.target_from_source, aligned.pair.target_from_source, source);
   EXPECT_EQ(summary_of(run).at("rotation_error_deg"), Scalar(degrees(error.rotation_rad)));
   EXPECT_EQ(summary_of(run).at("translation_error_m"), Scalar(error.translation));
 }
@@ -155,8 +159,8 @@ TEST(MakeRun, APoseThatNoIterationReachedComesLast) {
   ASSERT_NE(estimate.matrix(), aligned.result.similarity().matrix());
   aligned.result.target_from_source = estimate.rigid();
   aligned.result.scale = estimate.scale();
-  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   RunOptions options = aligned.run_options();
   options.truth = estimate;
   const AlignmentRun run = make_run(aligned.result, source, target, options);
@@ -170,8 +174,8 @@ TEST(MakeRun, APoseThatNoIterationReachedComesLast) {
 TEST(MakeRun, ARejectedPoseIsShownWithoutErrors) {
   Aligned aligned;
   aligned.result.history.clear();
-  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   RunOptions options = aligned.run_options();
   options.rejected = true;
   const AlignmentRun run = make_run(aligned.result, source, target, options);
@@ -179,46 +183,13 @@ TEST(MakeRun, ARejectedPoseIsShownWithoutErrors) {
   EXPECT_EQ(summary_of(run).at("rotation_error_deg"), Scalar());
 }
 
-// The points of a match are where its landmarks are, whichever landmarks the report shows.
-TEST(MakeRun, MatchesNameTheLandmarksOfTheShownMaps) {
-  const Aligned aligned;
-  const LandmarkMap& source_map = aligned.pair.source;
-  const LandmarkMap& target_map = aligned.pair.target;
-  const PointSet source_points = point_set(source_map, std::nullopt, aligned.point_options);
-  const PointSet target_points = point_set(target_map, std::nullopt, aligned.point_options);
-  ASSERT_LT(source_points.positions.size(), source_map.landmark_count());
-  const auto source = ShownPoints::among_all(source_map, aligned.point_options);
-  const auto target = ShownPoints::among_all(target_map, aligned.point_options);
-  const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
-  ASSERT_TRUE(run.matches.has_value());
-  for (std::size_t i = 0; i < aligned.result.history.size(); ++i) {
-    const auto current = current_matches(*run.matches, i);
-    ASSERT_THAT(current, SizeIs(source_map.landmark_count()));
-    const auto& matches = aligned.result.history[i].matches;
-    EXPECT_EQ(static_cast<std::size_t>(
-                  std::count_if(current.begin(), current.end(), [](int t) { return t >= 0; })),
-              matches.size());
-    std::map<double, double> expected;  // x of both ends; no two landmarks have the same
-    for (const Match& match : matches) {
-      expected[source_points.positions[match.source].x()] =
-          target_points.positions[match.target].x();
-    }
-    for (std::size_t k = 0; k < current.size(); ++k) {
-      if (current[k] < 0) continue;
-      ASSERT_EQ(expected.at(source_map.landmarks().positions[k].x()),
-                target_map.landmarks().positions[static_cast<std::size_t>(current[k])].x());
-    }
-  }
-}
-
 TEST(MakeRun, MapsOfWhatIsAlignedAloneHaveItsOrder) {
   const Aligned aligned;
-  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
   const PointSet points = point_set(aligned.pair.source, std::nullopt, aligned.point_options);
-  EXPECT_EQ(source.landmark_count, points.positions.size());
-  EXPECT_EQ(source.positions, points.positions);
+  EXPECT_EQ(source, points.positions);
   const Map map =
       make_map(aligned.pair.source,
                {.landmarks = landmarks_to_align(aligned.pair.source, aligned.point_options)});
@@ -227,15 +198,22 @@ TEST(MakeRun, MapsOfWhatIsAlignedAloneHaveItsOrder) {
   for (std::size_t i = 0; i < map.count; ++i) {
     EXPECT_NEAR(map.origin[0] + map.step[0] * stored[3 * i], points.positions[i].x(), 1e-6);
   }
-  for (const Match& match : aligned.result.history.front().matches) {
-    EXPECT_EQ(run.matches->first[match.source], static_cast<std::int32_t>(match.target));
+  for (std::size_t i = 0; i < aligned.result.history.size(); ++i) {
+    const auto current = current_matches(*run.matches, i);
+    const auto& matches = aligned.result.history[i].matches;
+    EXPECT_EQ(static_cast<std::size_t>(
+                  std::count_if(current.begin(), current.end(), [](int t) { return t >= 0; })),
+              matches.size());
+    for (const Match& match : matches) {
+      ASSERT_EQ(current[match.source], static_cast<std::int32_t>(match.target));
+    }
   }
 }
 
 TEST(MakeRun, WithoutATraceThereAreNoMatches) {
   const Aligned aligned(false);
-  const auto source = ShownPoints::only_aligned(aligned.pair.source, aligned.point_options);
-  const auto target = ShownPoints::only_aligned(aligned.pair.target, aligned.point_options);
+  const auto source = points_of(aligned.pair.source, aligned.point_options);
+  const auto target = points_of(aligned.pair.target, aligned.point_options);
   const AlignmentRun run = make_run(aligned.result, source, target, aligned.run_options());
   EXPECT_FALSE(run.matches.has_value());
   EXPECT_EQ(run.scores.front(), aligned.result.initial_score);
@@ -261,12 +239,12 @@ TEST(MakeRun, AFailedAlignmentHasItsInitialPoseOnly) {
 TEST(MakeRun, AMatchOfAPointThatIsNotThereIsRefused) {
   RegistrationResult result;
   result.history.emplace_back().matches = {Match{0, 5, 0.0}};
-  const ShownPoints one = {1, {0}, {Eigen::Vector3d::Zero()}};
+  const Points one = {Eigen::Vector3d::Zero()};
   EXPECT_THROW(make_run(result, one, one, {}), Error);
 }
 
 TEST(DeltaCoded, HoldsOnlyWhatChanges) {
-  const ShownPoints points = {4, {3, 2, 1, 0}, {}};
+  const Points points(4);
   const auto iteration = [](std::vector<Match> matches) {
     IterationRecord record;
     record.matches = std::move(matches);
@@ -276,10 +254,10 @@ TEST(DeltaCoded, HoldsOnlyWhatChanges) {
                                                 iteration({{0, 0, 0.0}, {2, 1, 0.0}}),
                                                 iteration({{0, 2, 0.0}, {3, 3, 0.0}})};
   const Matches matches = delta_coded(history, points, points);
-  EXPECT_THAT(matches.first, ElementsAre(-1, 2, -1, 3));
+  EXPECT_THAT(matches.first, ElementsAre(0, -1, 1, -1));
   EXPECT_THAT(matches.change_counts, ElementsAre(0U, 3U));
-  EXPECT_THAT(matches.changed, ElementsAre(0U, 1U, 3U));
-  EXPECT_THAT(matches.targets, ElementsAre(0, -1, 1));
+  EXPECT_THAT(matches.changed, ElementsAre(0U, 2U, 3U));
+  EXPECT_THAT(matches.targets, ElementsAre(2, -1, 3));
 }
 
 TEST(RunTable, HasTheColumnsThatSomeRunKnows) {
@@ -321,8 +299,8 @@ TEST(Charts, SkipWhatIsUnknownAndAvoidTheLogarithmOfZero) {
 TEST(ReportSize, FourRunsOf150IterationsStayUnder15Megabytes) {
   constexpr std::uint32_t kLandmarks = 6000;
   const auto truth = synthetic_pair({.landmarks = kLandmarks});
-  const auto source = ShownPoints::among_all(truth.source, {.min_observations = 0});
-  const auto target = ShownPoints::among_all(truth.target, {.min_observations = 0});
+  const auto source = points_of(truth.source, {.min_observations = 0});
+  const auto target = points_of(truth.target, {.min_observations = 0});
   Report report;
   report.title = "largest";
   report.maps = {make_map(truth.source, {.id = "source"}),
@@ -335,10 +313,10 @@ TEST(ReportSize, FourRunsOf150IterationsStayUnder15Megabytes) {
       IterationRecord record;
       record.score = 1.0 / (i + 1.1);
       record.mean_squared_distance = 1.0 / (i + 1.3);
-      for (std::uint32_t k = 0; k < source.landmarks.size(); ++k) {
+      for (std::uint32_t k = 0; k < source.size(); ++k) {
         state = state * 1664525U + 1013904223U;
         record.matches.push_back(
-            {k, (state >> 8U) % static_cast<std::uint32_t>(target.landmarks.size()), 0.0});
+            {k, (state >> 8U) % static_cast<std::uint32_t>(target.size()), 0.0});
       }
       result.history.push_back(std::move(record));
     }
