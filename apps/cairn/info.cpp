@@ -194,7 +194,7 @@ class Properties {
     add("Gaussian splats", fmt::format("of degree {}, median opacity {:.2f}", columns.degree,
                                        median_opacity(map_, columns)));
     add("serve as landmarks",
-        fmt::format("{}; left out: {} transparent, {} large, {} far away, {} floaters, {} plain",
+        fmt::format("{}; left out: {} transparent, {} large, {} far away, {} isolated, {} plain",
                     splats.kept.size(), splats.transparent, splats.large, splats.distant,
                     splats.isolated, splats.plain));
   }

@@ -16,7 +16,7 @@
 #include "cairn/alignment/alignment.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/formats/map_file.hpp"
-#include "cairn/map/operations.hpp"
+#include "cairn/map/splats.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
 #include "cairn/report/report.hpp"
 #include "cairn/report/sections.hpp"
@@ -187,17 +187,24 @@ std::string omission_text(const MergeResult& result, const std::vector<std::stri
   return text;
 }
 
-// Of splats with models: "floaters in first.ply, which images of other splats look through: 120".
-std::string floaters_text(const MergeResult& result, const std::vector<std::string>& names,
-                          bool dropped) {
+// Of splats: "first: 1,132 duplicates left out, 73 floaters that images of other splats look through".
+std::string splats_text(const MergeResult& result, const std::vector<std::string>& names,
+                        bool without_floaters) {
+  if (!splat_columns(result.map->landmarks().columns)) return {};
   std::string text;
+  std::size_t floaters = 0;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto& fusion = result.maps[i].fusion;
-    if (!fusion || fusion->floaters.value_or(0) == 0) continue;
-    text += fmt::format("{}: {} floaters that images of other splats look through{}\n", names[i],
-                        with_commas(*fusion->floaters), dropped ? "; left out" : "");
+    if (!fusion) continue;
+    text += fmt::format("{}: {} duplicates left out", names[i], with_commas(fusion->fused));
+    if (fusion->floaters) {
+      text += fmt::format(", {} floaters that images of other splats look through{}",
+                          with_commas(*fusion->floaters), without_floaters ? " left out" : "");
+      floaters += *fusion->floaters;
+    }
+    text += "\n";
   }
-  if (!text.empty() && !dropped) text += "  hint: --drop-floaters leaves them out\n";
+  if (floaters > 0 && !without_floaters) text += "  hint: --drop-floaters leaves floaters out\n";
   return text;
 }
 
@@ -245,7 +252,9 @@ struct MergeMapsArguments {
         "by\n"
         "'cairn map --mini-map-length', also uses the odometry links in its pose_graph.json.\n"
         "Example: merge two sessions and a folder of mini-maps into one map\n"
-        "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html");
+        "  cairn merge monday.map tuesday.map robot2/ -o building.map --report building.html\n"
+        "Example: merge two Gaussian splats by the models that they were trained on\n"
+        "  cairn merge first.ply second.ply --models first/sparse/0 second/sparse/0 -o both.ply");
   }
 
   int run() {
@@ -352,7 +361,7 @@ struct MergeMapsArguments {
       for (std::size_t i = 0; i < names.size(); ++i) {
         text += bend_text(result.maps[i].bend, names[i]);
       }
-      text += fmt::format("\n{}{}wrote {}\n", floaters_text(result, names, options.drop_floaters),
+      text += fmt::format("\n{}{}wrote {}\n", splats_text(result, names, options.drop_floaters),
                           adjustment_text(result.adjustment), output);
     } else {
       text += fmt::format("{} is not written: no two maps are aligned\n", output);

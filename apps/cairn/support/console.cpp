@@ -75,7 +75,9 @@ void Console::print(std::string_view text) const {
 }
 
 void Console::remark(std::string_view text) const {
-  if (!quiet_) print_error(fmt::format("cairn: {}\n", text));
+  if (quiet_) return;
+  if (::isatty(STDERR_FILENO) != 0) draw({});  // over a progress bar
+  print_error(fmt::format("cairn: {}\n", text));
 }
 
 LogSink Console::log() const {

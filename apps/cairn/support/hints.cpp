@@ -195,7 +195,8 @@ class Hints {
         splat_columns(source_.landmarks().columns) && splat_columns(target_.landmarks().columns);
     if (are_splats) {
       add("Add --models with the COLMAP models that the splats were trained on, which have "
-          "descriptors and cameras.");
+          "cameras, "
+          "and descriptors if their database.db is beside them.");
     } else if (!candidates.empty() && !candidates.front().support.agreement) {
       add("Use maps that both have descriptors of one kind, which tell similar places apart; cairn "
           "map stores them.");

@@ -28,6 +28,7 @@
 #include "cairn/geometry/detail/central_part.hpp"
 #include "cairn/geometry/detail/pose_distance.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/splats.hpp"
 #include "cairn/pose_graph/optimise_poses.hpp"
 #include "cairn/registration/neighbors/batch_tree.hpp"
 
@@ -654,6 +655,8 @@ void require_one_frame(const LandmarkMap& map, const LandmarkMap& model, const s
   constexpr double kLeastShare = 0.5;
   const std::vector<Eigen::Vector3d>& positions = model.landmarks().positions;
   reject_if(positions.empty(), name, "its model has no landmarks", "a model with landmarks");
+  reject_if(splat_columns(model.landmarks().columns).has_value(), name,
+            "its model is a Gaussian splat", "the SfM model that the splat was trained on");
   const double limit = kNear * node_extent(positions).radius;
   const BatchTree tree(map.landmarks().positions);
   std::array<Neighbor, 1> nearest;
@@ -662,9 +665,13 @@ void require_one_frame(const LandmarkMap& map, const LandmarkMap& model, const s
   });
   const double share = static_cast<double>(near) / static_cast<double>(positions.size());
   if (share >= kLeastShare) return;
-  throw Error(ErrorKind::kInput, name,
-              fmt::format("{:.0f} % of its model's landmarks are near its own", 100.0 * share),
-              "a model in the same frame and unit");
+  throw Error(
+      ErrorKind::kInput, name,
+      fmt::format("{:.0f} % of its model's landmarks are near its own", 100.0 * share),
+      fmt::format("at least {:.0f} %: a model in the same frame and unit. Is it the model of "
+                  "another map, or does nerfstudio's dataparser_transforms.json beside the "
+                  "map move it?",
+                  100.0 * kLeastShare));
 }
 
 }  // namespace cairn

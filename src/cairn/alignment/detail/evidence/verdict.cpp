@@ -255,7 +255,7 @@ std::string evidence_text(std::span<const PlacementCandidate> candidates, std::s
     text += fmt::format(", {} of the matches have similar descriptors ({} expected by chance)",
                         percent(share), percent(Likeness::kChance));
   }
-  if (best.support.contrast && !best.support.agreement) {
+  if (best.support.contrast && !best.support.agreement && contrast_evidence(best.support) > 0.0) {
     text += fmt::format(
         ", the lightness of {} matches relative to their neighbours has a correlation of {:.2f} "
         "(0 expected by chance)",
@@ -380,7 +380,8 @@ Judgement judge(std::span<const PlacementCandidate> candidates, const Registrati
                                       [&](const PlacementCandidate& candidate) {
                                         return candidate.probability >= kRival * best.probability;
                                       });
-    return ambiguous(fmt::format("{} poses fit about equally well", rivals));
+    return ambiguous(rivals == 1 ? "other poses are not unlikely enough"
+                                 : fmt::format("{} poses fit about equally well", rivals));
   }
   return {Verdict::kRejected, found};
 }
