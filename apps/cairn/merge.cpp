@@ -187,7 +187,7 @@ std::string omission_text(const MergeResult& result, const std::vector<std::stri
   return text;
 }
 
-// Of splats: "first: 1,132 duplicates left out, 73 floaters that images of other splats look through".
+// Of splats: "first: 1,132 duplicates left out, 73 floaters, which images of other splats look through".
 std::string splats_text(const MergeResult& result, const std::vector<std::string>& names,
                         bool without_floaters) {
   if (!splat_columns(result.map->landmarks().columns)) return {};
@@ -198,8 +198,9 @@ std::string splats_text(const MergeResult& result, const std::vector<std::string
     if (!fusion) continue;
     text += fmt::format("{}: {} duplicates left out", names[i], with_commas(fusion->fused));
     if (fusion->floaters) {
-      text += fmt::format(", {} floaters that images of other splats look through{}",
-                          with_commas(*fusion->floaters), without_floaters ? " left out" : "");
+      text += fmt::format(
+          ", {} floaters{}", with_commas(*fusion->floaters),
+          without_floaters ? " left out" : ", which images of other splats look through");
       floaters += *fusion->floaters;
     }
     text += "\n";
