@@ -404,7 +404,7 @@ struct AlignArguments {
 
     const Folds folds = folds_of(results.front().alignment, source_map, target_map);
     write_answer(results.front().alignment, given_source ? *given_source : source_map.map,
-                 target_map, unit, given_source ? std::vector<FrameIndex>() : folds.of_source);
+                 target_map, unit, folds.of_source);
     Json inputs = {{"source", source_map.description}, {"target", target_map.description}};
     if (true_pose) {
       inputs["truth"] = {{"path", truth},
@@ -479,7 +479,7 @@ struct AlignArguments {
 
   // What each map shows to be folded in the other, at a trusted pose.
   struct Folds {
-    std::vector<FrameIndex> of_source;
+    std::vector<FrameIndex> of_source;  // to be left out of the output
     Json json = Json::array();
     std::string text;
   };
@@ -502,7 +502,8 @@ struct AlignArguments {
         result.text += "; they are left out of " + output;
       result.text += "\n";
     }
-    if (folds[0]) result.of_source = folds[0]->frames;
+    // A model is not what is written.
+    if (folds[0] && models.empty()) result.of_source = folds[0]->frames;
     return result;
   }
 

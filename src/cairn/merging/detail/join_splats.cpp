@@ -30,10 +30,13 @@ namespace {
 
 // A map's splats in the world.
 struct WorldSplats {
+  const PlacedMap* placed = nullptr;
   std::vector<Vector3d> positions;
   std::vector<Matrix3d> covariances;
   std::vector<double> opacities;
   std::size_t rank = 0;  // in the order of largest_first()
+  std::optional<BatchTree> tree;
+  std::optional<MapSights> sights;  // of the model's images, if there are any
 };
 
 // Makes a disc at least as thick as a share of its width, because its own thickness is less than the
@@ -46,9 +49,19 @@ Matrix3d thickened(const Matrix3d& covariance) {
   return eigen.vectors * values.asDiagonal() * eigen.vectors.transpose();
 }
 
+// A model that has images.
+bool has_images(const PlacedMap& placed) {
+  return placed.model != nullptr && placed.model->has_observations();
+}
+
+std::size_t models_among(std::span<const PlacedMap> maps) {
+  return static_cast<std::size_t>(std::ranges::count_if(maps, has_images));
+}
+
 WorldSplats splats_in_world(const PlacedMap& placed, const Executor& executor) {
   const LandmarkTable& landmarks = placed.map->landmarks();
   WorldSplats world;
+  world.placed = &placed;
   world.positions = moved_points(landmarks.positions, placed.world_from_map);
   world.opacities = splat_opacities(*splat_columns(landmarks.columns), landmarks);
   world.covariances.assign(landmarks.positions.size(), Matrix3d::Zero());
@@ -61,6 +74,8 @@ WorldSplats splats_in_world(const PlacedMap& placed, const Executor& executor) {
           world.covariances[i] = thickened(propagated_covariance(linear, landmarks.covariances[i]));
         }
       });
+  world.tree.emplace(world.positions);
+  if (has_images(placed)) world.sights.emplace(*placed.model, placed.world_from_map);
   return world;
 }
 
@@ -75,24 +90,6 @@ double overlap_coefficient(const Vector3d& apart, const Matrix3d& a, const Matri
 }
 
 enum class Fate : std::uint8_t { kKept, kDuplicate, kFloater };
-
-constexpr std::size_t kNearest = 4;
-constexpr std::uint32_t kNoSplat = std::numeric_limits<std::uint32_t>::max();
-
-// Calls visit(splat, k, its k-th neighbour in `other`, overlap) for the nearest splats of another map.
-template <class Visit>
-void for_near_splats(const WorldSplats& map, const WorldSplats& other, const BatchTree& of_other,
-                     const Executor& executor, const Visit& visit) {
-  BatchTree::Batch batch = of_other.batch(kNearest);
-  batch.for_each(map.positions, executor, [&](std::size_t i, const auto& nearest) {
-    for (std::size_t k = 0; k < nearest.size(); ++k) {
-      const std::uint32_t j = nearest.index(k);
-      visit(i, k, j,
-            overlap_coefficient(other.positions[j] - map.positions[i], map.covariances[i],
-                                other.covariances[j]));
-    }
-  });
-}
 
 // A splat and a like one of another map that comes before it.
 struct Twin {
@@ -124,34 +121,46 @@ void drop_other_colors(std::vector<Twin>& twins) {
   });
 }
 
-// The twins of a map's splats in another map, by ascending splat.
-std::vector<Twin> twins_in(const PlacedMap& placed, const WorldSplats& map,
-                           const PlacedMap& other_placed, const WorldSplats& other,
-                           std::uint32_t other_map, const BatchTree& of_other,
-                           const Executor& executor) {
-  constexpr double kLeastOverlap = 0.8;  // of equal discs 1.3 standard deviations apart
+// A map's splats compared with the nearest ones of another map.
+struct Comparison {
+  std::vector<Twin> twins;                 // by ascending splat
+  std::vector<std::uint8_t> has_neighbor;  // by splat: whether one of the others overlaps it
+};
+
+Comparison compared(const WorldSplats& map, const WorldSplats& other, std::uint32_t other_map,
+                    const Executor& executor) {
+  constexpr std::size_t kNearest = 4;
+  constexpr double kTwinOverlap = 0.8;       // of equal discs 1.3 standard deviations apart
+  constexpr double kNeighborOverlap = 0.05;  // 4.9 standard deviations
+  constexpr std::uint32_t kNoSplat = std::numeric_limits<std::uint32_t>::max();
+  Comparison result;
+  result.has_neighbor.assign(map.positions.size(), 0);
   std::vector<std::array<std::uint32_t, kNearest>> like(map.positions.size());
   for (auto& each : like) each.fill(kNoSplat);
-  for_near_splats(map, other, of_other, executor,
-                  [&](std::size_t i, std::size_t k, std::uint32_t j, double overlap) {
-                    const auto own = static_cast<std::uint32_t>(i);
-                    if (overlap >= kLeastOverlap && comes_before(other, j, map, own))
-                      like[i][k] = j;
-                  });
-  const auto color = [](const PlacedMap& of, std::uint32_t i) {
-    const auto& colors = of.map->landmarks().colors;
+  BatchTree::Batch batch = other.tree->batch(kNearest);
+  batch.for_each(map.positions, executor, [&](std::size_t i, const auto& nearest) {
+    for (std::size_t k = 0; k < nearest.size(); ++k) {
+      const std::uint32_t j = nearest.index(k);
+      const double overlap = overlap_coefficient(other.positions[j] - map.positions[i],
+                                                 map.covariances[i], other.covariances[j]);
+      if (overlap > kNeighborOverlap) result.has_neighbor[i] = 1;
+      if (overlap < kTwinOverlap) continue;
+      if (comes_before(other, j, map, static_cast<std::uint32_t>(i))) like[i][k] = j;
+    }
+  });
+  const auto color = [](const WorldSplats& of, std::uint32_t i) {
+    const auto& colors = of.placed->map->landmarks().colors;
     const auto shown = colors.empty() ? std::nullopt : colors[i];
     return shown ? Vector3d(shown->red, shown->green, shown->blue) : Vector3d(0.0, 0.0, 0.0);
   };
-  std::vector<Twin> twins;
   for (std::uint32_t i = 0; i < like.size(); ++i) {
     for (const std::uint32_t j : like[i]) {
       if (j == kNoSplat) continue;
-      twins.push_back({i, other_map, j, color(placed, i) - color(other_placed, j)});
+      result.twins.push_back({i, other_map, j, color(map, i) - color(other, j)});
     }
   }
-  drop_other_colors(twins);
-  return twins;
+  drop_other_colors(result.twins);
+  return result;
 }
 
 // Marks splats of which a twin stays. Those that come first are decided first.
@@ -182,37 +191,22 @@ bool is_seen_through(const MapSights::Count& count) {
 
 // Marks the splats where another map has none, that the keyframes of its model look through, and
 // that the keyframes of the map's own model do not confirm.
-void mark_floaters(const WorldSplats& map, const std::optional<MapSights>& own,
-                   const WorldSplats& other, const BatchTree& of_other,
-                   const MapSights& sights_of_other, const Executor& executor,
+void mark_floaters(const WorldSplats& map, const WorldSplats& other,
+                   const std::vector<std::uint8_t>& has_neighbor, const Executor& executor,
                    std::vector<Fate>& fates) {
-  constexpr double kMostOverlap = 0.05;  // of equal discs 4.9 standard deviations apart
   constexpr double kDeviations = 3.0;
-  std::vector<std::uint8_t> has_neighbor(map.positions.size(), 0);
-  for_near_splats(map, other, of_other, executor,
-                  [&](std::size_t i, std::size_t, std::uint32_t, double overlap) {
-                    if (overlap > kMostOverlap) has_neighbor[i] = 1;
-                  });
   constexpr std::size_t kBlock = 256;
   const auto any_view = [](const Vector3d&) { return true; };
   executor.for_blocks(fates.size(), kBlock, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (has_neighbor[i] != 0 || fates[i] != Fate::kKept) continue;
       const double extent = kDeviations * std::sqrt(map.covariances[i].trace());
-      if (!is_seen_through(sights_of_other.count(map.positions[i], extent, any_view))) continue;
-      const auto seen = own ? own->count(map.positions[i], extent, any_view) : MapSights::Count();
+      if (!is_seen_through(other.sights->count(map.positions[i], extent, any_view))) continue;
+      const auto seen =
+          map.sights ? map.sights->count(map.positions[i], extent, any_view) : MapSights::Count();
       if (seen.agrees <= seen.through) fates[i] = Fate::kFloater;
     }
   });
-}
-
-// A model that has images.
-bool has_images(const PlacedMap& placed) {
-  return placed.model != nullptr && placed.model->has_observations();
-}
-
-std::size_t models_among(std::span<const PlacedMap> maps) {
-  return static_cast<std::size_t>(std::ranges::count_if(maps, has_images));
 }
 
 // By map and splat.
@@ -225,35 +219,28 @@ std::vector<std::vector<Fate>> fates_of_splats(std::span<const PlacedMap> maps,
   }
   if (!options.thin_splats && models_among(maps) == 0) return fates;
   std::vector<WorldSplats> worlds;
-  std::vector<BatchTree> trees;
-  std::vector<std::optional<MapSights>> sights(maps.size());
-  for (std::size_t m = 0; m < maps.size(); ++m) {
-    worlds.push_back(splats_in_world(maps[m], executor));
-    trees.emplace_back(worlds.back().positions);
-    if (has_images(maps[m])) sights[m].emplace(*maps[m].model, maps[m].world_from_map);
-  }
+  for (const PlacedMap& placed : maps) worlds.push_back(splats_in_world(placed, executor));
   const std::vector<std::size_t> order = largest_first(maps);
   for (std::size_t i = 0; i < order.size(); ++i) worlds[order[i]].rank = i;
   std::vector<std::vector<Twin>> twins(maps.size());
-  const auto for_other_maps = [&](const auto& visit) {
-    for (std::size_t a = 0; a < maps.size(); ++a) {
-      for (std::size_t b = 0; b < maps.size(); ++b) {
-        if (a != b && !worlds[b].positions.empty()) visit(a, b);
-      }
-    }
+  struct MayFloat {
+    std::size_t map;
+    std::size_t other;
+    std::vector<std::uint8_t> has_neighbor;
   };
-  if (options.thin_splats) {
-    for_other_maps([&](std::size_t a, std::size_t b) {
-      const auto found = twins_in(maps[a], worlds[a], maps[b], worlds[b],
-                                  static_cast<std::uint32_t>(b), trees[b], executor);
-      twins[a].insert(twins[a].end(), found.begin(), found.end());
-    });
-    mark_duplicates(worlds, twins, fates);
+  std::vector<MayFloat> may_float;
+  for (std::size_t a = 0; a < maps.size(); ++a) {
+    for (std::size_t b = 0; b < maps.size(); ++b) {
+      if (a == b || worlds[b].positions.empty()) continue;
+      Comparison found = compared(worlds[a], worlds[b], static_cast<std::uint32_t>(b), executor);
+      twins[a].insert(twins[a].end(), found.twins.begin(), found.twins.end());
+      if (worlds[b].sights) may_float.push_back({a, b, std::move(found.has_neighbor)});
+    }
   }
-  for_other_maps([&](std::size_t a, std::size_t b) {
-    if (!sights[b]) return;
-    mark_floaters(worlds[a], sights[a], worlds[b], trees[b], *sights[b], executor, fates[a]);
-  });
+  if (options.thin_splats) mark_duplicates(worlds, twins, fates);
+  for (const auto& [map, other, has_neighbor] : may_float) {
+    mark_floaters(worlds[map], worlds[other], has_neighbor, executor, fates[map]);
+  }
   return fates;
 }
 

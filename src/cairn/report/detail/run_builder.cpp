@@ -27,12 +27,12 @@ Scalar scalar(std::optional<double> value) {
   return value ? Scalar(*value) : Scalar();
 }
 
-std::int32_t checked(std::uint32_t point, const Points& points, std::string_view role) {
+std::uint32_t checked(std::uint32_t point, const Points& points, std::string_view role) {
   if (point >= points.size()) {
     throw Error(ErrorKind::kMisuse, fmt::format("match of a {} point", role),
                 fmt::format("{}", point), fmt::format("one of {} points", points.size()));
   }
-  return static_cast<std::int32_t>(point);
+  return point;
 }
 
 // The match of each source point in one iteration.
@@ -40,8 +40,8 @@ std::vector<std::int32_t> match_list(const std::vector<Match>& matches, const Po
                                      const Points& target) {
   std::vector<std::int32_t> list(source.size(), kNoMatch);
   for (const Match& match : matches) {
-    list[static_cast<std::size_t>(checked(match.source, source, "source"))] =
-        checked(match.target, target, "target");
+    list[checked(match.source, source, "source")] =
+        static_cast<std::int32_t>(checked(match.target, target, "target"));
   }
   return list;
 }
