@@ -195,9 +195,9 @@ void mark_floaters(const WorldSplats& map, const WorldSplats& other,
                    const std::vector<std::uint8_t>& has_neighbor, const Executor& executor,
                    std::vector<Fate>& fates) {
   constexpr double kDeviations = 3.0;
-  constexpr std::size_t kBlock = 256;
+  constexpr std::size_t kSplatsAtOnce = 256;
   const auto any_view = [](const Vector3d&) { return true; };
-  executor.for_blocks(fates.size(), kBlock, [&](std::size_t begin, std::size_t end) {
+  executor.for_blocks(fates.size(), kSplatsAtOnce, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (has_neighbor[i] != 0 || fates[i] != Fate::kKept) continue;
       const double extent = kDeviations * std::sqrt(map.covariances[i].trace());

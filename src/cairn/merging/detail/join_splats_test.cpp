@@ -90,7 +90,7 @@ TEST(JoinSplats, LeaveTheirMapsEmptyIfTheseMayBe) {
   const LandmarkMap expected = joined(first, second, kSecondPlace);
   LandmarkMap spent = first;
   const std::vector<PlacedMap> maps = {
-      {.map = &spent, .name = "a", .disposable = &spent},
+      {.map = &spent, .name = "a", .world_from_map = {}, .disposable = &spent},
       {.map = &second, .name = "b", .world_from_map = kSecondPlace}};
   const FusionResult result = fuse_maps(maps);
   EXPECT_THAT(result.map, testing::EqualsMap(expected));
@@ -222,10 +222,15 @@ std::vector<Eigen::Vector3d> points_in_the_air(const LandmarkMap& map, std::size
 // The map with landmarks that all keyframes see whose images they are in.
 LandmarkMap with_seen_points(const LandmarkMap& map, const std::vector<Eigen::Vector3d>& points) {
   MapTables tables = LandmarkMap(map).tables();
-  tables.observations = {.offsets = tables.observations.offsets,
-                         .frames = tables.observations.frames,
-                         .pixels = tables.observations.pixels};
-  tables.landmarks = {.ids = tables.landmarks.ids, .positions = tables.landmarks.positions};
+  ObservationTable observations;
+  observations.offsets = std::move(tables.observations.offsets);
+  observations.frames = std::move(tables.observations.frames);
+  observations.pixels = std::move(tables.observations.pixels);
+  tables.observations = std::move(observations);
+  LandmarkTable landmarks;
+  landmarks.ids = std::move(tables.landmarks.ids);
+  landmarks.positions = std::move(tables.landmarks.positions);
+  tables.landmarks = std::move(landmarks);
   for (const Eigen::Vector3d& x : points) {
     tables.landmarks.ids.push_back(LandmarkId{1'000'000 + tables.landmarks.ids.size()});
     tables.landmarks.positions.push_back(x);
