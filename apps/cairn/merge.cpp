@@ -66,9 +66,14 @@ std::string answer_of(std::span<const MergeInput> maps, const MergeResult& resul
   return text;
 }
 
+bool has_splats(const MergeResult& result) {
+  return result.map && splat_columns(result.map->landmarks().columns);
+}
+
 // Title, answer, and the sections that a merge has.
 void add_merge(report::Report& report, std::span<const MergeInput> maps, const MergeResult& result,
-               const std::shared_ptr<report::LinkImages>& images, const CommonArguments& common) {
+               bool without_floaters, const std::shared_ptr<report::LinkImages>& images,
+               const CommonArguments& common) {
   report.subtitle = answer_of(maps, result);
   std::optional<std::size_t> frame;
   std::vector<report::NetworkMap> nodes;
@@ -81,7 +86,18 @@ void add_merge(report::Report& report, std::span<const MergeInput> maps, const M
       node.frame = frame;
       node.frame_from_map = *merged.world_from_map;
     }
-    if (merged.fusion) node.fused = merged.fusion->fused;
+    if (merged.fusion && has_splats(result)) {
+      const std::size_t floaters = without_floaters ? merged.fusion->floaters.value_or(0) : 0;
+      std::vector<std::string> left_out;
+      const auto add = [&](std::size_t count, const char* what) {
+        if (count > 0) left_out.push_back(fmt::format("{} {}", with_commas(count), what));
+      };
+      add(merged.fusion->fused, "duplicates");
+      add(floaters, "floaters");
+      node.reason = fmt::format("{}", fmt::join(left_out, ", "));
+    } else if (merged.fusion) {
+      node.fused = merged.fusion->fused;
+    }
     if (merged.fold) {
       node.reason = fold_text(*merged.fold, map, maps[i].name, maps[merged.fold->other].name);
     }
@@ -190,7 +206,7 @@ std::string omission_text(const MergeResult& result, const std::vector<std::stri
 // Of splats: "first: 1,132 duplicates left out, 73 floaters, which images of other splats look through".
 std::string splats_text(const MergeResult& result, const std::vector<std::string>& names,
                         bool without_floaters) {
-  if (!splat_columns(result.map->landmarks().columns)) return {};
+  if (!has_splats(result)) return {};
   std::string text;
   std::size_t floaters = 0;
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -298,7 +314,7 @@ struct MergeMapsArguments {
     if (!common.report_path.empty()) {
       report::Report report = begin_report(
           fmt::format("{} maps merged into {}", names.size(), file_name(output)), common);
-      add_merge(report, inputs, result, link_images, common);
+      add_merge(report, inputs, result, options.drop_floaters, link_images, common);
       Json by_role = Json::object();
       for (std::size_t i = 0; i < names.size(); ++i) by_role[names[i]] = loaded[i].description;
       set_provenance(report, {{"inputs", by_role}, {"options", options_json()}});

@@ -70,6 +70,20 @@ TEST_F(MergeTest, JoinsSplatsAndThinsThemUnlessToldNotTo) {
   }
 }
 
+TEST_F(MergeTest, PageSaysWhichSplatsAreLeftOut) {
+  if (!report::has_viewer()) GTEST_SKIP() << "built without the viewer: no report is written";
+  const LandmarkMap splats =
+      with_column(random_splats(500, 1, 1), "opacity", std::vector<double>(500, 2.0));
+  write_map(splats, path("a.ply"));
+  write_map(transformed(splats, Rigid3::from_roll_pitch_yaw({1, 2, 3}, 0.1, 0.2, 0.3)),
+            path("b.ply"));
+  answer({"merge", "a.ply", "b.ply", "-o", "both.ply", "--report", "page.html"});
+  const Json section = ReportPage(content("page.html")).document.at("sections").at(0);
+  ASSERT_EQ(section.at("nodes").size(), 2U);
+  EXPECT_TRUE(section.at("nodes").at(0).at("reason").is_null());
+  EXPECT_EQ(section.at("nodes").at(1).at("reason"), "500 duplicates");
+}
+
 // Splats too transparent to serve as landmarks, at the landmarks of two models; nerfstudio trained the second in a frame
 // of its own.
 TEST_F(MergeTest, AlignsTheModelsThatSplatsWereTrainedOn) {

@@ -15,6 +15,7 @@
 #include "cairn/map/camera.hpp"
 #include "cairn/map/folds.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/map/splats.hpp"
 
 namespace cairn {
 namespace {
@@ -166,17 +167,18 @@ std::vector<std::string> map_defects(const LandmarkMap& map) {
   std::vector<std::string> result;
   const std::size_t count = map.landmark_count();
   if (count == 0) result.emplace_back("the map has no landmarks");
-  if (!map.has_observations()) {
-    result.emplace_back(
-        "the map has no observations: confidences observations, distance, parallax and "
-        "reprojection cannot be had");
-  } else if (count > 0) {
+  if (map.has_observations() && count > 0) {
     if (const auto none = count - landmarks_observed(map, 1).size(); none > 0) {
       result.push_back(fmt::format("landmarks without any observation: {}", none));
     }
     if (const auto idle = unobserving_frames(map); idle > 0) {
       result.push_back(fmt::format("frames that observe no landmark: {}", idle));
     }
+  }
+  if (!map.has_observations() && !splat_columns(map.landmarks().columns)) {
+    result.emplace_back(
+        "the map has no observations: confidences observations, distance, parallax and "
+        "reprojection cannot be had");
   }
   const auto kept = landmarks_observed(map, 2);
   if (const auto repeated = repeated_positions(map, kept); repeated > 0) {

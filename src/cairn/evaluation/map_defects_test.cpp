@@ -10,6 +10,8 @@
 #include "cairn/map/operations.hpp"
 #include "cairn/map/synthetic.hpp"
 
+#include "support/splats.hpp"
+
 namespace cairn {
 namespace {
 
@@ -34,6 +36,8 @@ TEST(MapDefects, NamesWhatAMapLacks) {
   EXPECT_THAT(map_defects(LandmarkMap(std::move(bare))),
               ElementsAre(HasSubstr("no observations"), HasSubstr("no covariances")));
   EXPECT_THAT(map_defects(LandmarkMap(MapTables())), ElementsAre(HasSubstr("no landmarks")));
+  EXPECT_THAT(map_defects(testing::random_splats(20, 0, 1)), IsEmpty())
+      << "splats have no observations anyway";
 }
 
 TEST(MapDefects, CountsLandmarksAtOnePosition) {
