@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -106,6 +107,22 @@ std::string text_of(const std::string& image, const std::string& said, const Ima
                         stated ? fmt::format("; {:.1f} px by EXIF", *stated) : "");
   }
   return text;
+}
+
+// The paths, with the images of a folder in its place.
+std::vector<std::string> listed_images(const std::vector<std::string>& paths) {
+  std::vector<std::string> images;
+  for (const std::string& path : paths) {
+    std::error_code ignored;
+    if (!fs::is_directory(path, ignored)) {
+      images.push_back(path);
+      continue;
+    }
+    const std::vector<std::string> files = files_in(path, {".jpg", ".jpeg", ".png"});
+    reject_if(files.empty(), path, "no image is in this folder", "JPEG or PNG files");
+    images.insert(images.end(), files.begin(), files.end());
+  }
+  return images;
 }
 
 // What a line begins with: the times that all names of images are, or else the images' numbers.
@@ -241,10 +258,11 @@ struct LocateArguments {
                       "; or an atlas, whose placed maps count as one")
         .required();
     command
-        .add_words(
-            "images", images,
-            "Images to locate, JPEG or PNG; each is located separately, unless --poses is given",
-            "IMAGE")
+        .add_words("images", images,
+                   "Images to locate, JPEG or PNG, or folders of images; each image is located "
+                   "separately, "
+                   "unless --poses is given",
+                   "IMAGE")
         .required();
     command.add_text(
         "--camera", camera,
@@ -313,6 +331,7 @@ struct LocateArguments {
 
   int run() {
     with_option_names({FeatureOptions::table, LocateOptions::table}, [&] { options.validate(); });
+    images = listed_images(images);
     refuse_if(!depth.empty() && images.size() != 1, "--depth",
               fmt::format("given for {} images", images.size()), "one image");
     refuse_if(camera == kShared && !depth.empty(), "--depth", "given with --camera shared",

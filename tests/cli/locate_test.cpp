@@ -93,6 +93,23 @@ TEST_F(LocateCliTest, TakesTheMapsOwnCamera) {
               HasSubstr("standard deviations"));
 }
 
+TEST_F(LocateCliTest, TakesTheImagesOfAFolder) {
+  fs::create_directories(path("photos/more"));
+  fs::copy(path(kImage), path("photos/b.JPG"));
+  fs::copy(path("other/rgb/0.000000.jpg"), path("photos/a.jpg"));
+  fs::copy(path(kImage), path("photos/more/c.jpg"));
+  write("photos/notes.txt", "no image");
+  const CommandResult result = cairn({"locate", "desk.map", "photos", "--json", "r.json"});
+  EXPECT_EQ(result.exit_code, kNoAlignment) << "one is of another place";
+  const Json results = Json::parse(content("r.json")).at("results");
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results.at(0).at("image"), "photos/a.jpg");
+  EXPECT_NE(results.at(0).at("verdict"), "located");
+  EXPECT_EQ(results.at(1).at("image"), "photos/b.JPG");
+  EXPECT_EQ(results.at(1).at("verdict"), "located");
+  expect_refusal({"locate", "desk.map", "s"}, kBadInput, {"s: no image is in this folder"});
+}
+
 TEST_F(LocateCliTest, RefusesAPoseThroughAnotherLens) {
   const Words words = {
       "locate", "desk.map", kImage, "--camera", "PINHOLE 640 480 480 480 319.5 239.5",
@@ -102,6 +119,17 @@ TEST_F(LocateCliTest, RefusesAPoseThroughAnotherLens) {
   EXPECT_THAT(other.output, AllOf(HasSubstr("rejected: the matches fit another lens far better"),
                                   HasSubstr("hint: State the image's camera by --camera")));
   EXPECT_EQ(Json::parse(content("r.json")).at("results").at(0).at("failure"), "lens");
+}
+
+// The matches that agree with a pose through the wrong lens fit that lens; those that do not agree show the other one.
+TEST_F(LocateCliTest, RefusesMostPosesThroughALensOffCentre) {
+  const CommandResult all = cairn({"locate", "desk.map", "s/rgb", "--camera",
+                                   "PINHOLE 640 480 525 525 360 239.5", "--json", "r.json"});
+  EXPECT_EQ(all.exit_code, kNoAlignment);
+  const Json results = Json::parse(content("r.json")).at("results");
+  EXPECT_EQ(results.size(), 24U);
+  EXPECT_LE(
+      std::ranges::count(results, "located", [](const Json& one) { return one.at("verdict"); }), 3);
 }
 
 TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {

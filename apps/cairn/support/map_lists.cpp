@@ -14,6 +14,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/core/number_text.hpp"
+#include "cairn/core/text.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/formats/pose_graph_file.hpp"
 
@@ -68,21 +69,9 @@ std::vector<std::string> possible_names(const std::string& file) {
   return names;
 }
 
+// Text files and clouds may lie in a folder of maps for other reasons.
 std::vector<std::string> maps_in(const std::string& folder) {
-  std::vector<std::string> files;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error)) {
-    // Text files and clouds may lie there for other reasons.
-    const std::string extension = entry->path().extension().string();
-    std::error_code ignored;
-    if (entry->is_regular_file(ignored) && (extension == ".map" || extension == ".cairn")) {
-      files.push_back(entry->path().string());
-    }
-  }
-  reject_if(static_cast<bool>(error), folder, error.message(), "a folder that can be read");
-  std::sort(files.begin(), files.end());
-  return files;
+  return files_in(folder, {".map", ".cairn"});
 }
 
 std::vector<Link> links_in(const std::string& folder, const std::vector<ListedMap>& maps) {
@@ -114,6 +103,22 @@ std::vector<Link> links_in(const std::string& folder, const std::vector<ListedMa
 }
 
 }  // namespace
+
+std::vector<std::string> files_in(const std::string& folder, const std::set<std::string>& endings) {
+  std::vector<std::string> files;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    if (entry->is_regular_file(ignored) &&
+        endings.contains(lower_case(entry->path().extension().string()))) {
+      files.push_back(entry->path().string());
+    }
+  }
+  reject_if(static_cast<bool>(error), folder, error.message(), "a folder that can be read");
+  std::sort(files.begin(), files.end());
+  return files;
+}
 
 bool is_folder_of_maps(const std::string& path) {
   std::error_code ignored;

@@ -2,12 +2,17 @@
 #pragma once
 
 #include <cstddef>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "cairn/pose_graph/pose_graph.hpp"
 
 namespace cairn::cli {
+
+/// The files of a folder, not of folders in it, whose names end so, in lower or upper case; by name.
+/// @throws Error (input) if the folder cannot be read
+std::vector<std::string> files_in(const std::string& folder, const std::set<std::string>& endings);
 
 /// Whether a path is a folder of .map and .cairn files, and is not itself a map, as a COLMAP model is.
 bool is_folder_of_maps(const std::string& path);

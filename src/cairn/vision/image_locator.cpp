@@ -170,25 +170,49 @@ class ImageLocator::View {
   }
   FocalLength focal_length() const { return focal_length_; }
 
-  // A pose through the wrong lens is off by more than its covariance says, and no match need be wrong for it.
+  // A pose through the wrong lens is off by more than its covariance says. The matches that fit it best hide that, so the
+  // lens is estimated in turn with the matches that are found through it.
   // @return why the pose is refused; empty if it is not
   std::string lens_defect(const ImagePoseSearch& search, const ImagePose& best) const {
-    // At most 29 and 5 % for images through the right lens, at least 108 and 21 % through another (docs/evidence.md).
-    constexpr double kLeastDecrease = 30.0;
-    constexpr double kLeastShare = 0.12;
-    const auto lens =
-        estimate_lens(detail::radial_camera(camera_, intrinsics(camera_).fx),
-                      search.matches_in_original(sensor(), best), best.pose.world_from_camera,
-                      detail::LensPrior::usual_about_centre(camera_));
-    if (!lens) return "";
-    const auto gain = search.gain_of(camera_, best, *lens);
+    // docs/evidence.md explains the choice.
+    constexpr double kLeastDecrease = 18.0;
+    constexpr double kLeastShare = 0.14;
+    constexpr int kRounds = 3;
+    const detail::Pinhole own = describer_.extractor().pinhole();
+    // In the undistorted image, with square pixels.
+    Camera camera = detail::radial_camera(camera_, own.fx);
+    camera.parameters[1] = own.cx;
+    camera.parameters[2] = own.cy;
+    const auto prior = detail::LensPrior::usual_about_centre(camera);
+    std::vector<detail::PointMatch> matches;
+    const auto lens_of_matches = [&](const SensorModel& model, const ImagePose& pose,
+                                     const Camera& start) {
+      matches = search.point_matches(model, pose);
+      for (detail::PointMatch& match : matches) {
+        double& v = match.measured.pixel.y();
+        v = own.cy + own.fx / own.fy * (v - own.cy);
+      }
+      return estimate_lens(start, matches, pose.pose.world_from_camera, prior);
+    };
+    auto lens = lens_of_matches(sensor(), best, camera);
+    for (int round = 0; lens && round < kRounds; ++round) {
+      detail::Pinhole pinhole = own;
+      pinhole.fx = lens->camera.parameters[0];
+      pinhole.fy = own.fy / own.fx * pinhole.fx;
+      const SensorModel model(SensorNoise(), pinhole, describer_.extractor().scales());
+      const auto found = search.settled(model, lens->world_from_camera);
+      if (!found) return "";
+      lens = lens_of_matches(model, *found, lens->camera);
+    }
+    const auto fixed = estimate_lens(camera, matches, best.pose.world_from_camera,
+                                     detail::LensPrior::certain(camera));
+    if (!lens || !fixed) return "";
+    const auto gain = gain_of(*lens, *fixed, matches);
     if (gain.decrease < kLeastDecrease || gain.share < kLeastShare) return "";
     return fmt::format(
-        "the matches fit another lens far better: their squared residuals are {:.0f} % less with a "
-        "focal length of {:.0f} px and a radial distortion of {:.2f} than with the camera's focal "
-        "length of {:.0f} px",
-        100.0 * gain.share, lens->camera.parameters[0], lens->camera.parameters[3],
-        intrinsics(camera_).fx);
+        "the matches fit another lens far better: with {:.2f} times the camera's focal length and "
+        "a radial distortion that differs by {:.2f}, their squared residuals are {:.0f} % less",
+        lens->camera.parameters[0] / own.fx, lens->camera.parameters[3], 100.0 * gain.share);
   }
 
   // Takes a located image's pose back, for a reason that is not empty.

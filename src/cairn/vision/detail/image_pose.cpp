@@ -310,40 +310,6 @@ std::vector<PointMatch> ImagePoseSearch::matches_in_original(const SensorModel& 
   return matches;
 }
 
-ImagePoseSearch::LensGain ImagePoseSearch::gain_of(const Camera& camera, const ImagePose& pose,
-                                                   const LensEstimate& lens) const {
-  constexpr double kFar = 1.5;  // pixels: what is farther counts less
-  const Rigid3 by_camera = pose.pose.world_from_camera.inverse();
-  const Rigid3 by_lens = lens.world_from_camera.inverse();
-  std::vector<double> with_camera;  // residuals, coordinate by coordinate
-  std::vector<double> with_lens;
-  for (const FeatureMatch& match : pose.matches) {
-    const Pixel& seen = image_->features.keypoints()[match.feature].raw;
-    const Eigen::Vector3d& x = landmarks_->position(match.landmark);
-    const auto first = project(camera, by_camera * x);
-    const auto second = project(lens.camera, by_lens * x);
-    if (!first || !second) continue;
-    with_camera.insert(with_camera.end(),
-                       {std::abs(first->u - seen.u), std::abs(first->v - seen.v)});
-    with_lens.insert(with_lens.end(), {std::abs(second->u - seen.u), std::abs(second->v - seen.v)});
-  }
-  if (with_lens.empty()) return {};
-  std::vector<double> sorted = with_lens;
-  constexpr double kSigmaOfMedian = 1.4826;  // of absolute deviations of normal ones
-  constexpr double kExact = 0.05;            // pixels: no corner is better than that
-  const double noise = std::max(kSigmaOfMedian * upper_median(sorted), kExact);
-  const auto cost = [&](const std::vector<double>& residuals) {
-    double sum = 0.0;
-    for (const double residual : residuals) {
-      sum += std::sqrt(1.0 + (residual / kFar) * (residual / kFar)) - 1.0;
-    }
-    return sum * kFar * kFar / (noise * noise);
-  };
-  const double before = cost(with_camera);
-  const double decrease = before - cost(with_lens);
-  return before > 0.0 ? LensGain{decrease, decrease / before} : LensGain{};
-}
-
 ImagePoseSearch ImagePoseSearch::seen_through(const ImageDescriber& describer,
                                               const DescribedImage& image) const {
   ImagePoseSearch search = *this;

@@ -102,14 +102,8 @@ class ImagePoseSearch {
   /// The pose's matches with pixels of the original image, as estimate_lens() takes them.
   std::vector<PointMatch> matches_in_original(const SensorModel& sensor,
                                               const ImagePose& pose) const;
-  /// How much better the matches fit a lens of their own, fitted with the pose, than the camera's: the decrease of half the
-  /// robust sum of squared residuals in the original image, in units of the matches' noise, and as a share.
-  struct LensGain {
-    double decrease = 0.0;
-    double share = 0.0;
-  };
-  /// @param lens fitted to the pose's matches
-  LensGain gain_of(const Camera& camera, const ImagePose& pose, const LensEstimate& lens) const;
+  /// The same with pixels of the undistorted image.
+  std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
   /// The same search with the features of the image as another camera would have undistorted them.
   ImagePoseSearch seen_through(const ImageDescriber& describer, const DescribedImage& image) const;
   /// The best pose from the pairs that `pose` does not explain.
@@ -128,7 +122,6 @@ class ImagePoseSearch {
                                  int iterations) const;
   View view_from(const SensorModel& sensor, const Rigid3& world_from_camera, double pixels) const;
   Found matches_in(const View& view) const;
-  std::vector<PointMatch> point_matches(const SensorModel& sensor, const ImagePose& pose) const;
   static std::vector<std::vector<PointMatch>> point_matches_of(std::span<const BodyImage> images,
                                                                const BodyPose& body);
   static std::optional<BodyPose> settled_images(std::span<const BodyImage> images,

@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "cairn/adjustment/detail/pose_derivative.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/geometry/decompositions.hpp"
 #include "cairn/vision/detail/sensor_model.hpp"
 
@@ -165,6 +166,11 @@ LensPrior LensPrior::usual_about_centre(const Camera& camera) {
   return prior_with(camera, 1e-6);
 }
 
+LensPrior LensPrior::certain(const Camera& camera) {
+  constexpr double kInformation = 1e12;
+  return {lens_of(camera), kInformation * LensMatrix::Identity()};
+}
+
 double LensEstimate::focal_length_sigma() const {
   return camera.parameters.front() * std::sqrt(lens_covariance(0, 0));
 }
@@ -201,6 +207,37 @@ std::optional<LensEstimate> estimate_lens(const Camera& camera, std::span<const 
   estimate.lens_covariance = inverse.block<kLensUnknowns, kLensUnknowns>(kLens, kLens);
   estimate.lens_covariance_by_noise = estimate.lens_covariance / inflation;
   return estimate;
+}
+
+LensGain gain_of(const LensEstimate& lens, const LensEstimate& other,
+                 std::span<const PointMatch> matches) {
+  constexpr double kFar = 1.5;               // pixels: what is farther counts less
+  constexpr double kSigmaOfMedian = 1.4826;  // of absolute deviations of normal ones
+  constexpr double kExact = 0.05;            // pixels: no corner is better than that
+  const Rigid3 by_lens = lens.world_from_camera.inverse();
+  const Rigid3 by_other = other.world_from_camera.inverse();
+  std::vector<double> own;  // residuals, coordinate by coordinate
+  std::vector<double> others;
+  for (const PointMatch& match : matches) {
+    const Eigen::Vector2d& seen = match.measured.pixel;
+    const auto here = project(lens.camera, by_lens * match.x_in_world);
+    const auto there = project(other.camera, by_other * match.x_in_world);
+    if (!here || !there) continue;
+    own.insert(own.end(), {std::abs(here->u - seen.x()), std::abs(here->v - seen.y())});
+    others.insert(others.end(), {std::abs(there->u - seen.x()), std::abs(there->v - seen.y())});
+  }
+  if (own.empty()) return {};
+  const auto cost = [](const std::vector<double>& residuals) {
+    double sum = 0.0;
+    for (const double residual : residuals) {
+      sum += std::sqrt(1.0 + (residual / kFar) * (residual / kFar)) - 1.0;
+    }
+    return sum * kFar * kFar;
+  };
+  const double before = cost(others);
+  const double decrease = before - cost(own);
+  const double noise = std::max(kSigmaOfMedian * upper_median(own), kExact);
+  return before > 0.0 ? LensGain{decrease / (noise * noise), decrease / before} : LensGain{};
 }
 
 bool add_jackknife(LensEstimate& estimate, std::span<const PointMatch> matches,

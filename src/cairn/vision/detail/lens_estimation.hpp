@@ -28,6 +28,8 @@ struct LensPrior {
   static LensPrior usual(const Camera& camera);
   /// The same with the camera's principal point.
   static LensPrior usual_about_centre(const Camera& camera);
+  /// Of the lens of a camera in model RADIAL, without any doubt.
+  static LensPrior certain(const Camera& camera);
 };
 
 /// A lens and the pose of its camera, found together.
@@ -56,6 +58,17 @@ Camera radial_camera(const Camera& camera, double focal_length);
 /// @return std::nullopt if the matches do not determine a pose, or no sound camera fits
 std::optional<LensEstimate> estimate_lens(const Camera& camera, std::span<const PointMatch> matches,
                                           const Rigid3& world_from_camera, const LensPrior& prior);
+
+/// How much better matches fit one lens than another: the decrease of half the robust sum of squared residuals, in units
+/// of the matches' noise, and as a share.
+struct LensGain {
+  double decrease = 0.0;
+  double share = 0.0;
+};
+
+/// @param lens, other results of estimate_lens() for these matches
+LensGain gain_of(const LensEstimate& lens, const LensEstimate& other,
+                 std::span<const PointMatch> matches);
 
 /// Adds the covariance by a jackknife over eight parts of the image: how the estimate changes without the matches of
 /// each. Errors that matches near each other share, as of a bent map or a lens of another model, are only seen like this.

@@ -23,9 +23,6 @@ constexpr double kClose = 0.5;            // matching radii within which landmar
 // differs from them by at most this multiple of their own difference.
 constexpr double kElsewhere = 4.0;
 constexpr std::uint32_t kDistinctive = 2;
-// Of a larger map, only some descriptors are matched, and their number would not compare with that of what was seen
-// alike.
-constexpr std::size_t kMostLandmarks = 8192;
 
 // The views of a cloud by the landmarks that they saw.
 class Viewers {
@@ -89,8 +86,9 @@ SeenAlike seen_alike(const PreparedCloud& source, const PreparedCloud& target,
                      const Similarity3& pose, double radius, double enough) {
   const LandmarkCloud& here = source.landmarks();
   const LandmarkCloud& there = target.landmarks();
+  // If only some descriptors are matched, their number does not compare with that of what was seen alike.
   if (here.views.empty() || there.views.empty() || !have_like_descriptors(here, there) ||
-      std::max(here.size(), there.size()) > kMostLandmarks) {
+      !DescriptorMatches::compares_all(here, there)) {
     return {};
   }
   const Viewers source_viewers(here, pose);

@@ -12,7 +12,7 @@ namespace cairn::detail {
 inline constexpr double kLeastDistinctive = 0.05;
 
 /// Counts the source's sample at a centred pose. All zeros if the clouds have no views or no descriptors of one
-/// kind, or if one has more than 8,192 landmarks.
+/// kind, or are too large for all descriptors to be matched.
 /// @param radius distance within which landmarks count as matched
 /// @param enough share of the landmarks with which the count of distinctive ones ends
 SeenAlike seen_alike(const PreparedCloud& source, const PreparedCloud& target,

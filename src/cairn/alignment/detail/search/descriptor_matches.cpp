@@ -143,6 +143,10 @@ bool have_like_descriptors(const LandmarkCloud& a, const LandmarkCloud& b) {
          a.descriptors->bytes_each == b.descriptors->bytes_each;
 }
 
+bool DescriptorMatches::compares_all(const LandmarkCloud& source, const LandmarkCloud& target) {
+  return affordable(source.size(), target.size()) == std::pair(source.size(), target.size());
+}
+
 DescriptorMatches::DescriptorMatches(const LandmarkCloud& of_source, const LandmarkCloud& of_target,
                                      std::span<const DescriptorMatch> identities)
     : possible_(!identities.empty() || have_like_descriptors(of_source, of_target)),

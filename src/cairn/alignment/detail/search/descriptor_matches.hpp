@@ -37,6 +37,9 @@ class DescriptorMatches {
   DescriptorMatches(const LandmarkCloud& source, const LandmarkCloud& target,
                     std::span<const DescriptorMatch> identities = {});
 
+  /// Whether the clouds are small enough for all their landmarks to be compared.
+  static bool compares_all(const LandmarkCloud& source, const LandmarkCloud& target);
+
   /// Whether both clouds have descriptors of one kind, or there are identities. Missing matches are then evidence.
   bool possible() const { return possible_; }
   /// Whether the source landmark belongs to an identity.
