@@ -356,6 +356,10 @@ struct LocateArguments {
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
     const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
     const LengthUnit unit = loaded.map.info().length_unit;
+    reject_if(!loaded.map.landmarks().descriptors && loaded.map.has_observations(),
+              loaded.path + ": descriptors", "none",
+              "ORB of 32 bytes or SIFT of 128; cairn convert MAP OUTPUT --images FOLDER computes "
+              "SIFT of the map's images");
     reject_if(!poses.empty() && unit != LengthUnit::kMetres, loaded.path, "no unit of length",
               "a map in metres, as --poses are");
     const std::vector<Located> found =

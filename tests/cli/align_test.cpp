@@ -704,7 +704,7 @@ TEST_F(AlignTest, ScreenShowsThePoseWholeAndWhatWouldHelp) {
   EXPECT_EQ(other.exit_code, kNoAlignment);
   EXPECT_THAT(other.output,
               ContainsRegex("hint: Check the units: the source's landmarks extend [0-9.e+]+ "
-                            "times"));
+                            "times as far as the target's. Scales from 1/20 to 20 are searched"));
 }
 
 TEST_F(AlignTest, HintsNameOnlyWhatWouldChangeTheResult) {

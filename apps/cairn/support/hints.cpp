@@ -85,7 +85,14 @@ class Hints {
       std::string text = fmt::format(
           "Check the units: the source's landmarks extend {:.3g} times as far as the target's.",
           ratio);
-      if (!with_scale_ && factor <= kLargestScale) text += " Add --scale if the scales differ.";
+      if (factor > kLargestScale) {
+        text +=
+            " Scales from 1/20 to 20 are searched. If the units differ by more, scale the source "
+            "first: cairn convert SOURCE SCALED --apply FILE, where FILE has the 16 numbers of a "
+            "4x4 matrix.";
+      } else if (!with_scale_) {
+        text += " Add --scale if the scales differ.";
+      }
       add(text);
     }
     const bool free = source_.info().length_unit == LengthUnit::kFree ||

@@ -11,6 +11,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/format_row.hpp"
 #include "cairn/formats/detail/losses.hpp"
+#include "cairn/formats/detail/own/point_columns.hpp"
 
 namespace cairn {
 namespace {
@@ -378,6 +379,14 @@ const FormatRegistry& native_formats() {
            [](const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options,
               const Execution& execution) {
              log_point_losses(map, "PCD", execution.log);
+             if (!options.double_precision &&
+                 detail::is_rounded_by_floats(map.landmarks().positions)) {
+               detail::log_remark(
+                   execution.log, "PCD",
+                   "single precision rounds positions so far from the origin; double "
+                   "precision does not",
+                   RemarkKind::kLoss);
+             }
              write_pcd(map, sink, options);
            }},
   });

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
@@ -17,6 +17,7 @@
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/bytes/words.hpp"
 #include "cairn/formats/detail/own/ply_header.hpp"
+#include "cairn/formats/detail/own/point_columns.hpp"
 #include "cairn/formats/map_file.hpp"
 #include "cairn/map/column_motion.hpp"
 
@@ -124,14 +125,19 @@ class PlyMover {
   }
 
   // New values of one vertex.
-  void move(const Movable& movable, std::vector<double>& values) const {
+  void move(const Movable& movable, std::vector<double>& values) {
     const auto vector = [&](const std::array<std::size_t, 3>& places) {
       return Eigen::Vector3d(values[places[0]], values[places[1]], values[places[2]]);
     };
     const auto put = [&](const std::array<std::size_t, 3>& places, const Eigen::Vector3d& x) {
       for (std::size_t i = 0; i < 3; ++i) values[places.at(i)] = x[static_cast<Eigen::Index>(i)];
     };
-    put(movable.position, new_from_old_ * vector(movable.position));
+    const Eigen::Vector3d old = vector(movable.position);
+    if (old.allFinite()) {
+      before_.extend(old);
+      after_.extend(new_from_old_ * old);
+    }
+    put(movable.position, new_from_old_ * old);
     movable.others.move(values);
     if (!movable.covariance) return;
     const auto& c = *movable.covariance;
@@ -172,6 +178,17 @@ class PlyMover {
       out.clear();
     }
     sink_(out);
+    // Rounds more than the input did.
+    const bool are_floats = std::ranges::all_of(movable.position, [&](std::size_t i) {
+      return vertex.properties[i].type == ScalarType::kFloat32;
+    });
+    if (are_floats && detail::is_rounded_by_floats(after_) &&
+        !detail::is_rounded_by_floats(before_)) {
+      refuse("header",
+             "x, y and z are float, which rounds positions as far from the origin as the "
+             "new ones",
+             "properties of type double, or a pose nearer to the origin");
+    }
   }
 
   void move_line(const PlyElement& vertex, const Movable& movable, const std::vector<bool>& moved,
@@ -303,6 +320,8 @@ class PlyMover {
   bool is_big_endian_ = false;
   std::size_t place_ = 0;
   std::uint64_t line_ = 0;
+  Eigen::AlignedBox3d before_;  // of the positions
+  Eigen::AlignedBox3d after_;
 };
 
 }  // namespace

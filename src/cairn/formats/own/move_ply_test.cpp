@@ -2,6 +2,7 @@
 #include <cmath>
 #include <string>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -43,6 +44,21 @@ TEST(CarryAlong, PositionsAndNormalsMoveAndTheRestStays) {
   EXPECT_EQ(out, std::string(kHeader) + "7 1 0 6 0 0 1\n9 1 0 0 0 0 -1\n3 0 1 0\n");
   EXPECT_THAT(moved(std::string(kHeader) + "7 1 0 3 0 0 1\n9 0 0 0 0 0 -1\n3 0 1 0\n"),
               HasSubstr(" 2 6 0 0 1\n9 1 0 0 "));
+}
+
+TEST(CarryAlong, FloatsAreNotMovedToWhereTheyRoundPositions) {
+  const auto points = [](const std::string& type) {
+    return fmt::format(
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty {0} x\nproperty {0} y\nproperty {0} "
+        "z\nend_header\n0 0 0\n1 2 3\n",
+        type);
+  };
+  const Rigid3 to_utm = Rigid3::from_roll_pitch_yaw({512345.0, 5412345.0, 0.0}, 0.0, 0.0, 0.0);
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { moved(points("float"), to_utm); }),
+              HasSubstr("mesh.ply: header: x, y and z are float, which rounds positions"));
+  EXPECT_THAT(moved(points("double"), to_utm), HasSubstr("512346 5412347 3\n"));
+  EXPECT_THAT(moved(points("float"), Rigid3::from_roll_pitch_yaw({50, 0, 0}, 0, 0, 0)),
+              HasSubstr("51 2 3\n"));
 }
 
 TEST(CarryAlong, SplatsInNoKnownLayoutMayChangeTheirPlaceAlone) {

@@ -65,9 +65,11 @@ LandmarkMap read_ply(ByteSource& source, const Execution& execution) {
 
 void write_ply(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptions& options) {
   const bool are_splats = splat_columns(map.landmarks().columns).has_value();
+  const bool are_floats =  // as trainers write them
+      are_splats && !detail::is_rounded_by_floats(map.landmarks().positions);
   const detail::PointRows rows(
       map, are_splats ? detail::PointFormat::kSplats : detail::PointFormat::kPly,
-      are_splats ? detail::ScalarType::kFloat32 : detail::ScalarType::kFloat64);
+      are_floats ? detail::ScalarType::kFloat32 : detail::ScalarType::kFloat64);
   std::string header =
       fmt::format("ply\nformat {} 1.0\n", options.ascii ? "ascii" : "binary_little_endian");
   const std::string unit =

@@ -18,6 +18,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::ply_of;
 using testing::random_splats;
@@ -57,6 +58,15 @@ TEST(PlySplats, AreReadWithTheirLooksAndWrittenAsTheyWere) {
   }
 }
 
+TEST(PlySplats, FarFromTheOriginKeepTheirPlaces) {
+  const Rigid3 to_utm = Rigid3::from_roll_pitch_yaw({512345.0, 5412345.0, 0.0}, 0.0, 0.0, 0.0);
+  const LandmarkMap splats = transformed(random_splats(20, 0, 1), to_utm);
+  const std::string ply = ply_of(splats);
+  EXPECT_THAT(ply, HasSubstr("property double x\n"));
+  EXPECT_THAT(ply, HasSubstr("property float opacity\n"));
+  EXPECT_EQ(read_splats(ply).landmarks().positions, splats.landmarks().positions);
+}
+
 TEST(PlySplats, KeepPropertiesThatAreNotOfSplats) {
   LandmarkMap splats = random_splats(2, 0, 2);
   splats = with_column(splats, "label", {1.0, 7.0});
@@ -90,6 +100,24 @@ TEST(PlySplats, MayHaveColoursInPlaceOfHarmonics) {
   EXPECT_EQ(read.landmarks().colors[0], (Color{10, 20, 30}));
   EXPECT_NEAR((*read.covariance(LandmarkIndex{0}))(1, 1), std::exp(-4.0), 1e-15);
   EXPECT_EQ(ply_of(read, true), ply);
+}
+
+TEST(PlySplats, SayThatTheyHaveColoursTwice) {
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+      "property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\n"
+      "property float opacity\nproperty float scale_0\nproperty float scale_1\n"
+      "property float scale_2\nproperty float rot_0\nproperty float rot_1\n"
+      "property float rot_2\nproperty float rot_3\nend_header\n"
+      "1 2 3 10 20 30 0 0 0 0.5 -1 -2 -3 1 0 0 0\n";
+  testing::Remarks remarks;
+  MemoryReader source(ply, "s.ply");
+  Execution execution;
+  execution.log = remarks.sink();
+  const LandmarkMap read = read_ply(source, execution);
+  EXPECT_EQ(read.landmarks().colors[0], (Color{128, 128, 128}));
+  EXPECT_THAT(remarks.losses, ElementsAre(HasSubstr("s.ply: red, green and blue left out")));
 }
 
 TEST(PlySplats, ThatAreCompressedAreNamed) {

@@ -549,6 +549,9 @@ LandmarkMap PointTable::finish(std::optional<LengthUnit> unit) && {
   landmarks.colors = std::move(colors_);
   landmarks.columns = std::move(columns_);
   const auto splats = splat_columns(landmarks.columns);
+  if (splats && splats->base_color && !landmarks.colors.empty()) {
+    lost("red, green and blue left out: the colours of splats follow from f_dc_0 to f_dc_2");
+  }
   if (splats && !has_covariances_) set_splat_looks(*splats, landmarks);
   take_ids(landmarks);
   if (execution_.progress) execution_.progress(1.0);
@@ -629,6 +632,19 @@ void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fi
   if (const std::uint64_t skipped = source.skip(size); skipped < size) {
     refuse_cut(source, begin, skipped, records);
   }
+}
+
+bool is_rounded_by_floats(const Eigen::AlignedBox3d& box) {
+  constexpr double kShare = 1e-5;
+  if (box.isEmpty() || !(box.sizes().maxCoeff() > 0.0)) return false;
+  const double farthest = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
+  return double{std::numeric_limits<float>::epsilon()} * farthest > kShare * box.sizes().maxCoeff();
+}
+
+bool is_rounded_by_floats(std::span<const Eigen::Vector3d> points) {
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& point : points) box.extend(point);
+  return is_rounded_by_floats(box);
 }
 
 PointRows::PointRows(const LandmarkMap& map, PointFormat format, ScalarType position_type)

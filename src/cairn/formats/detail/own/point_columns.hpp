@@ -5,9 +5,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include <Eigen/Geometry>
 
 #include "cairn/core/file.hpp"
 #include "cairn/formats/detail/bytes/scalars.hpp"
@@ -138,6 +141,11 @@ void read_binary_points(HeadedSource& source, std::uint64_t count, std::string_v
 /// Skips records of a binary body.
 void skip_binary_records(HeadedSource& source, const std::vector<PointField>& fields,
                          std::uint64_t count, std::string_view records, bool big_endian);
+
+/// Whether single precision rounds points by more than 1e-5 of their extent, because they lie far from the origin.
+/// @param box of the points
+bool is_rounded_by_floats(const Eigen::AlignedBox3d& box);
+bool is_rounded_by_floats(std::span<const Eigen::Vector3d> points);
 
 /// The landmarks of a map as points with fields.
 class PointRows {
