@@ -42,6 +42,7 @@
 #include "support/documents.hpp"
 #include "support/location_hints.hpp"
 #include "support/map_lists.hpp"
+#include "support/reports.hpp"
 
 namespace cairn::cli {
 namespace {
@@ -156,17 +157,28 @@ std::vector<std::string> image_names(const std::vector<std::string>& files,
   return told_apart(possible, map.frames().image_names);
 }
 
-// The locators of images: with the given camera or, by their sizes, with the only one of that size among others, or with a
-// focal length to be found if there is none or several. The search for it begins at that of the image's EXIF data.
+// The locators of images: with the given camera, with that of the map's image of the same name, with the map's only one
+// for their size, or with a focal length to be found. The search for it begins at that of the image's EXIF data.
 class Locators {
  public:
-  Locators(const LandmarkMap& map, const std::optional<Camera>& given,
-           std::span<const Camera> others, const LocateOptions& options)
+  // @param takes_map whether images may be by cameras of the map
+  Locators(const LandmarkMap& map, const std::optional<Camera>& given, bool takes_map,
+           const LocateOptions& options)
       : is_given_(given.has_value()),
-        cameras_(others.begin(), others.end()),
         first_{ImageLocator(map, given.value_or(unknown_camera(kAnySide, kAnySide)), options),
                FocalLength::kKnown,
-               {}} {}
+               {}} {
+    if (!takes_map) return;
+    cameras_ = {map.cameras().begin(), map.cameras().end()};
+    const FrameTable& frames = map.frames();
+    for (std::size_t f = 0; f < frames.image_names.size() && !frames.cameras.empty(); ++f) {
+      if (frames.image_names[f].empty() || !frames.cameras[f]) continue;
+      const Camera* const camera = &cameras_[frames.cameras[f]->value];
+      const auto [place, is_new] = of_name_.try_emplace(file_name(frames.image_names[f]), camera);
+      if (is_new || place->second == nullptr) continue;
+      if (!is_same_lens(*place->second, *camera)) place->second = nullptr;
+    }
+  }
 
   struct OfCamera {
     ImageLocator locator;
@@ -176,16 +188,20 @@ class Locators {
 
   /// Thread-safe.
   /// @param bytes the image's file
-  const OfCamera& of(const GrayImage& image, std::string_view bytes) {
+  const OfCamera& of(const GrayImage& image, const std::string& path, std::string_view bytes) {
     if (is_given_) return first_;
-    const Camera* const known = only_of(image.width, image.height);
+    const auto named = of_name_.find(file_name(path));
+    const Camera* known = named != of_name_.end() ? named->second : nullptr;
+    if (known == nullptr || known->width != image.width || known->height != image.height) {
+      known = only_of(image.width, image.height);
+    }
     if (known == nullptr) return of_unknown(image, bytes);
-    return at({image.width, image.height, true, std::nullopt}, *known);
+    return at({image.width, image.height, known, std::nullopt}, *known);
   }
   /// Where the camera is not that of the map's images of this size.
   const OfCamera& of_unknown(const GrayImage& image, std::string_view bytes) {
     const auto stated = exif_focal_length(bytes, image.width, image.height);
-    return at({image.width, image.height, false, stated},
+    return at({image.width, image.height, nullptr, stated},
               unknown_camera(image.width, image.height, stated));
   }
 
@@ -203,14 +219,15 @@ class Locators {
              0.5 * (height - 1.0)}};
   }
 
-  // Width, height, whether the camera is known, and otherwise the focal length of EXIF data.
-  using Key = std::tuple<std::uint32_t, std::uint32_t, bool, std::optional<double>>;
+  // Width, height, the camera if it is known, and otherwise the focal length of EXIF data.
+  using Key = std::tuple<std::uint32_t, std::uint32_t, const Camera*, std::optional<double>>;
 
   const OfCamera& at(const Key& key, const Camera& camera) {
     const std::lock_guard lock(mutex_);
     const auto [place, is_new] = locators_.try_emplace(key);
     if (is_new) {
-      const FocalLength lens = std::get<2>(key) ? FocalLength::kKnown : FocalLength::kUnknown;
+      const FocalLength lens =
+          std::get<2>(key) != nullptr ? FocalLength::kKnown : FocalLength::kUnknown;
       place->second = std::make_unique<OfCamera>(
           OfCamera{first_.locator.with_camera(camera, lens), lens, std::get<3>(key)});
     }
@@ -230,6 +247,8 @@ class Locators {
 
   bool is_given_;
   std::vector<Camera> cameras_;
+  // By the names of image files; null if images of one name are by different cameras.
+  std::map<std::string, const Camera*> of_name_;
   OfCamera first_;
   std::mutex mutex_;
   std::map<Key, std::unique_ptr<OfCamera>> locators_;
@@ -442,10 +461,9 @@ struct LocateArguments {
   std::vector<Located> locate_all(const LandmarkMap& in_map, const std::optional<Camera>& given,
                                   const DepthImage& depth_m) const {
     const std::string descriptors = map + ": descriptors";
-    const auto others = finds_lens() ? std::span<const Camera>() : in_map.cameras();
     std::optional<Locators> locators;
     with_option_names({{"descriptors", descriptors}},
-                      [&] { locators.emplace(in_map, given, others, options); });
+                      [&] { locators.emplace(in_map, given, !finds_lens(), options); });
     std::vector<Located> found(images.size());
     if (!poses.empty()) {
       locate_as_one(*locators, found);
@@ -512,7 +530,7 @@ struct LocateArguments {
         pixels[i] = decode_image<GrayImage>(bytes, images[i]);
       });
       if (!found[i].defect.empty()) continue;
-      const Locators::OfCamera& own = locators.of(pixels[i], bytes);
+      const Locators::OfCamera& own = locators.of(pixels[i], images[i], bytes);
       reject_if(own.lens == FocalLength::kUnknown, images[i], "an unknown camera",
                 "--camera, or a map with one camera for images of this size: with --poses, images "
                 "need a known lens");
@@ -562,7 +580,7 @@ struct LocateArguments {
       const auto locate = [&](const Locators::OfCamera& own) {
         found = {own.locator.locate(image, depth_m, execution), own.lens, own.stated, {}};
       };
-      locate(locators.of(image, bytes));
+      locate(locators.of(image, path, bytes));
       // Of the map's size, but by another camera.
       const bool by_another = camera.empty() && found.location.failure == LocationFailure::kLens;
       if (by_another) locate(locators.of_unknown(image, bytes));
@@ -604,6 +622,10 @@ struct LocateArguments {
       files.push_back(images[i]);
       located.push_back({"", found[i].location});
     }
+    if (located.empty()) {
+      common.console().print("no image is located, so {} is not written\n", output);
+      return;
+    }
     const std::vector<std::string> names = image_names(files, in_map);
     for (std::size_t i = 0; i < located.size(); ++i) {
       located[i].name = names[i];
@@ -622,7 +644,7 @@ struct LocateArguments {
       bigger = std::move(adjusted.map);
     }
     save_map(bigger, output, common);
-    common.console().print("{}: {} frames, of which {} are new\n", output, bigger.frame_count(),
+    common.console().print("{}: {} frames, {} of them new\n", output, bigger.frame_count(),
                            located.size());
   }
 

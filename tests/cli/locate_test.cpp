@@ -110,6 +110,22 @@ TEST_F(LocateCliTest, TakesTheImagesOfAFolder) {
   expect_refusal({"locate", "desk.map", "s"}, kBadInput, {"s: no image is in this folder"});
 }
 
+// COLMAP estimates a camera for each image.
+TEST_F(LocateCliTest, TakesAnImageOfTheMapByItsOwnCamera) {
+  MapTables tables = read_map(path("desk.map")).tables();
+  Camera other = tables.cameras.front();
+  other.id = CameraId{7};
+  other.parameters = {600.0, 600.0, 319.5, 239.5};
+  tables.cameras.push_back(other);
+  tables.frames.cameras.back() = CameraIndex{1};
+  const std::string image = "s/rgb/" + tables.frames.image_names.front();
+  write_map(LandmarkMap(std::move(tables)), path("two.map"));
+  EXPECT_THAT(answer({"locate", "two.map", image, "--json", "r.json"}), HasSubstr(": located: "));
+  const Json result = Json::parse(content("r.json")).at("results").at(0);
+  EXPECT_EQ(result.at("camera").at("parameters").at(0), 525.0);
+  EXPECT_TRUE(result.at("focal_length_sigma").is_null()) << "it was not searched";
+}
+
 TEST_F(LocateCliTest, RefusesAPoseThroughAnotherLens) {
   const Words words = {
       "locate", "desk.map", kImage, "--camera", "PINHOLE 640 480 480 480 319.5 239.5",
@@ -140,6 +156,9 @@ TEST_F(LocateCliTest, RefusesImagesOfOtherPlaces) {
   EXPECT_THAT(result.output, HasSubstr("0.000000.jpg: rejected: "));
   FileReader found(path("found.tum"));
   EXPECT_EQ(read_trajectory(found).poses().size(), 1U) << "only what is located";
+  EXPECT_THAT(cairn({"locate", "desk.map", "other/rgb/0.000000.jpg", "-o", "none.map"}).output,
+              HasSubstr("no image is located, so none.map is not written"));
+  EXPECT_FALSE(fs::exists(path("none.map")));
 }
 
 TEST_F(LocateCliTest, SaysWhatToTryOnlyWhereAnImageIsRejected) {

@@ -341,23 +341,25 @@ bool are_splats(std::span<const PlacedMap> maps) {
   const auto first = layout_of(maps.front());
   for (const PlacedMap& placed : maps) {
     const auto layout = layout_of(placed);
+    if (!layout) {
+      // Refuses splats in no known layout.
+      const Similarity3 any_motion(2.0, Rigid3());
+      ColumnMotion(column_names(placed.map->landmarks().columns), any_motion, placed.name);
+    }
     reject_if(
         layout.has_value() != first.has_value(), placed.name,
         fmt::format("{}, but {} {}", layout ? "has Gaussian splats" : "has no Gaussian splats",
                     maps.front().name, layout ? "has none" : "has"),
         "splats alone, or maps alone");
-    if (!layout) {
-      // Refuses splats in no known layout.
-      const Similarity3 any_motion(2.0, Rigid3());
-      ColumnMotion(column_names(placed.map->landmarks().columns), any_motion, placed.name);
-      continue;
-    }
+    if (!layout) continue;
     reject_if(placed.map->frame_count() > 0, placed.name,
               "has keyframes beside its Gaussian splats", "splats alone");
-    reject_if(layout->log_scales.size() != first->log_scales.size() ||
-                  layout->base_color.has_value() != first->base_color.has_value(),
-              placed.name, "its splats have other properties than those of " + maps.front().name,
-              "scale_2 and f_dc_0 in both or in neither");
+    const std::string others =
+        "its splats have other properties than those of " + maps.front().name;
+    reject_if(layout->log_scales.size() != first->log_scales.size(), placed.name, others,
+              "scale_2 in both or in neither");
+    reject_if(layout->base_color.has_value() != first->base_color.has_value(), placed.name, others,
+              "f_dc_0 in both or in neither");
   }
   return first.has_value();
 }

@@ -310,6 +310,9 @@ TEST(JoinSplats, AreNotJoinedWithOthers) {
   const std::vector<PlacedMap> undefined = {{&unknown, "c", {}}, {&unknown, "d", {}}};
   EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { fuse_maps(undefined); }),
               HasSubstr("c: has Gaussian splats in no known layout"));
+  const std::vector<PlacedMap> one_unknown = {{&splats, "a", {}}, {&unknown, "d", {}}};
+  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { fuse_maps(one_unknown); }),
+              HasSubstr("d: has Gaussian splats in no known layout"));
 }
 
 }  // namespace

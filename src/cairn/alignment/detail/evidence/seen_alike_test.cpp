@@ -98,6 +98,22 @@ TEST(SeenAlike, LandmarksOfAnotherPlaceAreNot) {
   EXPECT_EQ(counts.distinctive, 0U);
 }
 
+TEST(SeenAlike, APartOfALargeMapIsCountedToo) {
+  LandmarkCloud building = painted(2);
+  Random random(7);
+  for (int i = 0; i < 9000; ++i) {
+    building.positions.emplace_back(random.uniform(9.0, 99.0), random.uniform(9.0, 99.0), 0.0);
+    const Descriptor descriptor = random_descriptor(random);
+    DescriptorColumn& column = *building.descriptors;
+    column.bytes.insert(column.bytes.end(), descriptor.begin(), descriptor.end());
+    column.known.push_back(1);
+  }
+  EXPECT_EQ(at_truth(painted(2), building).distinctive, kLandmarks);
+  const SeenAlike elsewhere = at_truth(painted(3), building);
+  EXPECT_EQ(elsewhere.landmarks, kLandmarks);
+  EXPECT_EQ(elsewhere.distinctive, 0U);
+}
+
 // Equal handles show that two kitchens are by one manufacturer.
 TEST(SeenAlike, EqualThingsAreNotDistinctive) {
   const SeenAlike elsewhere = at_truth(with_equal_things(2), with_equal_things(3));
