@@ -187,7 +187,7 @@ class Locators {
   };
 
   /// Thread-safe.
-  /// @param bytes the image's file
+  /// @param path, bytes the image's file
   const OfCamera& of(const GrayImage& image, const std::string& path, std::string_view bytes) {
     if (is_given_) return first_;
     const auto named = of_name_.find(file_name(path));
@@ -279,8 +279,7 @@ struct LocateArguments {
     command
         .add_words("images", images,
                    "Images to locate, JPEG or PNG, or folders of images; each image is located "
-                   "separately, "
-                   "unless --poses is given",
+                   "separately, unless --poses is given",
                    "IMAGE")
         .required();
     command.add_text(

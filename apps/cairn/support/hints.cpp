@@ -86,10 +86,11 @@ class Hints {
           "Check the units: the source's landmarks extend {:.3g} times as far as the target's.",
           ratio);
       if (factor > kLargestScale) {
-        text +=
-            " Scales from 1/20 to 20 are searched. If the units differ by more, scale the source "
-            "first: cairn convert SOURCE SCALED --apply FILE, where FILE has the 16 numbers of a "
-            "4x4 matrix.";
+        text += fmt::format(
+            " Scales from 1/{0:g} to {0:g} are searched. If the units differ by more, scale the "
+            "source first: cairn convert SOURCE SCALED --apply FILE, where FILE has the 16 numbers "
+            "of a 4x4 matrix.",
+            kLargestScale);
       } else if (!with_scale_) {
         text += " Add --scale if the scales differ.";
       }

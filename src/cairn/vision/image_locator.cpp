@@ -14,6 +14,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/vision/detail/image_pose.hpp"
+#include "cairn/vision/detail/lens_estimation.hpp"
 #include "cairn/vision/detail/location_verdict.hpp"
 #include "cairn/vision/detail/shared_lens.hpp"
 

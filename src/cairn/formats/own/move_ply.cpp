@@ -132,12 +132,13 @@ class PlyMover {
     const auto put = [&](const std::array<std::size_t, 3>& places, const Eigen::Vector3d& x) {
       for (std::size_t i = 0; i < 3; ++i) values[places.at(i)] = x[static_cast<Eigen::Index>(i)];
     };
-    const Eigen::Vector3d old = vector(movable.position);
-    if (old.allFinite()) {
-      before_.extend(old);
-      after_.extend(new_from_old_ * old);
+    const Eigen::Vector3d before = vector(movable.position);
+    const Eigen::Vector3d after = new_from_old_ * before;
+    put(movable.position, after);
+    if (before.allFinite()) {
+      before_.extend(before);
+      after_.extend(after);
     }
-    put(movable.position, new_from_old_ * old);
     movable.others.move(values);
     if (!movable.covariance) return;
     const auto& c = *movable.covariance;

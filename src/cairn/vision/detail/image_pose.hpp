@@ -11,7 +11,6 @@
 
 #include "cairn/vision/detail/described_image.hpp"
 #include "cairn/vision/detail/described_landmarks.hpp"
-#include "cairn/vision/detail/lens_estimation.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
 
 namespace cairn::detail {

@@ -54,7 +54,7 @@ Camera radial_camera(const Camera& camera, double focal_length);
 /// Minimises the robust sum of squared residuals over pose and lens. Few or coplanar matches give a large standard
 /// deviation rather than an arbitrary lens, because of the prior.
 /// @param camera  where the search begins; as from radial_camera()
-/// @param matches with pixels of the original image; their depths are not used
+/// @param matches with pixels of the image by that lens; their depths are not used
 /// @return std::nullopt if the matches do not determine a pose, or no sound camera fits
 std::optional<LensEstimate> estimate_lens(const Camera& camera, std::span<const PointMatch> matches,
                                           const Rigid3& world_from_camera, const LensPrior& prior);
