@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fits the weights of src/cairn/alignment/detail/evidence/verdict.cpp and reports how reliable they are.
 
-  studies/fit_placement_model.py FIT.csv CHOOSE.csv [TEST.csv [DIAGRAM.svg]]
+  studies/fit_placement_model.py FIT.csv[,REAL.csv] CHOOSE.csv [TEST.csv [DIAGRAM.svg]]
 
 The tables are those of cairn_placement_sessions_benchmark, of parts fit, choose and test, with the
-variants descriptors, searched and undescribed (TEST may have the variant shipped alone). Needs NumPy. A
-conditional logit by Newton's method, with and without descriptors, with and without lines of sight. What
-departs from PRIOR, the weights of an earlier fit to other places, is penalised. CHOOSE is where the penalty
+variants descriptors and searched, or undescribed and bare, or all four (TEST may have the variant shipped alone);
+REAL.csv is that of studies/mini_map_pairs.py. Needs NumPy. A conditional logit by Newton's method, with and without descriptors,
+with and without lines of sight. What departs from PRIOR, the weights of an earlier fit to other places, is penalised. CHOOSE is where the penalty
 and the threshold of the verdict are chosen; TEST is only reported. The diagram shows how often poses of a
 stated probability were right in the test.
 """
@@ -20,29 +20,32 @@ import numpy as np
 
 TOLERANCE = (5.0, 0.05)  # degrees, metres: what counts as the right pose
 BEYOND_DOUBT = 0.99      # what the verdict accepts; verdict.cpp has the same
-# Fitted to 474 pairs of places of one layout, by described and with lines of sight.
+# Fitted to 474 pairs of places of one layout, by described and with lines of sight; without a weight of the lead where
+# it is defined differently today.
 PRIOR = {(True, True): [-12.293, 12.076, 0.740, 0.0, -0.786, 0.0],
          (True, False): [-9.095, 11.304, 0.775, 0.0, 0.0, 0.0],
-         (False, True): [-10.824, 5.706, 1.267, 1.146, -0.829, 0.0],
-         (False, False): [-8.095, 6.358, 1.281, 1.007, 0.0, 0.0]}
+         (False, True): [-10.824, 5.706, 1.267, 0.0, -0.829, 0.0],
+         (False, False): [-8.095, 6.358, 1.281, 0.0, 0.0, 0.0]}
 PENALTIES = [0.1, 0.3, 1.0, 3.0]  # of which the likeliest of CHOOSE is taken
 MATCHES_MORE = 20.0      # so that a few matches say little
 CLOSE_MORE = 3.0
+MOST_INDEPENDENT = 160.0  # fine matches of two poses
 FINE = "within_2"        # matches within a quarter of the radius
 LEAST_EXPECTED = 0.25    # as in descriptor_agreement.cpp
 NAMES = ["constant", "evidence", "proximity", "lead", "contradicted", "agreement"]
 BINS = [0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0]
 
 
-def read_pairs(path):
+def read_pairs(paths):
     """Variants, each with a list of pairs; a pair is a list of candidate rows, empty if there is none."""
     variants = collections.defaultdict(dict)
-    with open(path, newline="") as file:
-        for row in csv.DictReader(file):
-            for key, value in row.items():
-                if key not in ("variant", "source", "target", "verdict"):
-                    row[key] = float(value)
-            variants[row["variant"]].setdefault(row["pair"], []).append(row)
+    for path in paths.split(","):
+        with open(path, newline="") as file:
+            for row in csv.DictReader(file):
+                for key, value in row.items():
+                    if key not in ("variant", "source", "target", "verdict"):
+                        row[key] = float(value)
+                variants[row["variant"]].setdefault((path, row["pair"]), []).append(row)
     return {name: list(pairs.values()) for name, pairs in variants.items()}
 
 
@@ -68,6 +71,13 @@ def agreement_evidence(row):
     return count * math.log(count / mean) - (count - mean) if count > mean else 0.0
 
 
+def evidence_of_difference(count, other):
+    """That two counts have different means: about the log-likelihood ratio; negative if the first is smaller."""
+    share = min(1.0, MOST_INDEPENDENT / max(count + other, 1.0))
+    more = share * (count - other)
+    return more * abs(more) / (2.0 * (share * (count + other) + CLOSE_MORE))
+
+
 def features(rows, i, described, seen):
     """What probabilities() is linear in, of candidate i, in the order of NAMES; 0 for what is unknown."""
     row = rows[i]
@@ -77,7 +87,8 @@ def features(rows, i, described, seen):
     evidence = row["spread_evidence"] + row["spread_proximity"]
     if described:
         evidence += max(row["spread_likeness"], 0.0) + agreement_evidence(row)
-    lead = math.log((row[leading] + CLOSE_MORE) / (best_other + CLOSE_MORE))
+    lead = (math.log((row[leading] + CLOSE_MORE) / (best_other + CLOSE_MORE)) if described
+            else evidence_of_difference(row[leading], best_other))
     line = [1.0, math.sqrt(evidence / (row["within_0"] + MATCHES_MORE)),
             math.log1p(row["spread_proximity"]), lead, 0.0,
             math.log1p(agreement_evidence(row)) if described else 0.0]
@@ -248,7 +259,9 @@ def main():
     weights = {}
     for described in (True, False):
         for seen in (True, False):
-            name = "searched" if described else "undescribed"
+            name = "searched" if described else "undescribed" if seen else "bare"
+            if name not in fitted:
+                continue
             by_penalty = {penalty: fit(fitted[name], described, seen, penalty) for penalty in PENALTIES}
             best = max(PENALTIES,
                        key=lambda k: likelihood(chosen[name], by_penalty[k], described, seen))
@@ -257,8 +270,11 @@ def main():
                 *("yes" if k else "no" for k in (described, seen)), best),
                   ", ".join(f"{name} {value:.3f}"
                             for name, value in zip(NAMES, weights[described, seen])))
-    for name, described in (("searched", True), ("descriptors", True), ("undescribed", False)):
+    for name, described in (("searched", True), ("descriptors", True), ("undescribed", False),
+                            ("bare", False)):
         for part, pairs in (("fit", fitted), ("choose", chosen)):
+            if name not in pairs:
+                continue
             report(f"{part}, {name}", judge(pairs[name], weights, described))
     if len(sys.argv) > 3:
         for name, pairs in read_pairs(sys.argv[3]).items():

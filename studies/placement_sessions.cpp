@@ -4,8 +4,10 @@
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART [VARIANT,...]
 // FOLDER: see for_each_session_pair. PAIRS: how many, or FIRST-END. PART: fit, choose or test, by the
 // places' seeds. VARIANT: shipped (default), descriptors (no search), searched (always), undescribed (maps
-// without descriptors and colours), coloured_views (without descriptors), bare (positions alone), coloured (with
-// colours alone), one, one_descriptors (shipped and descriptors with one descriptor of a landmark) or truth (the true pose, refined). One CSV row a candidate to stdout; rank -1 stands for there being none.
+// without descriptors and colours), coloured_views (without descriptors), bare (positions alone), scaled
+// (positions without covariances, the source 1.7 times as large, and a free scale), coloured (with colours alone), one,
+// one_descriptors (shipped and descriptors with one descriptor of a landmark) or truth (the true pose, refined). One
+// CSV row a candidate to stdout; rank -1 stands for there being none.
 //   cairn_placement_sessions_benchmark FOLDER PAIRS PART guesses
 // instead refines and judges guesses, from near the true pose to 60 degrees and 2 m off it; one row a guess.
 #include <array>
@@ -27,6 +29,7 @@
 #include "cairn/geometry/angles.hpp"
 #include "cairn/geometry/covariance.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
+#include "cairn/geometry/detail/pose_distance.hpp"
 
 #include "session_pairs.hpp"
 #include "study_main.hpp"
@@ -63,7 +66,7 @@ void tell_truth(const SessionPair& pair) {
   const PoseError error = pose_error(pose, pair.truth, pair.source.positions);
   std::printf(
       "truth,%llu,%s,%s,1,%.6f,%zu,%zu,,0,-1,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,0,0,0,0,1,"
-      "%zu,%zu,%zu,%.4f,%.3f,-1,0,%.3f,%.4f,-1,-1,-1\n",
+      "%zu,%zu,%zu,%.4f,%.3f,-1,0,%.3f,%.4f,-1,-1,-1,0,-1\n",
       static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
       pair.target_place.c_str(), pair.overlap, pair.source.size(), pair.target.size(),
       support.within[0], support.within[1], support.within[2], support.within[3], support.within[4],
@@ -115,16 +118,18 @@ struct Variant {
   bool with_descriptors;
   bool with_views;
   bool with_lightness = true;
-  bool with_further = true;  // descriptors of a landmark, beside the one that represents it
+  bool with_further = true;   // descriptors of a landmark, beside the one that represents it
+  double source_scale = 1.0;  // if not 1, the scale is estimated
 };
 
-constexpr std::array<Variant, 9> kVariants = {{
+constexpr std::array<Variant, 10> kVariants = {{
     {"shipped", PoseSearch::kWhereNeeded, true, true},
     {"descriptors", PoseSearch::kNever, true, true},
     {"searched", PoseSearch::kAlways, true, true},
     {"undescribed", PoseSearch::kAlways, false, true, false},
     {"coloured_views", PoseSearch::kAlways, false, true},
     {"bare", PoseSearch::kAlways, false, false, false},
+    {"scaled", PoseSearch::kAlways, false, false, false, true, 1.7},
     {"coloured", PoseSearch::kAlways, false, false},
     {"one", PoseSearch::kWhereNeeded, true, true, true, false},
     {"one_descriptors", PoseSearch::kNever, true, true, true, false},
@@ -145,21 +150,30 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
     if (!variant.with_views) cloud->views.clear();
     if (!variant.with_lightness) cloud->lightness.clear();
   }
+  if (variant.source_scale != 1.0) {
+    options.scale = ScaleRange();
+    for (Eigen::Vector3d& position : source.positions) position *= variant.source_scale;
+    source.covariances.clear();
+    target.covariances.clear();
+  }
+  const Similarity3 truth =
+      Similarity3(pair.truth) * Similarity3(1.0 / variant.source_scale, Rigid3());
   const Alignment result =
       place(source, target, options, {.executor = executor, .seed = pair.number});
   std::vector<PlacementCandidate> candidates = result.candidates;
+  const double size = PoseDistance::of(pair.source.positions).radius;
   // A pair of which nothing is known counts, too.
   if (candidates.empty()) candidates.emplace_back();
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
     const Support& support = candidate.support;
-    const PoseError error =
-        same ? pose_error(candidate.target_from_source, pair.truth, pair.source.positions)
-             : PoseError{std::numbers::pi, 100.0};
+    const PoseError error = same ? pose_error(candidate.similarity(), truth, source.positions)
+                                 : PoseError{std::numbers::pi, 100.0};
     const DescriptorAgreement agreement = support.agreement.value_or(DescriptorAgreement{});
     std::printf(
         "%s,%llu,%s,%s,%d,%.6f,%zu,%zu,%s,%.3f,%d,%zu,%zu,%zu,%zu,%zu,%zu,%.5f,%.3f,%.3f,"
-        "%.3f,%.3f,%.3f,%.3f,%d,%zu,%zu,%zu,%.4f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f,%.3f,%.3f\n",
+        "%.3f,%.3f,%.3f,%.3f,%d,%zu,%zu,%zu,%.4f,%.3f,%.5f,%.6f,%.3f,%.4f,%.3f,%.3f,%.3f,%.4f,%."
+        "4f\n",
         variant.name, static_cast<unsigned long long>(pair.number), pair.source_place.c_str(),
         pair.target_place.c_str(), same ? 1 : 0, pair.overlap, pair.source.size(),
         pair.target.size(), std::string(to_string(*result.verdict)).c_str(), result.duration_s,
@@ -171,9 +185,12 @@ void tell(const SessionPair& pair, const Variant& variant, const Executor& execu
         agreement.agreeing, agreement.spread, agreement.expected,
         support.likeness ? support.spread_likeness : -1.0, candidate.contradicted.value_or(-1.0),
         candidate.probability, degrees(error.rotation_rad), error.translation,
-        i == 0 && same ? squared_mahalanobis(result.registration, pair.truth) : -1.0,
+        i == 0 && same && variant.source_scale == 1.0
+            ? squared_mahalanobis(result.registration, pair.truth)
+            : -1.0,
         support.contrast ? support.contrast->correlation : -1.0,
-        support.contrast ? support.contrast->spread : -1.0);
+        support.contrast ? support.contrast->spread : -1.0,
+        candidate.scale * variant.source_scale - 1.0, size);
   }
   std::fflush(stdout);
 }
@@ -196,7 +213,8 @@ void run(const std::vector<std::string>& words) {
       "within_0,within_1,within_2,within_3,within_4,within_5,support,evidence,spread_evidence,"
       "proximity,spread_proximity,same_share,same_deviation,described,descriptor_matches,"
       "agreeing,spread_agreeing,expected_agreeing,spread_likeness,contradicted,probability,"
-      "rotation_deg,translation_m,mahalanobis,contrast,spread_contrast");
+      "rotation_deg,translation_m,mahalanobis,contrast,spread_contrast,"
+      "scale_error,source_radius_m");
   const std::string wanted = fmt::format(",{},", words.size() > 3 ? words[3] : "shipped");
   benchmarks::for_each_session_pair(
       words[0], numbers, benchmarks::session_part(words[2]), [&](const SessionPair& pair) {

@@ -108,6 +108,27 @@ TEST(Probability, IsComparedWithTheBestOfAllOtherPoses) {
   EXPECT_NEAR(log_odds_of(best_of({best, close, far})), log_odds_of(beside_close), 0.02);
 }
 
+TEST(Probability, WithoutDescriptorsCountsHowSurelyMoreLandmarksMatchThanAtAnyOtherPose) {
+  for (const auto sight : {std::optional<double>(0.03), std::optional<double>()}) {
+    const auto gain = [&](std::size_t own, std::size_t other) {
+      const auto with = [&](std::size_t matches, double evidence) {
+        PlacementCandidate pose = candidate(0.1, evidence, sight);
+        pose.support.within[Support::kFine] = matches;
+        return pose;
+      };
+      return log_odds_of(best_of({with(own, 10.0), with(other, 0.0)})) -
+             log_odds_of(best_of({with(other, 10.0), with(other, 0.0)}));
+    };
+    EXPECT_NEAR(gain(40, 40), 0.0, 1e-3);
+    EXPECT_GT(gain(40, 20), 0.0);
+    // The same ratio of more matches is less likely by chance,
+    EXPECT_GT(gain(80, 40), 1.7 * gain(40, 20));
+    // but matches of dense clouds are not independent.
+    EXPECT_NEAR(gain(2000, 1000), gain(200, 100), 0.02);
+    EXPECT_LT(gain(20, 40), 0.0);
+  }
+}
+
 TEST(Probability, FollowsThePriorOdds) {
   const std::vector<PlacementCandidate> poses = {candidate(0.15, 100.0, 0.03),
                                                  candidate(0.08, 0.0, 0.1)};

@@ -16,7 +16,7 @@ struct Weights {
   double constant;
   double evidence;      // of the root of the evidence per match
   double proximity;     // of the logarithm of the evidence of distances versus those at other poses
-  double lead;          // of the log ratio of leading matches to those of the best other candidate
+  double lead;          // of lead() over the best other candidate
   double contradicted;  // of the logarithm of the odds of a line of sight being contradicted
   double agreement;     // of the logarithm of the evidence of descriptor matches
 };
@@ -24,8 +24,8 @@ struct Weights {
 // Fitted by studies/fit_placement_model.py; docs/evidence.md reports how well they predict other pairs.
 constexpr Weights kWithAll = {-13.162, 12.717, 1.500, 1.855, -0.369, 0.782};
 constexpr Weights kWithDescriptors = {-11.064, 12.049, 1.347, 1.955, 0.0, 0.531};
-constexpr Weights kWithSight = {-10.842, 5.814, 1.844, 1.435, -0.568, 0.0};
-constexpr Weights kWithNeither = {-9.655, 6.621, 2.127, 2.220, 0.0, 0.0};
+constexpr Weights kWithSight = {-11.069, 7.201, 1.917, 0.094, -0.471, 0.0};
+constexpr Weights kWithNeither = {-9.181, 9.346, 1.561, 0.297, 0.0, 0.0};
 
 // Largest evidence of contrasts that is likely by chance.
 constexpr double kContrastByChance = 5.0;
@@ -33,6 +33,8 @@ constexpr double kContrastByChance = 5.0;
 // Added to numbers of matches, so that few matches have little effect.
 constexpr double kMatchesMore = 20.0;
 constexpr double kLeadingMore = 3.0;
+// Largest number of fine matches of two poses that are counted as independent.
+constexpr double kMostIndependent = 160.0;
 // Added to the log odds of a proven pose. Images that both maps contain prove that the maps show one place, and
 // identify landmarks without doubt.
 constexpr double kProven = 30.0;
@@ -62,6 +64,20 @@ double leading_matches_of_others(std::span<const PlacementCandidate> candidates,
     if (i != but) most = std::max(most, leading_matches(candidates[i]));
   }
   return most;
+}
+
+// How far a candidate leads the best other one. Descriptor matches agree by chance in most wrong poses, so their ratio
+// counts. Of landmarks alone, surfaces match in every pose; there, the evidence counts that both numbers have different
+// means: about the log-likelihood ratio, negative for the smaller number. Matches of dense clouds are not independent.
+double lead(std::span<const PlacementCandidate> candidates, std::size_t of) {
+  const double own = leading_matches(candidates[of]);
+  const double other = leading_matches_of_others(candidates, of);
+  if (candidates[of].support.agreement) {
+    return std::log((own + kLeadingMore) / (other + kLeadingMore));
+  }
+  const double share = std::min(1.0, kMostIndependent / std::max(own + other, 1.0));
+  const double more = share * (own - other);
+  return more * std::abs(more) / (2.0 * (share * (own + other) + kLeadingMore));
 }
 
 double contrast_spread(const Support& support) {
@@ -276,13 +292,11 @@ std::vector<double> probabilities(std::span<const PlacementCandidate> candidates
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const PlacementCandidate& candidate = candidates[i];
     const Weights& weights = weights_for(candidate);
-    const double lead = std::log((leading_matches(candidate) + kLeadingMore) /
-                                 (leading_matches_of_others(candidates, i) + kLeadingMore));
     const double matches = static_cast<double>(candidate.support.matches()) + kMatchesMore;
     result.push_back(weights.constant + std::log(prior_odds) +
                      weights.evidence * std::sqrt(evidence(candidate.support) / matches) +
                      weights.proximity * std::log1p(candidate.support.proximity.spread) +
-                     weights.lead * lead +
+                     weights.lead * lead(candidates, i) +
                      weights.agreement * std::log1p(agreement_evidence(candidate.support)) +
                      weights.contradicted * log_odds(candidate.contradicted.value_or(0.5)) +
                      contrast_lead(candidates, i));
