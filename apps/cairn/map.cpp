@@ -286,7 +286,7 @@ struct MapArguments {
     }
     if (!ImageSequence::is_in(sequence)) {
       const fs::path parent = (fs::path(sequence) / "..").lexically_normal();
-      reject_if(ImageSequence::is_in(parent), sequence, "is a folder of a sequence's images",
+      reject_if(ImageSequence::is_in(parent), sequence, "is a part of a sequence",
                 "the sequence, " + parent.string());
       if (const auto known = foreign_content(sequence)) {
         throw Error(ErrorKind::kInput, sequence, known->what, known->advice);

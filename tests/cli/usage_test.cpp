@@ -465,6 +465,17 @@ TEST_F(UsageTest, BrokenMapIsRefusedByFileLineFieldAndValue) {
   expect_refusal({"info", "empty.map"}, kBadInput, {"empty.map", "empty"});
 }
 
+TEST_F(UsageTest, WhatIsNoImageOrNoCameraIsNamed) {
+  write_plain();
+  write("walk.mp4", std::string("\0\0\0\x18"
+                                "ftypmp42",
+                                12));
+  expect_refusal({"map", "walk.mp4", "-o", "walk.map"}, kBadInput,
+                 {"walk.mp4: is a video", "RGB-D and stereo images only"});
+  expect_refusal({"info", "a.map", "--camera", "517,516,318,255"}, kWrongUsage,
+                 {"--camera", "without model and image size", "PINHOLE 640 480"});
+}
+
 TEST_F(UsageTest, PoseFilesAreChecked) {
   write_plain();
   const std::vector<std::pair<const char*, const char*>> wrong = {

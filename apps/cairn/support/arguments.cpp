@@ -358,6 +358,9 @@ CameraFile load_calibration(const std::string& text, std::vector<std::string> na
   std::error_code failure;  // the reader explains it
   const bool is_missing = !std::filesystem::exists(text, failure) && !failure;
   if (const std::size_t comma = text.find(','); is_missing && comma != std::string::npos) {
+    refuse_if(parse_number(std::string_view(text).substr(0, comma)).has_value(), "--camera",
+              printable(text) + " is a list of numbers, without model and image size",
+              "for example \"PINHOLE 640 480 517 516 318 255\"");
     FileReader left(text.substr(0, comma));
     FileReader right(text.substr(comma + 1));
     const StereoRig rig = read_stereo_files(left, right);

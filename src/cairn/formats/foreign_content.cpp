@@ -31,9 +31,11 @@ constexpr std::string_view kRecording =
     "info' lists (docs/from_bags.md)";
 constexpr std::string_view kPictures =
     "a map that COLMAP, OpenSfM or a SLAM system made of such images (docs/from_colmap.md and "
-    "others)";
+    "others); 'cairn map' makes maps of RGB-D and stereo images only";
 constexpr std::string_view kImage =
-    "a map; 'cairn locate' takes a map and an image, COLMAP and OpenSfM make maps of images";
+    "a map; 'cairn locate' takes a map and an image, COLMAP and OpenSfM make maps of images, "
+    "'cairn "
+    "map' of RGB-D and stereo sequences";
 constexpr std::string_view kStereo =
     "a map that ORB-SLAM3, stella_vslam or COLMAP made of it (docs/from_orbslam3.md and others): "
     "Cairn itself maps RGB-D sequences, and stereo ones in the layouts of KITTI odometry and EuRoC";

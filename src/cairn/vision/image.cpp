@@ -16,6 +16,7 @@
 #include <png.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/formats/map_file.hpp"
 
 namespace cairn {
 namespace {
@@ -365,7 +366,10 @@ bool is_complete_png(const std::filesystem::path& path, std::string_view bytes) 
   constexpr std::size_t kPadding = 4096;
   if (bytes.empty()) refuse(path, "the file is empty", "an image");
   const bool png = bytes.starts_with(kPngStart);
-  if (!png && !bytes.starts_with(kJpegStart)) refuse(path, "neither PNG nor JPEG", "either");
+  if (!png && !bytes.starts_with(kJpegStart)) {
+    const auto known = foreign_content(path);
+    refuse(path, known ? known->what : "neither PNG nor JPEG", "a PNG or JPEG image");
+  }
   const std::string_view tail = bytes.substr(bytes.size() - std::min(kPadding, bytes.size()));
   if (tail.find(png ? kPngEnd : kJpegEnd) == std::string_view::npos) {
     refuse(path, "the image is cut off", "its end mark");

@@ -273,8 +273,15 @@ class ImageLocator::View {
  private:
   void require_size(std::uint32_t width, std::uint32_t height, std::string_view what) const {
     if (width == camera_.width && height == camera_.height) return;
-    throw Error(ErrorKind::kInput, what, fmt::format("{} x {} pixels", width, height),
-                fmt::format("{} x {}, as the camera has", camera_.width, camera_.height));
+    const bool is_resized =
+        std::uint64_t{width} * camera_.height == std::uint64_t{height} * camera_.width;
+    throw Error(
+        ErrorKind::kInput, what, fmt::format("{} x {} pixels", width, height),
+        fmt::format("{} x {}, as the camera has", camera_.width, camera_.height) +
+            (is_resized ? fmt::format("; if the image was resized, multiply the camera's size, "
+                                      "focal length and principal point by {:.4g}",
+                                      static_cast<double>(width) / camera_.width)
+                        : ""));
   }
 
   SensorModel sensor() const {

@@ -22,7 +22,9 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::TexturedWall;
 
 GrayImage image_of(const cv::Mat& gray) {
@@ -461,7 +463,9 @@ TEST(ImageLocator, NeedsKnownDescriptorsAndImagesOfTheCamerasSize) {
               HasSubstr("SIFT of 32 bytes"));
   const ImageLocator locator(wall_map(), TexturedWall::camera());
   EXPECT_THAT(message([&] { locator.locate(GrayImage(320, 240, 90)); }),
-              HasSubstr("320 x 240 pixels"));
+              AllOf(HasSubstr("320 x 240 pixels"), HasSubstr("principal point by 0.5")));
+  EXPECT_THAT(message([&] { locator.locate(GrayImage(320, 320, 90)); }),
+              AllOf(HasSubstr("320 x 320 pixels"), Not(HasSubstr("resized"))));
   EXPECT_THAT(message([&] { locator.locate(image_at(0, 0), DepthImage(320, 240)); }),
               HasSubstr("depth image"));
   EXPECT_THAT(message([&] {

@@ -97,6 +97,11 @@ TEST(ImageFile, RefusesWhatIsNoImage) {
   EXPECT_THAT(refusal(read_gray_image, folder.write("a", "")), HasSubstr("empty"));
   EXPECT_THAT(refusal(read_gray_image, folder.write("a", "text")),
               HasSubstr("neither PNG nor JPEG"));
+  EXPECT_THAT(refusal(read_gray_image, folder.write("a", "GIF89a")), HasSubstr("is an image"));
+  EXPECT_THAT(refusal(read_gray_image, folder.write("a", std::string_view("\0\0\0\x18"
+                                                                          "ftypmp42",
+                                                                          12))),
+              HasSubstr("is a video; expected a PNG or JPEG image"));
   write_png(folder / "gray.png", pattern<GrayImage>());
   EXPECT_THAT(refusal(read_depth_image, folder / "gray.png"), HasSubstr("one channel of 16 bits"));
 }
