@@ -160,6 +160,7 @@ class PreparedPair::Work {
                      const TimeLimit& time, Alignment& result) const;
   void judge_best(const Finalist& best, Alignment& result) const;
   std::optional<std::string> fits_mirrored(const Finalist& best) const;
+  std::optional<std::string> fits_in_plane(const Finalist& best) const;
   Placed beside(Candidates found, const Finalist& pose) const;
   void report(const std::vector<Finalist>& poses, Alignment& result) const;
   void require_scale(const Similarity3& pose) const;
@@ -295,7 +296,22 @@ void PreparedPair::Work::judge_best(const Finalist& best, Alignment& result) con
   if (const auto why = fits_mirrored(best)) {
     result.verdict = Verdict::kRejected;
     result.reason = fmt::format("{}; {}", *why, result.reason);
+  } else if (const auto plane = fits_in_plane(best)) {
+    result.verdict = Verdict::kAmbiguous;
+    result.reason = fmt::format("{}; {}", *plane, result.reason);
   }
+}
+
+// Why the maps may show different things on one floor; std::nullopt if they do not.
+std::optional<std::string> PreparedPair::Work::fits_in_plane(const Finalist& best) const {
+  constexpr double kMost = 0.8;       // of the matches
+  constexpr double kElsewhere = 0.5;  // of the matched share in the plane
+  const detail::PlaneMatches plane = placement_->lattice_matches_in_plane(best.similarity());
+  if (plane.share < kMost || plane.elsewhere >= kElsewhere) return std::nullopt;
+  return fmt::format(
+      "{:.0f} % of the matches lie in one plane, and both maps were sampled on a lattice, as by a "
+      "depth camera: two sensors at one height sample a floor alike, whatever stands on it",
+      100.0 * plane.share);
 }
 
 // Why the mirror image of the source fits better than the source; std::nullopt if it does not. Positions alone do not

@@ -102,6 +102,33 @@ void dither(std::vector<Eigen::Vector3d>& positions, Random random, const Execut
   }
 }
 
+// Whether neighbours on one side of a point have counterparts on its other side. Among landmarks, at most 6 % have one;
+// on grids, in depth images and in scans, 19 to 70 %.
+bool on_lattice(std::span<const Eigen::Vector3d> points, const BatchTree& tree,
+                const Executor& executor) {
+  constexpr std::size_t kTested = 1024;  // points
+  constexpr std::size_t kNeighbours = 4;
+  constexpr double kSame = 0.2;  // of the neighbour's distance
+  constexpr double kLeastShare = 0.15;
+  const auto tested = points.first(std::min(points.size(), kTested));
+  std::vector<Eigen::Vector3d> opposite(kNeighbours * tested.size());
+  std::vector<double> farthest(opposite.size(), 0.0);  // squared
+  tree.batch(kNeighbours + 1)
+      .for_each(tested, executor, [&](std::size_t i, const NearestList auto& nearest) {
+        for (std::size_t j = 1; j < nearest.size(); ++j) {
+          const std::size_t place = kNeighbours * i + j - 1;
+          opposite[place] = 2.0 * tested[i] - points[nearest.index(j)];
+          farthest[place] = kSame * kSame * nearest.squared_distance(j);
+        }
+      });
+  std::vector<char> has_counterpart(opposite.size());
+  tree.batch(1).for_each(opposite, executor, [&](std::size_t i, const NearestList auto& nearest) {
+    has_counterpart[i] = nearest.squared_distance(0) < farthest[i] ? 1 : 0;
+  });
+  return static_cast<double>(std::ranges::count(has_counterpart, 1)) >
+         kLeastShare * static_cast<double>(opposite.size());
+}
+
 // The first point in each occupied cell of a grid; empty if there are more than `most` cells.
 std::vector<std::uint32_t> first_in_cells(std::span<const Eigen::Vector3d> points, double edge,
                                           std::size_t most) {
@@ -179,6 +206,7 @@ PreparedCloud::PreparedCloud(LandmarkCloud cloud, std::uint64_t seed, const Exec
   ignores_covariances_ = has_placeholders;
   order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));
   more_ = std::make_shared<const More>(landmarks(), tree(), executor);
+  is_lattice_ = !landmarks().descriptors && on_lattice(landmarks().positions, tree(), executor);
 }
 
 std::span<const Eigen::Vector3d> PreparedCloud::sample() const {
@@ -225,6 +253,7 @@ PreparedCloud PreparedCloud::even(const Executor& executor) const {
   PreparedCloud result = plain(std::move(cloud));
   result.centre_ += centre_;
   result.ignores_covariances_ = ignores_covariances_;
+  result.is_lattice_ = is_lattice_;
   result.order_ = std::make_shared<const std::vector<std::uint32_t>>(std::move(order));
   result.more_ = std::make_shared<const More>(result.landmarks(), result.tree(), executor);
   return result;

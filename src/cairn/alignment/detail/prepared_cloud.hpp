@@ -56,6 +56,9 @@ class PreparedCloud {
   std::uint32_t as_given(std::uint32_t landmark) const {
     return order_->empty() ? landmark : (*order_)[landmark];
   }
+  /// Whether a sensor or a program sampled the points on a lattice, as in a depth image or a scan. A cloud with
+  /// descriptors has landmarks instead.
+  bool is_lattice() const { return is_lattice_; }
   /// Search tree of the landmarks' positions.
   const BatchTree& tree() const { return *tree_; }
   /// Indices of the first `first` landmarks, ordered so that consecutive landmarks are close, for BatchTree::batch().
@@ -102,6 +105,7 @@ class PreparedCloud {
   std::shared_ptr<const BatchTree> tree_;
   std::shared_ptr<const More> more_;  // null if plain
   bool ignores_covariances_ = false;
+  bool is_lattice_ = false;
 };
 
 /// Converts a pose between the original clouds to a centred pose.

@@ -5,7 +5,10 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/Geometry>
+
 #include "cairn/alignment/detail/evidence/seen_alike.hpp"
+#include "cairn/core/random.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/geometry/detail/centroid.hpp"
 #include "cairn/geometry/similarity3.hpp"
@@ -112,6 +115,19 @@ Ball ball_about(std::span<const Eigen::Vector3d> points) {
   distances.reserve(points.size());
   for (const Eigen::Vector3d& point : points) distances.push_back((point - centre).norm());
   return {centre, kMargin * lower_quantile(std::move(distances), kInside)};
+}
+
+// Share of the radius within which two landmarks are the same rather than on one surface.
+constexpr double kSameLandmark = 0.25;
+
+// The landmarks of the source's sample with a mutual match within a distance.
+std::vector<std::uint32_t> matched_within(const PreparedCloud& source, const PreparedCloud& target,
+                                          const Similarity3& pose, double distance) {
+  std::vector<std::uint32_t> matched;
+  for (const MutualMatch& match : mutual_matches(source, target, pose, source.sample().size())) {
+    if (match.squared_distance <= distance * distance) matched.push_back(match.source);
+  }
+  return matched;
 }
 
 std::vector<Eigen::Vector3d> outside(std::span<const Eigen::Vector3d> points, const Ball& ball) {
@@ -222,14 +238,9 @@ SupportCounter::Likenesses SupportCounter::likeness_by_group(std::span<const std
 
 Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& target,
                           const Similarity3& pose, double radius) {
-  // Share of the radius within which two landmarks are the same rather than on one surface.
-  constexpr double kClose = 0.25;
-  const double close = kClose * radius;
   const std::span<const Eigen::Vector3d> sample = source.sample();
-  std::vector<std::uint32_t> matched;
-  for (const MutualMatch& match : mutual_matches(source, target, pose, sample.size())) {
-    if (match.squared_distance <= close * close) matched.push_back(match.source);
-  }
+  const std::vector<std::uint32_t> matched =
+      matched_within(source, target, pose, kSameLandmark * radius);
   if (matched.empty()) return {};
   const Ball here = ball_about(dense(sample, matched));
   const Ball there = {pose * here.centre, pose.scale() * here.radius};
@@ -248,6 +259,44 @@ Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& targ
   result.landmarks += source.views().count_around(here, moved_points(of_target, pose.inverse()),
                                                   source.landmarks());
   return result;
+}
+
+PlaneMatches matches_in_plane(const PreparedCloud& source, const PreparedCloud& target,
+                              const Similarity3& pose, double radius) {
+  constexpr int kTriples = 200;
+  const std::span<const Eigen::Vector3d> sample = source.sample();
+  const std::vector<std::uint32_t> matched =
+      matched_within(source, target, pose, kSameLandmark * radius);
+  if (matched.empty()) return {};
+  const double close = kSameLandmark * radius / pose.scale();  // in the source
+  Random random(0);
+  std::ptrdiff_t most = 0;
+  Eigen::Hyperplane<double, 3> plane(Eigen::Vector3d::UnitZ(), 0.0);
+  const auto is_near = [&](const Eigen::Hyperplane<double, 3>& one) {
+    return [&one, close](const Eigen::Vector3d& place) { return one.absDistance(place) <= close; };
+  };
+  for (int triple = 0; triple < kTriples; ++triple) {
+    const auto drawn = [&] { return sample[matched[random.index(matched.size())]]; };
+    const Eigen::Vector3d a = drawn();
+    const Eigen::Vector3d b = drawn();
+    const Eigen::Vector3d c = drawn();
+    const Eigen::Vector3d normal = (b - a).cross(c - a);
+    if (normal.isZero(0.0)) continue;
+    const Eigen::Hyperplane<double, 3> through(normal.normalized(), a);
+    const auto count =
+        std::ranges::count_if(matched, is_near(through),
+                              [&](std::uint32_t i) -> const Eigen::Vector3d& { return sample[i]; });
+    if (count <= most) continue;
+    most = count;
+    plane = through;
+  }
+  if (most == 0) return {};
+  const auto in_plane = static_cast<double>(std::ranges::count_if(sample, is_near(plane)));
+  const auto beside = static_cast<double>(sample.size()) - in_plane;
+  const auto of_plane = static_cast<double>(most);
+  const double of_others = static_cast<double>(matched.size()) - of_plane;
+  return {.share = of_plane / static_cast<double>(matched.size()),
+          .elsewhere = beside > 0.0 ? of_others / beside * in_plane / of_plane : 1.0};
 }
 
 }  // namespace cairn::detail

@@ -78,4 +78,19 @@ class SupportCounter {
 Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& target,
                           const Similarity3& pose, double radius);
 
+/// The matches in the plane that contains most of them.
+struct PlaneMatches {
+  double share = 0.0;  ///< of all matches; 0 if there are none
+  double elsewhere =
+      0.0;  ///< matched share of the landmarks beside the plane, relative to that of those in the plane
+};
+
+/// The mutual matches within a quarter of the radius at a centred pose, and the plane that contains most of them to
+/// within that distance. Two sensors that look at a floor from one height sample it at the same places, whatever stands
+/// on it.
+///
+/// @param radius as for surroundings()
+PlaneMatches matches_in_plane(const PreparedCloud& source, const PreparedCloud& target,
+                              const Similarity3& pose, double radius);
+
 }  // namespace cairn::detail

@@ -251,6 +251,11 @@ Surroundings Placement::around(const Similarity3& pose) const {
   return surroundings(source_, target_, pose, kMatched * fine(pose.scale()));
 }
 
+PlaneMatches Placement::lattice_matches_in_plane(const Similarity3& pose) const {
+  if (!source_.is_lattice() || !target_.is_lattice()) return {};
+  return matches_in_plane(source_, target_, pose, kMatched * fine(pose.scale()));
+}
+
 Candidates Placement::candidates(const TimeLimit& time) const {
   // From this probability on, with kDecisiveAgreement, poses from descriptors make the search unnecessary. With less
   // agreement, a search may find other poses that fit equally well.

@@ -148,6 +148,9 @@ class Placement {
 
   Surroundings around(const Similarity3& pose) const;
 
+  /// matches_in_plane() of two clouds that were sampled on lattices; zeros for others.
+  PlaneMatches lattice_matches_in_plane(const Similarity3& pose) const;
+
   Similarity3 centred(const Similarity3& pose) const {
     return centred_pose(source_, target_, pose);
   }
