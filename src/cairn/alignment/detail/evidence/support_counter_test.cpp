@@ -7,8 +7,11 @@
 #include <numeric>
 #include <vector>
 
+#include <Eigen/Geometry>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cairn/alignment/align.hpp"
 #include "cairn/core/random.hpp"
 
 namespace cairn::detail {
@@ -240,6 +243,73 @@ TEST(SupportCounter, HasNothingAgainstLandmarksThatCoincide) {
   LandmarkCloud cloud;
   cloud.positions.assign(100, Eigen::Vector3d(1.0, 2.0, 3.0));
   EXPECT_GE(support(cloud, cloud).evidence, 0.0);
+}
+
+// What a depth camera sees that looks down on a floor with boxes from a height of 1.2 m: a point a pixel, with rounded
+// disparities.
+LandmarkCloud seen_floor(std::uint64_t boxes_seed) {
+  Random random(boxes_seed);
+  std::vector<Eigen::AlignedBox3d> boxes;
+  for (int i = 0; i < 12; ++i) {
+    const Eigen::Vector3d at(random.uniform(-1.5, 1.5), random.uniform(1.0, 4.0), 0.0);
+    boxes.emplace_back(
+        at, Eigen::Vector3d(at + Eigen::Vector3d(random.uniform(0.1, 0.4), random.uniform(0.1, 0.4),
+                                                 random.uniform(0.1, 0.6))));
+  }
+  const Eigen::Vector3d eye(0.0, 0.0, 1.2);
+  LandmarkCloud cloud;
+  for (int u = -30; u < 30; ++u) {
+    for (int v = 0; v < 40; ++v) {
+      const Eigen::Vector3d ray(u / 45.0, 1.0, -0.2 - v / 45.0);
+      double nearest = -eye.z() / ray.z();
+      for (const Eigen::AlignedBox3d& box : boxes) {
+        const Eigen::Array3d low = (box.min() - eye).array() / ray.array();
+        const Eigen::Array3d high = (box.max() - eye).array() / ray.array();
+        const double enters = low.min(high).maxCoeff();
+        if (enters < low.max(high).minCoeff()) nearest = std::min(nearest, enters);
+      }
+      constexpr double kDisparity = 300.0;  // at 1 m, in the steps of the sensor
+      cloud.positions.emplace_back(eye + kDisparity / std::round(kDisparity / nearest) * ray);
+    }
+  }
+  return cloud;
+}
+
+TEST(Lattice, IsWhereASensorOrAGridPutsPoints) {
+  EXPECT_TRUE(PreparedCloud(seen_floor(1)).is_lattice());
+  EXPECT_TRUE(PreparedCloud(seen_floor(1)).even(Executor()).is_lattice());
+  LandmarkCloud random = wall(2000, 1);
+  EXPECT_FALSE(PreparedCloud(random).is_lattice());
+  for (Eigen::Vector3d& position : random.positions) position.z() = position.x() * position.y();
+  EXPECT_FALSE(PreparedCloud(random).is_lattice());
+  // What has descriptors are landmarks.
+  LandmarkCloud described = seen_floor(1);
+  described.descriptors = DescriptorColumn{"ORB", 1, std::vector<std::uint8_t>(described.size(), 1),
+                                           std::vector<std::uint8_t>(described.size())};
+  EXPECT_FALSE(PreparedCloud(described).is_lattice());
+}
+
+TEST(Lattice, OfOneFloorUnderOtherThingsIsNoProofOfOnePlace) {
+  for (const std::uint64_t seed : {2, 4}) {
+    const Alignment placed = place(seen_floor(1), seen_floor(seed));
+    EXPECT_EQ(placed.verdict, Verdict::kAmbiguous) << seed;
+    EXPECT_THAT(placed.reason, ::testing::HasSubstr("of the matches lie in one plane")) << seed;
+  }
+}
+
+TEST(MatchesInPlane, AreAllWhereOnlyTheFloorIsTheSame) {
+  const auto found = [](const LandmarkCloud& a, const LandmarkCloud& b, const Similarity3& pose) {
+    const PreparedCloud from(a);
+    const PreparedCloud to(b);
+    return matches_in_plane(from, to, centred_pose(from, to, pose), kRadius);
+  };
+  const PlaneMatches others = found(seen_floor(1), seen_floor(2), {});
+  EXPECT_GT(others.share, 0.9);
+  EXPECT_LT(others.elsewhere, 0.3);
+  const PlaneMatches same = found(seen_floor(1), seen_floor(1), {});
+  EXPECT_NEAR(same.elsewhere, 1.0, 0.05);
+  const Similarity3 away(Rigid3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(50.0, 0.0, 0.0)));
+  EXPECT_EQ(found(seen_floor(1), seen_floor(2), away).share, 0.0);
 }
 
 }  // namespace
