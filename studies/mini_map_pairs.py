@@ -71,26 +71,27 @@ def bare_map(path, truth, folder):
     return name, files, np.array(points), turn, shift
 
 
-def rows_of(cairn, variant, number, source, target):
+def rows_of(cairn, number, source, target):
     turn = target[3].inv() * source[3]
     shift = target[3].inv().apply(source[4] - target[4])
     moved = turn.apply(source[2]) + shift
     near = cKDTree(target[2]).query(moved)[0] < COUNTERPART_M
     back = cKDTree(moved).query(target[2])[0] < COUNTERPART_M
     centre = source[2][near].mean(0) if near.sum() > 5 else source[2].mean(0)
-    run = subprocess.run([cairn, "align", source[1][variant], target[1][variant], "--no-scale", "--threads", "1",
-                          "--quiet", "--json", "-"], capture_output=True, text=True)
-    result = json.loads(run.stdout)["results"][0]
-    for rank, candidate in enumerate(result["candidates"]):
-        pose = np.array(candidate["target_from_source"])
-        error = turn.inv() * Rotation.from_matrix(pose[:3, :3])
-        off = pose[:3, :3] @ centre + pose[:3, 3] - turn.apply(centre) - shift
-        within = candidate["matches_by_radius"]
-        sight = candidate["contradicted"]
-        yield [variant, number, source[0], target[0], 1, min(near.mean(), back.mean()), result["status"],
-               result["duration_s"], rank, *within, candidate["spread_evidence"],
-               candidate["proximity"]["spread_evidence"], -1, 0, 0, -1 if sight is None else sight,
-               candidate["probability"], np.degrees(error.magnitude()), np.linalg.norm(off), -1]
+    for variant in source[1]:
+        run = subprocess.run([cairn, "align", source[1][variant], target[1][variant], "--no-scale",
+                              "--threads", "1", "--quiet", "--json", "-"], capture_output=True, text=True)
+        result = json.loads(run.stdout)["results"][0]
+        for rank, candidate in enumerate(result["candidates"]):
+            pose = np.array(candidate["target_from_source"])
+            error = turn.inv() * Rotation.from_matrix(pose[:3, :3])
+            off = pose[:3, :3] @ centre + pose[:3, 3] - turn.apply(centre) - shift
+            within = candidate["matches_by_radius"]
+            sight = candidate["contradicted"]
+            yield [variant, number, source[0], target[0], 1, min(near.mean(), back.mean()), result["status"],
+                   result["duration_s"], rank, *within, candidate["spread_evidence"],
+                   candidate["proximity"]["spread_evidence"], -1, 0, 0, -1 if sight is None else sight,
+                   candidate["probability"], np.degrees(error.magnitude()), np.linalg.norm(off), -1]
 
 
 def main():
@@ -108,8 +109,7 @@ def main():
                 if one:
                     maps.append(one)
         for number, (source, target) in enumerate(itertools.combinations(maps, 2)):
-            for variant in source[1]:
-                table.writerows(rows_of(sys.argv[1], variant, number, source, target))
+            table.writerows(rows_of(sys.argv[1], number, source, target))
             sys.stdout.flush()
 
 

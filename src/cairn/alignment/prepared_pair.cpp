@@ -304,6 +304,7 @@ void PreparedPair::Work::judge_best(const Finalist& best, Alignment& result) con
 
 // Why the maps may show different things on one floor; std::nullopt if they do not.
 std::optional<std::string> PreparedPair::Work::fits_in_plane(const Finalist& best) const {
+  // docs/evidence.md explains the choice.
   constexpr double kMost = 0.8;       // of the matches
   constexpr double kElsewhere = 0.5;  // of the matched share in the plane
   const detail::PlaneMatches plane = placement_->lattice_matches_in_plane(best.similarity());

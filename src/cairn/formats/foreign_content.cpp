@@ -34,8 +34,7 @@ constexpr std::string_view kPictures =
     "others); 'cairn map' makes maps of RGB-D and stereo images only";
 constexpr std::string_view kImage =
     "a map; 'cairn locate' takes a map and an image, COLMAP and OpenSfM make maps of images, "
-    "'cairn "
-    "map' of RGB-D and stereo sequences";
+    "'cairn map' of RGB-D and stereo sequences";
 constexpr std::string_view kStereo =
     "a map that ORB-SLAM3, stella_vslam or COLMAP made of it (docs/from_orbslam3.md and others): "
     "Cairn itself maps RGB-D sequences, and stereo ones in the layouts of KITTI odometry and EuRoC";

@@ -81,8 +81,8 @@ Surroundings surroundings(const PreparedCloud& source, const PreparedCloud& targ
 /// The matches in the plane that contains most of them.
 struct PlaneMatches {
   double share = 0.0;  ///< of all matches; 0 if there are none
-  double elsewhere =
-      0.0;  ///< matched share of the landmarks beside the plane, relative to that of those in the plane
+  /// Matched share of the landmarks beside the plane, relative to that of the landmarks in it.
+  double elsewhere = 0.0;
 };
 
 /// The mutual matches within a quarter of the radius at a centred pose, and the plane that contains most of them to
