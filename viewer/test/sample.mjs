@@ -661,11 +661,6 @@ export function networkSample() {
       residual_deg: target < 4 && source < 4 && use !== "ambiguous" ? (use === "contradicted" ? 9 : 0.04) : null,
       ...(target !== 1 && source < 4 && { view: { target_frame: 5, source_frame: 0, matches: target === 0 && source === 3 ? 1 : 112 } }),
     })),
-    things: [
-      { name: "moved 1", kind: "moved", group: 0, boxes: [{ low: [-0.5, 1, 0.74], high: [-0.25, 1.2, 1] }, { low: [0.4, 1.3, 0.74], high: [0.65, 1.5, 1] }] },
-      { name: "vanished 1", kind: "vanished", group: 0, boxes: [{ low: [1.6, 0.6, 0.7], high: [1.9, 0.9, 1] }] },
-      { name: "appeared 1", kind: "appeared", group: 0, boxes: [{ low: [-1, 2.1, 0.3], high: [-0.7, 2.35, 0.7] }] },
-    ],
   };
   const document = {
     schema: { name: "cairn.report", version: 1 },
@@ -738,7 +733,6 @@ export function hostileSample() {
         kind: "network", id: "network", title: evil, text: close, length_unit: "mapunits", stages: [evil, long], groups: [{ frame: long, up: null }],
         nodes: names.map((name, i) => ({ name, map: i < 2 ? "ab"[i] : null, session: evil, reason: close, group: i < 2 ? 0 : null, landmarks: 300, keyframes: 8, fused: null, centre: [0, 0, 0], poses: i < 2 ? writer.add(Float64Array.from([0, 0, 0, 1, 0, 0, 0, 0.1 * i, 0, 0, 1, 0, 0, 0])) : null, scales: null })),
         links: [{ target: 0, source: 1, use: "used", kind: evil, probability: null, reason: close, residual: null, residual_deg: null, view: { target_frame: 0, source_frame: 0, matches: 1 } }, { target: 2, source: 1, use: "rejected", kind: null, probability: 0.2, reason: long, residual: null, residual_deg: null }],
-        things: [{ name: evil, kind: "vanished", group: 0, boxes: [{ low: [0, 0, 0], high: [1, 1, 1] }] }],
       },
       chart("spans", { chart: "spans", x_label: evil, series: names.map((name) => ({ name, spans: [{ name: close, start: 1, end: 1, marks: [] }] })) }),
       { kind: "table", id: "commands", title: evil, text: null, columns: [{ name: evil, unit: null, type: "command", digits: null }], rows: [[evil], [long]], best: null },

@@ -320,10 +320,8 @@ SpansChart session_chart(std::span<const NetworkMap> maps) {
 }  // namespace
 
 void add_network(Report& report, std::span<const NetworkMap> maps,
-                 std::span<const NetworkEdge> edges, std::vector<NetworkThing> things,
-                 std::size_t shown_landmarks) {
+                 std::span<const NetworkEdge> edges, std::size_t shown_landmarks) {
   Network network = make_network(maps, edges);
-  network.things = std::move(things);
   std::size_t landmarks = 0;
   for (const NetworkMap& map : maps) {
     if (map.map != nullptr) landmarks += map.map->landmark_count();

@@ -216,7 +216,7 @@ TEST(AddNetwork, ShowsOneInSoManyOfVeryManyLandmarksAndSaysSo) {
   const std::vector<NetworkEdge> edges = {edge(0, 1, shift(1.0), 1.0)};
   Report report;
   report.title = "t";
-  add_network(report, maps, edges, {}, 100);
+  add_network(report, maps, edges, 100);
   std::size_t shown = 0;
   for (const Map& map : report.maps) shown += map.count;
   EXPECT_LE(shown, 102U);

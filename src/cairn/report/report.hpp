@@ -325,16 +325,6 @@ struct NetworkLink {
   std::optional<LinkView> view = {};  ///< both keyframes have an image
 };
 
-/// A place where two maps differ.
-struct NetworkThing {
-  std::string name = {};  ///< e.g. "moved 1"
-  std::string kind = {};  ///< "appeared", "vanished" or "moved"
-  std::size_t group = 0;
-  Eigen::Vector3d low = {0.0, 0.0, 0.0};  ///< corners of its box, in the group's frame
-  Eigen::Vector3d high = {0.0, 0.0, 0.0};
-  std::optional<std::array<Eigen::Vector3d, 2>> moved_to = {};  ///< new box of a moved thing
-};
-
 /// Maps, their poses and links, shown as a graph, as a matrix and in 3D.
 struct Network {
   LengthUnit length_unit = LengthUnit::kMetres;
@@ -342,7 +332,6 @@ struct Network {
   std::vector<NetworkGroup> groups = {};
   std::vector<NetworkNode> nodes = {};
   std::vector<NetworkLink> links = {};
-  std::vector<NetworkThing> things = {};
 };
 
 /// A candidate pose and its evidence.

@@ -101,8 +101,7 @@ inline constexpr std::size_t kShownLandmarks = 400000;
 /// poses.
 /// @throws Error (misuse) for an index out of range
 void add_network(Report& report, std::span<const NetworkMap> maps,
-                 std::span<const NetworkEdge> edges, std::vector<NetworkThing> things = {},
-                 std::size_t shown_landmarks = kShownLandmarks);
+                 std::span<const NetworkEdge> edges, std::size_t shown_landmarks = kShownLandmarks);
 
 Section table_section(const ResultTable& source);
 

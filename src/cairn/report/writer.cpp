@@ -624,20 +624,6 @@ class Document {
     for (const NetworkLink& link : network.links) {
       json["links"].push_back(link_json(link, network, where));
     }
-    json["things"] = Json::array();
-    for (const NetworkThing& thing : network.things) {
-      require(thing.group < network.groups.size(), where, "a thing of a group that is not there",
-              "one of the groups");
-      Json boxes = {{{"low", to_json(thing.low)}, {"high", to_json(thing.high)}}};
-      if (thing.moved_to) {
-        boxes.push_back(
-            {{"low", to_json((*thing.moved_to)[0])}, {"high", to_json((*thing.moved_to)[1])}});
-      }
-      json["things"].push_back({{"name", thing.name},
-                                {"kind", thing.kind},
-                                {"group", thing.group},
-                                {"boxes", std::move(boxes)}});
-    }
   }
 
   void add(Json& json, const Answer& answer, const std::string& where) const {

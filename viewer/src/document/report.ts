@@ -401,8 +401,6 @@ function below(size: number, things: string): Reader<number> {
 export type NetworkNode = NetworkSection["nodes"][number];
 export type NetworkLink = NetworkSection["links"][number];
 export type LinkUse = NetworkLink["use"];
-export type NetworkThing = NetworkSection["things"][number];
-export type Box = NetworkThing["boxes"][number];
 
 function parseNetwork(field: Field, buffers: Buffers, lookUp: Reader<LandmarkCloud>) {
   const stages = field.get("stages").list().length;
@@ -428,15 +426,6 @@ function parseNetwork(field: Field, buffers: Buffers, lookUp: Reader<LandmarkClo
         residualDeg: orNull(number),
         /** Two keyframes with images, and how many common landmarks both see. */
         view: orNull(object({ targetFrame: count, sourceFrame: count, matches: count })),
-      }),
-    ),
-    things: listOrEmpty(
-      object({
-        name: text,
-        kind: oneOf("appeared", "vanished", "moved"),
-        group,
-        /** One box, or of a moved thing the one it left and the one it went to. */
-        boxes: list(object({ low: vector, high: vector })),
       }),
     ),
   })(field);

@@ -27,7 +27,7 @@ import { GraphView, linkLabel } from "./graph_view";
 import { MatrixView } from "./matrix_view";
 import { counts, NetworkModel, type Selection } from "./network_model";
 import { linkGallery, networkRecord } from "./network_record";
-import { NetworkStage, thingColor, type NetworkLayer, type NetworkView } from "./network_stage";
+import { NetworkStage, type NetworkLayer, type NetworkView } from "./network_stage";
 
 /** Beyond this many, links that do not count are shown only if asked for. */
 const kRejectedUpTo = 60;
@@ -40,7 +40,6 @@ const kLayers: [NetworkLayer, string][] = [
   ["cameras", "Cameras"],
   ["links", "Links"],
   ["rejected", "Links not used"],
-  ["changes", "Changes"],
   ["grid", "Grid"],
 ];
 
@@ -67,14 +66,7 @@ class NetworkFigure {
     const notUsed = model.links.filter((link) => !counts(link)).length;
     this.#view = {
       stage: model.lastStage,
-      layers: {
-        landmarks: true,
-        cameras: true,
-        links: true,
-        rejected: notUsed <= kRejectedUpTo,
-        changes: section.things.length > 0,
-        grid: true,
-      },
+      layers: { landmarks: true, cameras: true, links: true, rejected: notUsed <= kRejectedUpTo, grid: true },
       hidden: new Set(),
       pointSize: model.landmarkCount > 200_000 ? 1.25 : model.landmarkCount > 30_000 ? 1.75 : 2.5,
       selected: null,
@@ -175,7 +167,6 @@ class NetworkFigure {
       cameras: model.nodes.some((node) => node.cloud?.frames),
       links: model.links.some(counts),
       rejected: model.links.some((link) => !counts(link)),
-      changes: model.section.things.length > 0,
       grid: true,
     };
     const chips = kLayers
@@ -295,7 +286,7 @@ class NetworkFigure {
       this.#record.hidden = true;
       this.#record.replaceChildren();
     }
-    this.#legend.replaceChildren(this.#mapList(), ...this.#thingList());
+    this.#legend.replaceChildren(this.#mapList());
   }
 
   #mapList(): HTMLElement {
@@ -321,22 +312,6 @@ class NetworkFigure {
       list.append(h("li", null, shown, glyph(14, 14, dot), pick, h("span", { class: "muted" }, note)));
     });
     return h("div", null, h("div", { class: "legend-title" }, "Maps"), list);
-  }
-
-  #thingList(): HTMLElement[] {
-    const { things } = this.#model.section;
-    if (things.length === 0) {
-      return [];
-    }
-    const colors = palette();
-    const list = h("ul", { class: "map-list thing-list" });
-    things.forEach((thing, index) => {
-      const look = { fill: "none", stroke: thingColor(thing.kind, colors), "stroke-width": 2 };
-      const box = s("rect", { x: 2, y: 2, width: 10, height: 10, ...look });
-      const pick = button(thing.name, () => this.#select({ kind: "thing", index }), { class: "quiet record-link" });
-      list.append(h("li", null, glyph(14, 14, box), pick));
-    });
-    return [h("div", null, h("div", { class: "legend-title" }, "Changes"), list)];
   }
 
   #setShown(index: number, shown: boolean): void {

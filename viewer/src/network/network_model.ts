@@ -1,21 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { interpolateTurbo } from "d3-scale-chromatic";
-import type { Box, Frames, LandmarkCloud, LinkUse, NetworkLink, NetworkNode, NetworkSection } from "../document/report";
+import type { Frames, LandmarkCloud, LinkUse, NetworkLink, NetworkNode, NetworkSection } from "../document/report";
 import { rampColor } from "../scene/coloring";
 import { extentOf, type Extent } from "../scene/extent";
 import { apply, kIdentity, poseOf, type Affine, type Quaternion } from "../math/pose";
 import { giveSeriesColor } from "../series_style";
 import type { Palette } from "../theme";
 
-export function middleOf({ low, high }: Box): [number, number, number] {
-  return [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2];
-}
-
 /** What is selected, in every view at once. */
 export type Selection =
   | { kind: "node"; index: number; landmark?: number; frame?: number }
-  | { kind: "link"; index: number }
-  | { kind: "thing"; index: number };
+  | { kind: "link"; index: number };
 
 export const kUseTexts: Record<LinkUse, string> = {
   used: "used",

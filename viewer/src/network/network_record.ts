@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 import { badge, button, facts, h } from "../dom";
 import { formatCount, formatLength, formatNumber, formatProbability, idText, positionText } from "../math/format";
-import { apply, positionOf, subtract } from "../math/pose";
+import { apply, positionOf } from "../math/pose";
 import type { NetworkLink } from "../document/report";
 import { linkImages } from "./link_images";
-import { hasPose, kUseTexts, middleOf, type NetworkModel, type Selection } from "./network_model";
+import { hasPose, kUseTexts, type NetworkModel, type Selection } from "./network_model";
 
 type Choose = (selection: Selection) => void;
 
@@ -110,21 +110,6 @@ function nodeRecord(
   return content;
 }
 
-function thingRecord(model: NetworkModel, index: number): HTMLElement[] {
-  const thing = model.section.things[index];
-  const [from, to] = thing.boxes;
-  const shift = to ? Math.hypot(...subtract(middleOf(to), middleOf(from))) : null;
-  return [
-    h("h3", null, thing.name),
-    recordFacts(
-      ["At", positionText(middleOf(from))],
-      ["Size", from.low.map((value, i) => formatNumber(from.high[i] - value, 2)).join(" × ")],
-      ["Moved by", shift === null ? null : formatLength(shift, model.lengthUnit)],
-      ["To", to ? positionText(middleOf(to)) : null],
-    ),
-  ];
-}
-
 /** Everything the report knows about what is selected. */
 export function networkRecord(model: NetworkModel, selection: Selection, stage: number, choose: Choose): HTMLElement[] {
   switch (selection.kind) {
@@ -132,8 +117,6 @@ export function networkRecord(model: NetworkModel, selection: Selection, stage: 
       return linkRecord(model, selection.index, choose);
     case "node":
       return nodeRecord(model, selection, stage, choose);
-    case "thing":
-      return thingRecord(model, selection.index);
   }
 }
 

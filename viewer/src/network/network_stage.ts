@@ -8,19 +8,17 @@ import {
   LineSegments,
   Scene,
 } from "three";
-import type { Box, NetworkThing, Vector3 } from "../document/report";
 import { idText } from "../math/format";
 import { apply, positionOf, subtract, type Affine } from "../math/pose";
 import { keyframeText, type Keyframe } from "../scene/keyframes";
 import { CameraLayer, GridLayer } from "../scene/line_layers";
-import { label } from "../scene/annotations";
 import { distanceToSegment, pickLandmark } from "../scene/picking";
 import { PointLayer } from "../scene/point_layer";
 import { View3d, type Quality } from "../scene/view3d";
 import type { Palette } from "../theme";
-import { counts, linkColor, middleOf, type NetworkModel, type Selection } from "./network_model";
+import { counts, linkColor, type NetworkModel, type Selection } from "./network_model";
 
-export type NetworkLayer = "landmarks" | "cameras" | "links" | "rejected" | "changes" | "grid";
+export type NetworkLayer = "landmarks" | "cameras" | "links" | "rejected" | "grid";
 
 /** What the reader has chosen for the 3D view. */
 export interface NetworkView {
@@ -35,27 +33,16 @@ export interface NetworkView {
   images: boolean;
 }
 
-export const kThingColors: Record<NetworkThing["kind"], [string, string]> = {
-  appeared: ["#00805c", "#24c795"],
-  vanished: ["#b8480a", "#ff7a2e"],
-  moved: ["#8a4fa0", "#d98fe0"],
-};
-
-export function thingColor(kind: NetworkThing["kind"], colors: Palette): string {
-  return kThingColors[kind][colors.name === "light" ? 0 : 1];
-}
-
 const kSlack = { mouse: 8, touch: 18 };
 const kLinkSlack = { mouse: 5, touch: 12 };
 
-/** The 3D view of all maps of a group: their landmarks, cameras, links and changes. */
+/** The 3D view of all maps of a group: their landmarks, cameras and links. */
 export class NetworkStage extends View3d<number, Selection> {
   readonly #model: NetworkModel;
   readonly #view: NetworkView;
   readonly #previewStride: number;
   #points = new Map<number, PointLayer>();
   #links = new Map<number, LineSegments>();
-  #things = new Map<number, LineSegments>();
   protected grid: GridLayer;
 
   constructor(model: NetworkModel, view: NetworkView, colors: Palette, previewStride: number) {
@@ -74,7 +61,6 @@ export class NetworkStage extends View3d<number, Selection> {
     this.#points.clear();
     this.cameras.clear();
     this.#links.clear();
-    this.#things.clear();
     this.hovered = null;
     for (const index of model.shownNodes()) {
       const { cloud } = model.nodes[index];
@@ -97,13 +83,6 @@ export class NetworkStage extends View3d<number, Selection> {
         this.scene.add(line);
       }
     });
-    model.section.things.forEach((thing, index) => {
-      if (thing.group === model.group) {
-        const lines = boxLines(thing.boxes, model.extent.centre);
-        this.#things.set(index, lines);
-        this.scene.add(lines);
-      }
-    });
     this.grid = new GridLayer(model.extent);
     this.scene.add(this.grid.object);
     this.orbit = this.standardOrbit("home");
@@ -122,9 +101,6 @@ export class NetworkStage extends View3d<number, Selection> {
     }
     for (const [index, line] of this.#links) {
       (line.material as LineBasicMaterial).color = new Color(linkColor(model.links[index], colors));
-    }
-    for (const [index, lines] of this.#things) {
-      (lines.material as LineBasicMaterial).color = new Color(thingColor(model.section.things[index].kind, colors));
     }
     this.moveTo();
   }
@@ -150,9 +126,6 @@ export class NetworkStage extends View3d<number, Selection> {
         subtract(model.centreOf(link.source, stage), model.extent.centre),
       );
     }
-    for (const lines of this.#things.values()) {
-      lines.visible = this.#showsThings();
-    }
     this.grid.object.visible = layers.grid;
     const name = model.section.stages[Math.round(stage)] ?? "";
     this.overlay.setAttribute("aria-label", `3D view of ${this.#points.size} maps. ${name}.`);
@@ -167,11 +140,6 @@ export class NetworkStage extends View3d<number, Selection> {
     const link = this.#model.links[index];
     const { layers, hidden } = this.#view;
     return (counts(link) ? layers.links : layers.rejected) && !hidden.has(link.target) && !hidden.has(link.source);
-  }
-
-  /** Changes are places in the result: before it they would lie beside the landmarks. */
-  #showsThings(): boolean {
-    return this.#view.layers.changes && this.#view.stage > this.#model.lastStage - 0.02;
   }
 
   protected get through(): Keyframe<number> | null {
@@ -206,10 +174,6 @@ export class NetworkStage extends View3d<number, Selection> {
       : null;
   }
 
-  #thingOnScreen(index: number): [number, number] | null {
-    return this.onScreen(middleOf(this.#model.section.things[index].boxes[0]));
-  }
-
   protected annotate(context: CanvasRenderingContext2D): void {
     const { layers, selected, hidden } = this.#view;
     const model = this.#model;
@@ -226,21 +190,6 @@ export class NetworkStage extends View3d<number, Selection> {
           context.stroke();
         }
       }
-    }
-    if (this.#showsThings()) {
-      context.font = "600 11px system-ui, sans-serif";
-      for (const index of this.#things.keys()) {
-        const thing = model.section.things[index];
-        const at = this.#thingOnScreen(index);
-        if (at) {
-          context.textAlign = "center";
-          context.textBaseline = "middle";
-          context.fillStyle = thingColor(thing.kind, this.colors);
-          label(context, thing.name, at[0], at[1], this.colors);
-        }
-      }
-      context.textAlign = "left";
-      context.textBaseline = "alphabetic";
     }
     const hovered = this.hovered && this.keyframeOf(this.hovered);
     if (hovered) {
@@ -272,11 +221,6 @@ export class NetworkStage extends View3d<number, Selection> {
         context.arc(at[0], at[1], 10, 0, 2 * Math.PI);
         context.stroke();
       }
-    } else if (selected?.kind === "thing" && this.#things.has(selected.index)) {
-      const at = this.#thingOnScreen(selected.index);
-      if (at) {
-        context.strokeRect(at[0] - 30, at[1] - 12, 60, 24);
-      }
     }
   }
 
@@ -291,7 +235,7 @@ export class NetworkStage extends View3d<number, Selection> {
       : null;
   }
 
-  /** What is at a place of the view: a camera, a change, a link, or a landmark. */
+  /** What is at a place of the view: a camera, a link, or a landmark. */
   protected pickHere(
     [x, y]: [number, number],
     touch: boolean,
@@ -309,11 +253,6 @@ export class NetworkStage extends View3d<number, Selection> {
         best = selection;
       }
     };
-    if (this.#showsThings()) {
-      for (const index of this.#things.keys()) {
-        offer(this.#thingOnScreen(index), { kind: "thing", index });
-      }
-    }
     if (this.#showsPlan() && (layers.links || layers.rejected)) {
       for (const index of model.shownNodes().filter((node) => !hidden.has(node))) {
         offer(this.#centreOnScreen(index), { kind: "node", index });
@@ -351,9 +290,6 @@ export class NetworkStage extends View3d<number, Selection> {
     if (selection.kind === "link") {
       return model.linkName(selection.index);
     }
-    if (selection.kind === "thing") {
-      return model.section.things[selection.index].name;
-    }
     const { name, cloud } = model.nodes[selection.index];
     if (selection.frame !== undefined && cloud?.frames) {
       return `${name} · keyframe ${keyframeText(cloud.frames, selection.frame)}`;
@@ -386,24 +322,4 @@ function setEnds(line: LineSegments, a: readonly number[], b: readonly number[])
   if (line.material instanceof LineDashedMaterial) {
     line.computeLineDistances();
   }
-}
-
-function boxLines(boxes: Box[], centre: Vector3): LineSegments {
-  const points: number[] = [];
-  for (const { low, high } of boxes) {
-    const corner = (bits: number) => [0, 1, 2].map((i) => (bits & (1 << i) ? high[i] : low[i]) - centre[i]);
-    for (let bits = 0; bits < 8; ++bits) {
-      for (const axis of [1, 2, 4]) {
-        if (!(bits & axis)) {
-          points.push(...corner(bits), ...corner(bits | axis));
-        }
-      }
-    }
-  }
-  if (boxes.length === 2) {
-    points.push(...boxes.flatMap((box) => subtract(middleOf(box), centre)));
-  }
-  const lines = segments(points.length, null);
-  (lines.geometry.getAttribute("position") as BufferAttribute).set(points);
-  return lines;
 }

@@ -184,9 +184,12 @@ std::string other_surroundings(const Surroundings& around, const PlacementCandid
     if (around.extent >= kLargestObject || around.share < kMuchAround) return {};
     if (agree >= kFewestIfAllAgree && agree == compared) return {};
     return fmt::format(
-        "all matches are in a ball of {:.3g} matching radii, below the required {:g}, and cameras "
-        "of one map looked at {} landmarks of the other around it, fewer than {}",
-        around.extent, kLargestObject, compared, kFewestAround);
+        "all matches are in a ball of {:.3g} matching radii, below the required {:g}, and {}",
+        around.extent, kLargestObject,
+        compared == 0 ? "no camera shows what is around it in either map"
+                      : fmt::format("cameras of one map looked at {} landmarks of the other around "
+                                    "it, fewer than {}",
+                                    compared, kFewestAround));
   }
   if (share(agree, compared) >= kLeastAgreeing) return {};
   const bool hidden = share(agree, compared) >= kLeastNotHidden &&
@@ -245,14 +248,26 @@ bool looks_as_well(const PlacementCandidate& other, const PlacementCandidate& be
          static_cast<double>(there) >= kAlsoAgreeing * static_cast<double>(here);
 }
 
+// What the next pose matches. It may match more than the best pose, but less closely.
+std::string next_pose_text(std::span<const PlacementCandidate> candidates) {
+  if (candidates.size() == 1) return "no other pose was found";
+  const Support& best = candidates[0].support;
+  const Support& next = candidates[1].support;
+  std::string text = fmt::format("the next pose {}", percent(next.share));
+  const std::size_t here = best.within[Support::kFine];
+  const std::size_t there = next.within[Support::kFine];
+  if (next.share > best.share && there < here) {
+    text += fmt::format(" (but {} within a quarter of the radius, the best pose {})", there, here);
+  }
+  return text;
+}
+
 // The evidence for and against the best candidate.
 std::string evidence_text(std::span<const PlacementCandidate> candidates, std::size_t landmarks) {
   const PlacementCandidate& best = candidates.front();
-  std::string text = fmt::format(
-      "the best pose matches {} of {} landmarks one to one, {}", percent(best.support.share),
-      landmarks,
-      candidates.size() > 1 ? fmt::format("the next pose {}", percent(candidates[1].support.share))
-                            : "no other pose was found");
+  std::string text =
+      fmt::format("the best pose matches {} of {} landmarks one to one, {}",
+                  percent(best.support.share), landmarks, next_pose_text(candidates));
   if (const auto& agreement = best.support.agreement; agreement && agreement->matches > 0) {
     if (agreement->identities > 0) {
       text += fmt::format(", {} of {} landmarks that keypoints of common images show agree with it",

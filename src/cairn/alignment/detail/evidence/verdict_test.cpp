@@ -157,6 +157,18 @@ TEST(Verdict, SaysWhetherThereIsAnotherPose) {
               HasSubstr("the next pose 15.0 %"));
 }
 
+TEST(Verdict, SaysThatAnotherPoseMatchesMoreButLessClosely) {
+  PlacementCandidate best = judged_candidate(0.996);
+  PlacementCandidate next = judged_candidate(0.001, 0.15);
+  best.support.within = {270, 240, 200, 90, 30, 9};
+  next.support.within = {370, 190, 60, 20, 4, 0};
+  next.support.share = best.support.share + 0.1;
+  EXPECT_THAT(verdict_of({best, next}).reason,
+              HasSubstr(" % (but 60 within a quarter of the radius, the best pose 200)"));
+  next.support.share = best.support.share;
+  EXPECT_THAT(verdict_of({best, next}).reason, Not(HasSubstr("a quarter of the radius")));
+}
+
 TEST(Verdict, RejectedIfPerhapsNoneIsRight) {
   EXPECT_EQ(verdict_of({judged_candidate(0.9), judged_candidate(0.03)}).verdict,
             Verdict::kRejected);
@@ -293,6 +305,8 @@ TEST(Verdict, MatchesOfOneSpotNeedSurroundings) {
       HasSubstr("all matches are in a ball of 17.4 matching radii, below the "
                 "required 17.5, and cameras of one map looked at 11 landmarks of the other around "
                 "it, fewer than 12"));
+  EXPECT_THAT(judgement_with({{}, 17.4, 0.5}).reason,
+              HasSubstr("and no camera shows what is around it in either map"));
   EXPECT_EQ(judgement_with({{.agree = 4}, 17.4, 0.5}).verdict, Verdict::kAligned);
   EXPECT_EQ(judgement_with({{.agree = 3}, 17.4, 0.5}).verdict, Verdict::kAmbiguous);
   EXPECT_EQ(judgement_with({few, 17.4, 0.19}).verdict, Verdict::kAligned);
