@@ -82,6 +82,7 @@ struct ConvertArguments {
   bool move_points(std::string_view first) const;
   bool convert_trajectory(std::string_view first) const;
   void refuse_atlas(std::string_view first) const;
+  void refuse_options_of_maps(std::string_view input_is) const;
   std::optional<PoseGraph> read_graph(std::string_view first) const;
   bool write_graph(std::string_view first) const;
 };
@@ -263,12 +264,32 @@ LandmarkMap ConvertArguments::with_descriptors(const LandmarkMap& map) const {
 }
 #endif
 
+// An option without effect would let a script believe that it had one.
+void ConvertArguments::refuse_options_of_maps(std::string_view input_is) const {
+  const std::pair<std::string_view, bool> options[] = {
+      {"--frames", !frames.empty()},
+      {"--min-observations", min_observations > 0},
+      {"--confidence", !confidence.empty()},
+      {"--camera", !camera.empty()},
+      {"--images", !images.empty()},
+      {"--enu", enu},
+      {"--estimate-covariances", estimate_covariances},
+      {"--format-version", format_version.has_value()},
+      {"--ascii", ascii},
+      {"--double", double_precision},
+      {"--json", !common.json_path.empty()}};
+  for (const auto& [option, is_given] : options) {
+    refuse_if(is_given, option, fmt::format("given for {}", input_is), "an input that is a map");
+  }
+}
+
 // Moves a PLY file as what it is. @return false for what is read as a map
 bool ConvertArguments::move_points(std::string_view first) const {
   if (!(first.starts_with("ply\n") || first.starts_with("ply\r")) ||
       std::filesystem::path(output).extension() != ".ply") {
     return false;
   }
+  refuse_options_of_maps("--apply to a PLY file, whose other properties are kept");
   FileReader file(input);
   const Similarity3 new_from_old = read_similarity_file(apply);
   write_file(output, [&](const ByteSink& sink) { move_ply(file, new_from_old, sink); });
@@ -283,9 +304,20 @@ bool names_other_content(const std::filesystem::path& path) {
          (ending != ".txt" && all_formats().format_of_ending(path) != nullptr);
 }
 
+// KITTI has no times: readers count its poses from 0.
+void log_lost_times(const Trajectory& trajectory, const LogSink& log) {
+  const auto poses = trajectory.poses();
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (poses[i].timestamp_s == static_cast<double>(i)) continue;
+    if (log) log({"KITTI has no place for: times of the poses; left out", RemarkKind::kLoss});
+    return;
+  }
+}
+
 // Converts a trajectory, moved if that is asked for. @return false for what is read as a map
 bool ConvertArguments::convert_trajectory(std::string_view first) const {
   if (!recognised_trajectory(first)) return false;
+  refuse_options_of_maps("a trajectory");
   TrajectoryFormat written = TrajectoryFormat::kTum;
   if (!format.empty()) {
     const auto named = trajectory_format(format);
@@ -298,8 +330,9 @@ bool ConvertArguments::convert_trajectory(std::string_view first) const {
                 fmt::format("{} does not name a trajectory, but {} is one", output, input),
                 "a name that ends in .txt, .tum or .csv, or --format tum, euroc or kitti");
   }
-  Trajectory trajectory =
-      read_trajectory(input, strict_log(common.console().log(), loading.strict));
+  const LogSink log = strict_log(common.console().log(), loading.strict);
+  Trajectory trajectory = read_trajectory(input, log);
+  if (written == TrajectoryFormat::kKitti) log_lost_times(trajectory, log);
   if (!apply.empty()) trajectory = transformed(trajectory, read_similarity_file(apply));
   if (transform.given()) trajectory = transformed(trajectory, transform.pose());
   write_file(output, [&](const ByteSink& sink) { write_trajectory(trajectory, written, sink); });
@@ -366,13 +399,23 @@ Trajectory poses_of(PoseGraph graph, const LogSink& log) {
 
 // Writes the graph that the input is or has. @return false for what is read as a map
 bool ConvertArguments::write_graph(std::string_view first) const {
+  const bool is_g2o_file = format.empty() && std::filesystem::path(output).extension() == ".g2o";
+  if (is_g2o(first) && is_g2o_file && apply.empty() && !transform.given()) {
+    refuse_options_of_maps("a pose graph");
+    FileReader file(input);
+    const G2oGraph read = read_g2o(file, strict_log(common.console().log(), loading.strict));
+    write_file(output, [&](const ByteSink& sink) { write_g2o(read, sink); });
+    common.console().print("{}: {} nodes, {} links\n", output, read.vertices.size(),
+                           read.edges.size());
+    return true;
+  }
   const auto graph = read_graph(first);
   if (!graph) return false;
+  refuse_options_of_maps("a pose graph");
   refuse_if(!apply.empty() || transform.given(), apply.empty() ? "--transform" : "--apply",
             "of a pose graph", "a map, a trajectory or a cloud");
   const std::filesystem::path path(output);
   const bool is_kitti = format == "kitti";
-  const bool is_g2o_file = format.empty() && path.extension() == ".g2o";
   refuse_if(!is_kitti && !is_g2o_file && !(format.empty() && path.extension() == ".json"),
             format.empty() ? "output" : "--format",
             printable(format.empty() ? output : format) + " of a pose graph",

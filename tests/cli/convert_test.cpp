@@ -17,6 +17,7 @@
 namespace cairn::testing {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ContainsRegex;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -205,6 +206,13 @@ TEST_F(ConvertTest, TrajectoriesGoFromFormatToFormat) {
                    {name, "does not name a trajectory", "poses.txt is one"});
     EXPECT_FALSE(std::filesystem::exists(path(name)));
   }
+  // What would have no effect, and what has no place.
+  expect_refusal({"convert", "poses.txt", "x.txt", "--frames", "0:1"}, kWrongUsage,
+                 {"--frames", "given for a trajectory", "an input that is a map"});
+  expect_refusal({"convert", "poses.txt", "x.txt", "--json", "x.json"}, kWrongUsage, {"--json"});
+  expect_refusal({"convert", "poses.txt", "x.txt", "--format", "kitti", "--strict"}, kBadInput,
+                 {"KITTI has no place for: times"});
+  EXPECT_FALSE(std::filesystem::exists(path("x.txt")));
   write("broken.txt", "10.5 1 2 3 0 0 0 1\n10.75 1 2 4 0 0 1\n");
   expect_refusal({"convert", "broken.txt", "out.csv"}, kBadInput, {"broken.txt:2"});
 }
@@ -231,6 +239,16 @@ TEST_F(ConvertTest, PoseGraphsAreTakenInG2oAndJson) {
     expect_refusal({"convert", graph, "out.g2o", "--transform", "1 0 0 0 0 0"}, kWrongUsage,
                    {"--transform", "of a pose graph"});
   }
+  // Every number of a g2o file stays, however ill-conditioned its information.
+  const std::string edge =
+      "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0.6 0.8 1e12 0.5 0 0 0 0 1e-4 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n";
+  write("ill.g2o",
+        "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0.6 0.8\nFIX 0\n" + edge);
+  answer({"convert", "ill.g2o", "same.g2o", "--strict"});
+  answer({"convert", "same.g2o", "again.g2o", "--strict"});
+  EXPECT_EQ(content("again.g2o"), content("same.g2o"));
+  EXPECT_THAT(content("same.g2o"), AllOf(HasSubstr("FIX 0\n"), HasSubstr(" 0.6 0.8 1e+12 0.5 ")));
+  expect_refusal({"convert", "ill.g2o", "x.g2o", "--json", "x.json"}, kWrongUsage, {"--json"});
   write("fixed.g2o", content("graph.g2o") + "FIX 1\n");
   EXPECT_THAT(answer({"info", "fixed.g2o"}), ContainsRegex("fixed vertices +1\n"));
   EXPECT_THAT(cairn({"convert", "fixed.g2o", "out.json"}).errors, HasSubstr("FIX of 1 vertices"));

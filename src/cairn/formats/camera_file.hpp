@@ -34,8 +34,8 @@ struct CameraFile {
 /// these, returns the camera of the raw images.
 /// @throws Error (input) naming source, line and key; also for a file of two cameras
 CameraFile read_camera_file(ByteSource& source);
-/// As read_camera_file(), or a stereo pair: Kalibr's cam0 and cam1, or OpenCV's M1, D1, M2, D2 (or
-/// K1, K2), R and T.
+/// As read_camera_file(), but also reads a stereo pair: Kalibr's cam0 and cam1, or OpenCV's M1, D1,
+/// M2, D2 (or K1, K2), R and T.
 /// @throws Error (input) naming source, line and key
 CameraFile read_calibration_file(ByteSource& source);
 /// Reads a stereo pair from two files of EuRoC (T_BS) or ROS (R and P).

@@ -184,8 +184,8 @@ void write_pcd(const LandmarkMap& map, const ByteSink& sink, const MapWriteOptio
 /// Transforms a map's point cloud, mesh or splats in PLY: vertex positions, covariances (cov_xx ...
 /// cov_zz) and ColumnMotion properties. Copies all other content byte for byte.
 /// @param source ascii, binary little- or big-endian; the result has the same form
-/// @throws Error (input) naming source, line or byte: not PLY, truncated, no x, y and z, floats moved
-///        so far that they round, or rotated or scaled Gaussian splats in no known layout
+/// @throws Error (input) naming source, line or byte: not PLY, truncated, no x, y and z, float
+///        positions moved so far that they round, or rotated or scaled splats in no known layout
 void move_ply(ByteSource& source, const Similarity3& new_from_old, const ByteSink& sink);
 
 /// A UUID (RFC 9562, version 8) from a hash of the bytes.

@@ -252,6 +252,7 @@ Rigid3 kitti_pose(const Record& record) {
 struct Row {
   double time = 0.0;
   std::optional<std::int64_t> whole_time;  // which a double may not hold
+  std::optional<std::int64_t> nanoseconds;  // the same, if it is in nanoseconds
   std::array<double, kFields> fields{};    // those of Columns; the time is 0
   std::uint64_t line = 0;
 };
@@ -383,6 +384,7 @@ void convert_times(Rows& rows, const std::string& source, const LogSink& log) {
       const auto per_second = static_cast<std::int64_t>(unit);
       row.time = static_cast<double>(*row.whole_time / per_second) +
                  static_cast<double>(*row.whole_time % per_second) / unit;
+      if (unit == kNanoseconds) row.nanoseconds = row.whole_time;
     } else {
       row.time /= unit;
     }
@@ -440,8 +442,10 @@ Trajectory read_named(ByteSource& source, const LogSink& log) {
   poses.reserve(rows.rows.size());
   for (const Row& row : rows.rows) {
     const auto& f = row.fields;
-    poses.push_back({row.time, Rigid3(Eigen::Quaterniond(f[kQw], f[kQx], f[kQy], f[kQz]),
-                                      Eigen::Vector3d(f[kX], f[kY], f[kZ]))});
+    poses.push_back({row.time,
+                     Rigid3(Eigen::Quaterniond(f[kQw], f[kQx], f[kQy], f[kQz]),
+                            Eigen::Vector3d(f[kX], f[kY], f[kZ])),
+                     row.nanoseconds});
   }
   return Trajectory(std::move(poses));
 }
@@ -588,8 +592,9 @@ std::string euroc_text(const Trajectory& trajectory) {
                   "seconds of which 64 bits hold the nanoseconds");
     }
     const double whole = std::floor(pose.timestamp_s);
-    const std::int64_t nanoseconds = static_cast<std::int64_t>(whole) * 1'000'000'000 +
-                                     std::llround((pose.timestamp_s - whole) * kNanoseconds);
+    const std::int64_t nanoseconds =
+        pose.timestamp_ns.value_or(static_cast<std::int64_t>(whole) * 1'000'000'000 +
+                                   std::llround((pose.timestamp_s - whole) * kNanoseconds));
     if (before && nanoseconds <= *before) {
       throw Error(ErrorKind::kMisuse, "timestamp", fmt::format("{} s", pose.timestamp_s),
                   "times that are at least a nanosecond apart");

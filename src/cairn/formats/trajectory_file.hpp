@@ -26,12 +26,12 @@ std::optional<TrajectoryFormat> trajectory_format(std::string_view name);
 std::optional<TrajectoryFormat> recognised_trajectory(std::string_view beginning);
 
 /// Reads a trajectory in any of the formats, recognised by its first record. Lines that start with
-/// '#' are comments. A line of column names, commented or not, defines the columns. Ignores other
-/// columns. Times from 1e17 are nanoseconds. Sorts poses by time.
+/// '#' are comments. A line of column names, commented or not, defines the columns. Ignores columns
+/// that do not belong to a pose. Times from 1e17 are nanoseconds. Sorts poses by time.
 /// @param times seconds, one per pose of a KITTI trajectory; empty: 0, 1, 2, ...
-/// @param log receives a loss remark on omitted poses (unknown numbers such as NaN or empty,
-///        repeated times), another if the last line has no line end, and information on the
-///        interpretation of unnamed columns, unsorted and large times
+/// @param log receives a loss remark on poses omitted because of unknown numbers (NaN or empty) or
+///        repeated times, a loss remark if the last line has no line end, and information on how
+///        unnamed columns, unsorted times and large times are read
 /// @throws Error (input) naming source, line, field, value and constraint; also if most poses share
 ///        their time with another pose
 Trajectory read_trajectory(ByteSource& source, std::span<const double> times = {},

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <utility>
@@ -16,6 +17,8 @@ namespace cairn {
 struct TimedPose {
   double timestamp_s = 0.0;
   Rigid3 world_from_camera;
+  /// The time as a file states it in nanoseconds, which `timestamp_s` rounds; std::nullopt if it does not.
+  std::optional<std::int64_t> timestamp_ns = {};
 };
 
 /// Poses of a camera, ordered by time. Valid and immutable.

@@ -56,6 +56,7 @@ class AliceVisionReader {
     if (all.has("intrinsics")) {
       each(all.at("intrinsics"), [&](const JsonValue& json) { read_camera(json); });
     }
+    if (all.has("rigs")) each(all.at("rigs"), [&](const JsonValue& json) { read_rig(json); });
     read_frames(all.at("poses"), all.at("views"));
     if (!all.has("structure")) out_.lost("there is no structure: the map has no landmarks");
     if (all.has("structure")) {
@@ -233,6 +234,44 @@ class AliceVisionReader {
                        printable(json.at("type").text()), d.size());
   }
 
+  // reference_from_camera.
+  static Rigid3 pose_of(const JsonValue& transform) {
+    // camera_from_reference, column by column.
+    const std::vector<double> r = numbers(transform.at("rotation"), 9, "is no 3x3 matrix");
+    const Eigen::Matrix3d rotation = Eigen::Map<const Eigen::Matrix3d>(r.data());
+    if (!is_rotation(rotation)) {
+      transform.at("rotation").refuse("is no rotation", "a rotation matrix");
+    }
+    return {Eigen::Quaterniond(rotation).conjugate(), vector3(transform.at("center"))};
+  }
+
+  void read_rig(const JsonValue& json) {
+    auto& mounts = mounts_[whole(json.at("rigId"))];
+    each(json.at("subPoses"), [&](const JsonValue& mount) {
+      const bool is_known = !mount.has("status") || mount.at("status").text() != "uninitialized";
+      mounts.push_back(is_known ? std::optional(pose_of(mount.at("pose"))) : std::nullopt);
+    });
+  }
+
+  // Whether the pose that a view names is its rig's, not its own.
+  static bool is_mounted(const JsonValue& view) {
+    if (!view.has("rigId") || !view.has("isPoseIndependant")) return false;
+    const nlohmann::json& own = view.at("isPoseIndependant").json();
+    return own == false || own == "false" || own == "0";
+  }
+
+  // rig_from_camera of a mounted view; std::nullopt if unknown.
+  std::optional<Rigid3> mount_of(const JsonValue& view) const {
+    const auto rig = mounts_.find(whole(view.at("rigId")));
+    if (rig == mounts_.end()) view.at("rigId").refuse("is no rig of the file", "the id of a rig");
+    const std::uint64_t mount = whole(view.at("subPoseId"));
+    if (mount >= rig->second.size()) {
+      view.at("subPoseId")
+          .refuse("is no subpose of the rig", fmt::format("a number below {}", rig->second.size()));
+    }
+    return rig->second[mount];
+  }
+
   void read_frames(const JsonValue& poses, const JsonValue& views) {
     std::unordered_map<std::uint64_t, std::size_t> places;
     std::size_t place = 0;
@@ -241,20 +280,16 @@ class AliceVisionReader {
     views.each([&](const JsonValue& view) {
       const std::uint64_t id = whole(view.at("viewId"));
       const auto pose = places.find(view.has("poseId") ? whole(view.at("poseId")) : id);
-      if (pose == places.end()) {
+      const auto mount = is_mounted(view) ? mount_of(view) : std::optional(Rigid3());
+      if (pose == places.end() || !mount) {
         ++without_pose;
         return;
       }
-      const JsonValue transform = poses.at(pose->second).at("pose").at("transform");
-      // camera_from_world, column by column.
-      const std::vector<double> r = numbers(transform.at("rotation"), 9, "is no 3x3 matrix");
-      const Eigen::Matrix3d rotation = Eigen::Map<const Eigen::Matrix3d>(r.data());
-      if (!is_rotation(rotation)) {
-        transform.at("rotation").refuse("is no rotation", "a rotation matrix");
-      }
+      Rigid3 world_from_camera = pose_of(poses.at(pose->second).at("pose").at("transform"));
+      if (is_mounted(view)) world_from_camera = world_from_camera * *mount;
       SfmFrame frame{.id = FrameId{id},
-                     .world_from_camera = Eigen::Quaterniond(rotation).conjugate().normalized(),
-                     .centre = vector3(transform.at("center"))};
+                     .world_from_camera = world_from_camera.quaternion(),
+                     .centre = world_from_camera.translation()};
       if (view.has("intrinsicId")) {
         frame.camera = out_.camera(std::to_string(whole(view.at("intrinsicId"))));
       }
@@ -292,6 +327,8 @@ class AliceVisionReader {
   SfmBuilder out_;
   NamedFeatures features_;
   std::array<double, 3> version_ = {1.0, 2.0, 11.0};  // the newest unless stated
+  // rig_from_camera of each rig's subposes; std::nullopt if unknown.
+  std::unordered_map<std::uint64_t, std::vector<std::optional<Rigid3>>> mounts_;
   std::unordered_map<std::uint64_t, FrameIndex> frame_of_view_;
   std::size_t unposed_ = 0;
 };

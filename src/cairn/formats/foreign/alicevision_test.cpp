@@ -63,6 +63,38 @@ TEST_F(AliceVisionTest, ViewsWithAPoseBecomeFrames) {
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 observations by views without a pose")));
 }
 
+// The pose of a view on a rig is the rig's, and the camera stands at its subpose.
+TEST_F(AliceVisionTest, ViewsOnARigStandAtTheirSubposes) {
+  nlohmann::json json = nlohmann::json::parse(alicevision_json("pinhole", "\"\""));
+  for (std::size_t i = 0; i < 2; ++i) {
+    json["views"][i]["poseId"] = "7";
+    json["views"][i]["rigId"] = "3";
+    json["views"][i]["subPoseId"] = std::to_string(i);
+    json["views"][i]["isPoseIndependant"] = "false";
+  }
+  const auto upright = nlohmann::json({"1", "0", "0", "0", "1", "0", "0", "0", "1"});
+  const auto mount = [&](const char* status, const char* x) {
+    return nlohmann::json{{"status", status},
+                          {"pose", {{"rotation", upright}, {"center", {x, "0", "0"}}}}};
+  };
+  json["rigs"] = {
+      {{"rigId", "3"}, {"subPoses", {mount("constant", "0"), mount("estimated", "0.5")}}}};
+  const LandmarkMap map = read_bytes(json.dump());
+  ASSERT_EQ(map.frame_count(), 2U);
+  EXPECT_EQ(map.frames().translations[0], Eigen::Vector3d(1, 2, 3));
+  // The rig's x is the world's -y: its rotation takes the world's x to its y.
+  EXPECT_LT((map.frames().translations[1] - Eigen::Vector3d(1, 1.5, 3)).norm(), 1e-12);
+  json["views"][1]["isPoseIndependant"] = true;
+  EXPECT_EQ(read_bytes(json.dump()).frames().translations[1], Eigen::Vector3d(1, 2, 3));
+  json["views"][1]["isPoseIndependant"] = false;
+  json["rigs"][0]["subPoses"][1]["status"] = "uninitialized";
+  EXPECT_EQ(read_bytes(json.dump()).frame_count(), 1U);
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("1 views without a pose")));
+  json["views"][1]["subPoseId"] = "2";
+  EXPECT_THAT(testing::refusal(ErrorKind::kInput, [&] { read_bytes(json.dump()); }),
+              HasSubstr("views/1/subPoseId: is no subpose of the rig; expected a number below 2"));
+}
+
 TEST_F(AliceVisionTest, EachTypeHasItsModel) {
   EXPECT_EQ(read_bytes(alicevision_json("pinhole", "\"\"")).cameras()[0].model, "SIMPLE_PINHOLE");
   EXPECT_EQ(read_bytes(alicevision_json("radial1", R"(["0.1"])")).cameras()[0].model,

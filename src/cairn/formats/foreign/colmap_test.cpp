@@ -161,7 +161,7 @@ TEST_F(ColmapTest, WritesIntoNewOrEmptyFoldersOnly) {
   EXPECT_EQ(all_formats().read(folder_ / "empty").landmark_count(), 2U);
   const std::string before = testing::read_text(folder_ / "points3D.txt");
   EXPECT_THAT(refusal(ErrorKind::kMisuse,
-                      [&] { all_formats().write(map, folder_.path(), {.format = "colmap-text"}); }),
+                      [&] { all_formats().write(map, folder_.path(), {.format = "colmap"}); }),
               HasSubstr("the folder is not empty; expected a new or an empty folder"));
   EXPECT_EQ(testing::read_text(folder_ / "points3D.txt"), before);
   EXPECT_THAT(
@@ -325,6 +325,23 @@ TEST_F(ColmapTest, ImagesThatAreNotWhereTheirRigIsAreMentioned) {
   EXPECT_THAT(remarks_.texts, ElementsAre(HasSubstr("1 of 2 images of rigs are not where their rig "
                                                     "has them, up to 0.25 away")));
   EXPECT_EQ(map.frames().translations[1], Eigen::Vector3d(1, 0, 0));
+  // COLMAP reads the poses of the rigs, so such an image gets a frame of its own.
+  const LandmarkMap back = read(write(map, "model/"));
+  EXPECT_THAT(remarks_.texts, IsEmpty()) << "all images are where their frames have them";
+  EXPECT_LT((back.frames().translations[1] - Eigen::Vector3d(1, 0, 0)).norm(), 1e-12);
+  EXPECT_NE(back.frames().instants[0], back.frames().instants[1]);
+  write(map, "text", {.format = "colmap-text"});
+  EXPECT_THAT(remarks_.losses,
+              Contains(HasSubstr("1 images are not where their rig has them, up to 0.25 away")));
+}
+
+// COLMAP ends the name at the blank.
+TEST_F(ColmapTest, NamesWithBlanksAreWrittenInTheBinaryFormOnly) {
+  write_text();
+  const LandmarkMap map = read();
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(map, "text", {.format = "colmap-text"}); }),
+              HasSubstr("image name 'a b.png'; expected a name without blanks"));
+  EXPECT_EQ(read(write(map, "model/")).frames().image_names, map.frames().image_names);
 }
 
 // As COLMAP makes them of all cameras and images.

@@ -76,13 +76,14 @@ struct ColmapRigs {
   explicit ColmapRigs(const LandmarkMap& map) {
     if (map.rigs().empty()) return;
     set_rigs(map);
-    set_frames(map.frames());
+    set_frames(map);
   }
 
   std::vector<Rig> all;
   std::unordered_map<CameraIndex, RigId> of_camera;
   std::unordered_map<CameraIndex, Rigid3> camera_from_rig;
   std::vector<Frame> frames;
+  std::optional<RigInstants> instants;
 
  private:
   // Gives entries behind the first `named` the ids that follow, and all other ids if these do not fit.
@@ -124,24 +125,16 @@ struct ColmapRigs {
     rig.mounts.front() = {.camera = first.camera};
   }
 
-  void set_frames(const FrameTable& table) {
-    std::map<InstantId, std::vector<std::uint32_t>> together;
-    std::vector<Frame> alone;
-    for (std::uint32_t i = 0; i < table.ids.size(); ++i) {
-      if (!table.instants.empty() && table.instants[i]) {
-        together[*table.instants[i]].push_back(i);
-      } else {
-        alone.push_back({FrameId{}, {i}});
-      }
-    }
-    for (auto& [instant, images] : together) {
-      std::sort(images.begin(), images.end(), [&](std::uint32_t a, std::uint32_t b) {
-        return table.cameras[a]->value < table.cameras[b]->value;
-      });
+  void set_frames(const LandmarkMap& map) {
+    instants.emplace(map);
+    for (const auto& [instant, together] : instants->together) {
+      std::vector<std::uint32_t> images = together;
+      std::ranges::sort(images, {},
+                        [&](std::uint32_t i) { return map.frames().cameras[i]->value; });
       frames.push_back({FrameId{instant.value}, std::move(images)});
     }
-    frames.insert(frames.end(), alone.begin(), alone.end());
-    number(frames, together.size());
+    for (const std::uint32_t image : instants->alone) frames.push_back({FrameId{}, {image}});
+    number(frames, instants->together.size());
   }
 };
 
@@ -174,6 +167,7 @@ class ColmapWriter {
           "{}: has rigs, which COLMAP reads from 3.12 on; before, it reads the images' poses only",
           folder_.string()));
     }
+    if (rigs_.instants) rigs_.instants->log_elsewhere(execution_.log, folder_.string());
     ids_.log_replaced(execution_.log, map_, "COLMAP", folder_.string());
   }
 
@@ -334,11 +328,14 @@ class ColmapWriter {
         refuse("has no camera, and an image of COLMAP needs one", "a camera for every frame");
       }
       const std::string& name = image_names_[i];
-      const bool is_bad =
-          form_ == ColmapForm::kText
-              ? name.find_first_of("\n\r") != std::string::npos || name.front() == ' '
-              : name.find('\0') != std::string::npos;
-      if (is_bad) refuse("image name " + printable(name), "a name of one line");
+      const bool is_bad = form_ == ColmapForm::kText
+                              ? name.find_first_of(" \t\n\v\f\r") != std::string::npos
+                              : name.find('\0') != std::string::npos;
+      if (!is_bad) continue;
+      refuse("image name " + printable(name),
+             form_ == ColmapForm::kText
+                 ? "a name without blanks, where COLMAP ends it; the binary form may have them"
+                 : "a name without bytes of zero");
     }
   }
 

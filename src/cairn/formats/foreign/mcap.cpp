@@ -168,7 +168,10 @@ class Recording {
 
   void add_cloud(const LandmarkMap& map, const std::string& topic, std::string_view frame,
                  std::uint64_t time_ns) {
-    const detail::PointRows rows(map, detail::PointFormat::kFoxglove, detail::ScalarType::kFloat32);
+    const detail::PointRows rows(map, detail::PointFormat::kFoxglove,
+                                 detail::is_rounded_by_floats(map.landmarks().positions)
+                                     ? detail::ScalarType::kFloat64
+                                     : detail::ScalarType::kFloat32);
     std::string data;
     rows.write({}, false, [&](std::string_view bytes) { data += bytes; });
     const bool is_metric = map.info().length_unit == LengthUnit::kMetres;

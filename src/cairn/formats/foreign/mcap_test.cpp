@@ -136,6 +136,18 @@ TEST_F(McapTest, LandmarksAreAPointCloud) {
   EXPECT_TRUE(std::isnan(cloud.columns.at("confidence")[1]));
 }
 
+TEST_F(McapTest, PositionsFarFromTheOriginAreDouble) {
+  MapTables tables = testing::plain_tables();
+  for (Eigen::Vector3d& position : tables.landmarks.positions) {
+    position += Eigen::Vector3d(500000.123, 5300000.456, 0.0);
+  }
+  const LandmarkMap map(std::move(tables));
+  const Cloud cloud(recording_of(map).of_topic("/landmarks")[0]);
+  for (std::size_t i = 0; i < map.landmark_count(); ++i) {
+    EXPECT_EQ(cloud.columns.at("y")[i], map.landmarks().positions[i].y());
+  }
+}
+
 TEST_F(McapTest, KeyframesArePosesAtTheirTimes) {
   MapTables tables = testing::full_tables();
   tables.frames.timestamps_s = {2.25, 1305031453.374112, 0.5};

@@ -230,6 +230,16 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path, const Execut
     cameras.push_back(std::move(*json));
   }
   if (is_one_camera) all = cameras[0];
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    // nerfstudio reads one model for all images.
+    if (i == 0) all["camera_model"] = cameras[0]["camera_model"];
+    reject_if(
+        cameras[i]["camera_model"] != all["camera_model"],
+        fmt::format("camera {}", map.cameras()[i].id.value),
+        fmt::format("is {}, and camera {} is {}", cameras[i]["camera_model"].get<std::string>(),
+                    map.cameras()[0].id.value, all["camera_model"].get<std::string>()),
+        "cameras of one model, as nerfstudio reads one for all images");
+  }
   all["frames"] = nlohmann::ordered_json::array();
   const std::vector<std::string> names = json_image_names(map);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {

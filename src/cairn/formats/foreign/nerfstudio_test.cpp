@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -163,16 +164,32 @@ TEST_F(NerfstudioTest, WhatIsWrittenIsReadBack) {
   tables.frames.cameras = {CameraIndex{0}, CameraIndex{1}, CameraIndex{2}, CameraIndex{3}};
   tables.frames.image_names = {"a.png", "b.png", "c.png", "d.png"};
   tables.frames.quaternions[1] = {0.8, 0.0, 0.6, 0.0};
-  const LandmarkMap map{std::move(tables)};
-  const LandmarkMap back = read(write(map, "transforms.json"));
-  ASSERT_EQ(back.cameras().size(), 4U);
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(back.cameras()[i], map.cameras()[i]);
-  EXPECT_EQ(back.frames().image_names, map.frames().image_names);
-  EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
-  EXPECT_TRUE(back.has_covariances());
-  for (std::uint32_t i = 0; i < 4; ++i) {
-    const Rigid3 pose = map.world_from_camera(FrameIndex{i});
-    EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
+  EXPECT_THAT(refusal(ErrorKind::kInput, [&] { write(LandmarkMap(tables), "transforms.json"); }),
+              HasSubstr("camera 1: is OPENCV_FISHEYE, and camera 0 is OPENCV; expected cameras of "
+                        "one model"));
+  const std::vector<Camera> models = tables.cameras;
+  for (const Camera& model : models) {
+    SCOPED_TRACE(model.model);
+    // Twice, because one camera stands for all images.
+    tables.cameras.assign(2, model);
+    tables.cameras[0].id = CameraId{0};
+    tables.cameras[1].id = CameraId{1};
+    for (std::uint32_t i = 0; i < 4; ++i) tables.frames.cameras[i] = CameraIndex{i % 2};
+    const LandmarkMap map(tables);
+    const std::filesystem::path folder = folder_ / model.model;
+    std::filesystem::create_directory(folder);
+    const std::filesystem::path path = write(map, model.model + "/transforms.json");
+    EXPECT_TRUE(nlohmann::json::parse(testing::read_text(path)).contains("camera_model"));
+    const LandmarkMap back = read(path);
+    ASSERT_FALSE(back.cameras().empty());
+    EXPECT_EQ(back.cameras()[0], map.cameras()[0]);
+    EXPECT_EQ(back.frames().image_names, map.frames().image_names);
+    EXPECT_EQ(back.landmarks().positions, map.landmarks().positions);
+    EXPECT_TRUE(back.has_covariances());
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      const Rigid3 pose = map.world_from_camera(FrameIndex{i});
+      EXPECT_LT(pose.difference_to(back.world_from_camera(FrameIndex{i})).norm(), 1e-12);
+    }
   }
 }
 

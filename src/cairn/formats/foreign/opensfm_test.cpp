@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "cairn/core/error.hpp"
 #include "cairn/formats/detail/foreign/foreign_formats.hpp"
@@ -461,6 +462,36 @@ TEST_F(OpenSfmTest, WhatIsWrittenIsReadBack) {
   }
   EXPECT_THAT(refusal(ErrorKind::kMisuse, [&] { all_formats().write(map, out); }),
               HasSubstr("tracks.csv: is there already"));
+}
+
+// OpenSfM reads no point without a colour, and takes a time of 0 for unknown.
+TEST_F(OpenSfmTest, EachPointHasAColourAndATimeOfZeroIsALoss) {
+  MapTables tables = LandmarkMap(read()).tables();
+  tables.landmarks.colors = {};
+  std::filesystem::create_directory(folder_ / "out");
+  tables.frames.timestamps_s.assign(tables.frames.ids.size(), 0.0);
+  const std::string path =
+      write(LandmarkMap(std::move(tables)), "out/black.json", {.format = "opensfm"});
+  const auto json = nlohmann::json::parse(testing::read_text(path));
+  for (const auto& point : json[0]["points"]) {
+    EXPECT_EQ(point.at("color"), nlohmann::json({0, 0, 0}));
+  }
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("2 shots at time 0 lose it")));
+}
+
+TEST_F(OpenSfmTest, ImagesThatAreNotWhereTheirRigIsAreWrittenAlone) {
+  MapTables tables = LandmarkMap(testing::rig_map()).tables();
+  const std::uint32_t moved = tables.frames.ids.size() > 1 ? 1 : 0;
+  ASSERT_EQ(tables.frames.instants[0], tables.frames.instants[moved]);
+  tables.frames.translations[moved] += Eigen::Vector3d(0.25, 0.0, 0.0);
+  const LandmarkMap map(std::move(tables));
+  const auto json =
+      nlohmann::json::parse(testing::read_text(write(map, "moved.json", {.format = "opensfm"})));
+  EXPECT_THAT(remarks_.losses,
+              Contains(HasSubstr("1 images are not where their rig has them, up to 0.25 away")));
+  for (const auto& instance : json[0]["rig_instances"]) {
+    EXPECT_FALSE(instance["rig_camera_ids"].contains(map.frames().image_names[moved]));
+  }
 }
 
 TEST_F(OpenSfmTest, WhatAKilledWriterLeavesIsWrittenOver) {

@@ -93,7 +93,11 @@ std::optional<nlohmann::json> opensfm_camera(const Camera& camera) {
 class OpenSfmWriter {
  public:
   OpenSfmWriter(const LandmarkMap& map, const fs::path& path, const Execution& execution)
-      : map_(map), path_(path), execution_(execution), mounts_(cameras_from_rigs(map.rigs())) {
+      : map_(map),
+        path_(path),
+        execution_(execution),
+        mounts_(cameras_from_rigs(map.rigs())),
+        instants_(map) {
     require_cameras(map, "a shot of OpenSfM");
     names_ = image_names(map);
     for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
@@ -127,12 +131,9 @@ class OpenSfmWriter {
       begin_entry(i == 0, std::to_string(map_.landmarks().ids[i].value));
       text_ += "{\"coordinates\": ";
       vector(map_.landmarks().positions[i]);
-      const auto& colors = map_.landmarks().colors;
-      if (!colors.empty() && colors[i]) {
-        text_ += fmt::format(", \"color\": [{}, {}, {}]", colors[i]->red, colors[i]->green,
-                             colors[i]->blue);
-      }
-      text_ += '}';
+      // OpenSfM reads no point without a colour.
+      const Color color = color_of(map_, i);
+      text_ += fmt::format(", \"color\": [{}, {}, {}]}}", color.red, color.green, color.blue);
       flush(sink);
     }
     text_ += '}';
@@ -213,9 +214,15 @@ class OpenSfmWriter {
       log(fmt::format("the {} rigs become one, because OpenSfM does not name rigs",
                       map_.rigs().size()));
     }
-    const auto taken = shots_of_instants();
-    const auto alone =
-        std::ranges::count_if(taken, [](const auto& instant) { return instant.second.size() < 2; });
+    const auto& times = map_.frames().timestamps_s;
+    std::size_t at_zero = 0;
+    for (std::size_t i = 0; i < times.size(); ++i) at_zero += times[i] == 0.0 ? 1 : 0;
+    if (at_zero > 0) {
+      log(fmt::format("{} shots at time 0 lose it: OpenSfM writes 0 for an unknown time", at_zero));
+    }
+    instants_.log_elsewhere(execution_.log, path_.string());
+    const auto alone = std::ranges::count_if(
+        instants_.together, [](const auto& instant) { return instant.second.size() < 2; });
     if (alone > 0) log(fmt::format("{} instants with one image each are left out", alone));
     const Holdings holdings{.timestamps = true,
                             .keypoints = true,
@@ -275,21 +282,12 @@ class OpenSfmWriter {
     }
     text_ += "}, \"rig_instances\": {";
     is_first = true;
-    for (const auto& [instant, shots] : shots_of_instants()) {
+    for (const auto& [instant, shots] : instants_.together) {
       if (shots.size() < 2) continue;
       begin_entry(std::exchange(is_first, false), fmt::format("{:010}", instant.value));
       write_instance(shots);
     }
     text_ += '}';
-  }
-
-  std::map<InstantId, std::vector<std::uint32_t>> shots_of_instants() const {
-    std::map<InstantId, std::vector<std::uint32_t>> shots;
-    const FrameTable& frames = map_.frames();
-    for (std::uint32_t i = 0; i < map_.frame_count() && !frames.instants.empty(); ++i) {
-      if (const auto instant = frames.instants[i]) shots[*instant].push_back(i);
-    }
-    return shots;
   }
 
   void write_instance(const std::vector<std::uint32_t>& shots) const {
@@ -337,6 +335,7 @@ class OpenSfmWriter {
   const Execution& execution_;
   std::vector<std::string> names_;
   std::unordered_map<CameraIndex, Rigid3> mounts_;  // camera_from_rig
+  RigInstants instants_;
   mutable std::string text_;
 };
 

@@ -354,6 +354,7 @@ TEST_F(StellaTest, WritingSaysWhatHasNoPlace) {
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("1 landmarks without an observation")));
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("no ORB descriptors")));
   EXPECT_THAT(remarks_.texts, Contains(HasSubstr("ids are too large")));
+  EXPECT_THAT(remarks_.losses, Contains(HasSubstr("keyframes without a time get the time 0")));
   const LandmarkMap back = read(folder_ / "out.msg");
   EXPECT_EQ(back.landmark_count(), 3U);
   EXPECT_EQ(back.observation_count(), 5U);

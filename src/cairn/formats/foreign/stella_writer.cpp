@@ -306,6 +306,9 @@ class StellaWriter {
                 .further_descriptors = holds_further(),
                 .columns = kColumns},
                "stella_vslam");
+    const auto& times = map_.frames().timestamps_s;
+    const auto timeless = times.empty() ? 0 : std::ranges::count(times.known(), 0);
+    if (timeless > 0) say(fmt::format("{} keyframes without a time get the time 0", timeless));
     if (observed_ < map_.landmark_count()) {
       say(fmt::format("{} landmarks without an observation have no place; left out",
                       map_.landmark_count() - observed_));

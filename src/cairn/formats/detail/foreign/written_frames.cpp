@@ -9,6 +9,7 @@
 #include "cairn/core/error.hpp"
 #include "cairn/core/text.hpp"
 #include "cairn/formats/detail/losses.hpp"
+#include "cairn/map/operations.hpp"
 
 namespace cairn::detail {
 
@@ -77,6 +78,40 @@ FrameObservations::FrameObservations(const LandmarkMap& map)
     std::stable_sort(of_one.begin(), of_one.end(),
                      [&](std::uint64_t a, std::uint64_t b) { return key(a) < key(b); });
   }
+}
+
+RigInstants::RigInstants(const LandmarkMap& map) {
+  constexpr double kTolerance = 1e-6;  // of the distance from the origin, and radians
+  const FrameTable& frames = map.frames();
+  const RigidFrames rigid = rigid_frames(map.rigs(), frames);
+  for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
+    const auto instant = frames.instants.empty() ? std::nullopt : frames.instants[i];
+    if (!instant) {
+      alone.push_back(i);
+      continue;
+    }
+    const Rigid3 stated = map.world_from_camera(FrameIndex{i});
+    const Rigid3 expected =
+        map.world_from_camera(FrameIndex{rigid.lead[i]}) * rigid.camera_from_lead[i].inverse();
+    const double apart = (stated.translation() - expected.translation()).norm();
+    if (apart <= kTolerance * std::max(1.0, expected.translation().norm()) &&
+        stated.quaternion().angularDistance(expected.quaternion()) <= kTolerance) {
+      together[*instant].push_back(i);
+      continue;
+    }
+    alone.push_back(i);
+    ++elsewhere;
+    farthest = std::max(farthest, apart);
+  }
+}
+
+void RigInstants::log_elsewhere(const LogSink& log, std::string_view path) const {
+  if (elsewhere == 0) return;
+  log_remark(log, path,
+             fmt::format("{} images are not where their rig has them, up to {:.3g} away: they are "
+                         "written as images alone",
+                         elsewhere, farthest),
+             RemarkKind::kLoss);
 }
 
 std::vector<std::string> image_names(const LandmarkMap& map) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -61,6 +62,20 @@ struct FrameObservations {
   /// their landmarks.
   std::vector<std::vector<std::uint64_t>> of_frame;
   std::vector<std::uint32_t> landmark_of;  ///< landmark of each observation
+};
+
+/// The frames that a rig took at one instant, for systems that read the rig's pose instead of the frames'.
+struct RigInstants {
+  explicit RigInstants(const LandmarkMap& map);
+
+  /// Logs as a loss which frames are not where their rig has them.
+  void log_elsewhere(const LogSink& log, std::string_view path) const;
+
+  /// Frames that are where the rig of their first has them, ascending.
+  std::map<InstantId, std::vector<std::uint32_t>> together;
+  std::vector<std::uint32_t> alone;  ///< all other frames, ascending
+  std::size_t elsewhere = 0;         ///< frames that are not where their rig has them
+  double farthest = 0.0;             ///< largest distance from there, in the map's unit
 };
 
 /// The names of the frames' images; "frame_ID" for a frame whose image has no name.
