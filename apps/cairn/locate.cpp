@@ -361,7 +361,10 @@ struct LocateArguments {
       require_map_path(output, "--output");
       std::set<std::string> seen;
       for (const std::string& image : images) {
-        refuse_if(!seen.insert(image).second, image, "is given twice", "each image once");
+        std::error_code ignored;
+        const fs::path file = fs::weakly_canonical(image, ignored);
+        refuse_if(!seen.insert(file.empty() ? image : file.string()).second, image,
+                  "is given twice", "each image once");
       }
     }
     const LoadedMap loaded = load_world();
@@ -372,7 +375,8 @@ struct LocateArguments {
     const auto stated_units = file ? file->depth_units_per_metre : std::nullopt;
     const double units = depth_units.value_or(stated_units.value_or(kTumDepthUnits));
     refuse_if(!(units > 0.0), "--depth-units", fmt::format("{}", units), "a positive number");
-    const DepthImage depth_m = depth.empty() ? DepthImage() : read_depth(units);
+    const DepthImage depth_m =
+        depth.empty() ? DepthImage() : metric_depth(read_depth_image(depth), units);
     const LengthUnit unit = loaded.map.info().length_unit;
     reject_if(!loaded.map.landmarks().descriptors && loaded.map.has_observations(),
               loaded.path + ": descriptors", "none",
@@ -446,10 +450,11 @@ struct LocateArguments {
   LoadedMap load_world() const {
 #ifdef CAIRN_HAS_ATLAS
     if (is_postgres_url(map) || is_atlas_file(map)) {
+      const std::string shown = without_password(map);
+      // Before it is open, because to close the file again releases SQLite's locks on it.
+      LoadedMap loaded{shown, {}, describe_file(shown, common)};
       Atlas atlas = Atlas::open(map, {.read_only = true});
       const AtlasState state = atlas.state();
-      const std::string shown = without_password(map);
-      LoadedMap loaded{shown, {}, describe_file(shown, common)};
       loaded.map = merged_world(atlas, state, common.execution("merging"));
       return loaded;
     }
@@ -585,15 +590,6 @@ struct LocateArguments {
       if (by_another) locate(locators.of_unknown(image, bytes));
     });
     return found;
-  }
-
-  DepthImage read_depth(double units) const {
-    const StoredDepthImage stored = read_depth_image(depth);
-    DepthImage metres(stored.width, stored.height);
-    for (std::size_t i = 0; i < stored.values.size(); ++i) {
-      metres.values[i] = static_cast<float>(stored.values[i] / units);
-    }
-    return metres;
   }
 
   Json describe(const LoadedMap& loaded, const std::vector<Located>& found) const {

@@ -50,7 +50,7 @@ struct LoopClosedSequence {
   ClosedLoops loops;  ///< its map and trajectory were moved to `mapped`
 };
 
-/// map_sequence() and close_loops(). If no loop closes, maps the sequence again as one map.
+/// Runs map_sequence() and close_loops(). If no loop closes, maps the sequence again as one map.
 /// @param mapping   if mini_maps is std::nullopt, usual_length_to_close_loops() is used
 /// @param options   as for close_loops()
 /// @param execution reports close_loops(); MapSequenceOptions::on_frame reports the mapping

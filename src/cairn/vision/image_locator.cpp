@@ -126,9 +126,8 @@ class ImageLocator::View {
     const auto best = search.best(sensor());
     if (!best) return blank(search, described);
     Judged judged = judge(search, described, *best);
-    // With depths, the pose fits more than pixels.
-    if (judged.result.located && depth_m.empty()) {
-      refuse(LocationFailure::kLens, lens_defect(search, *best), judged.result);
+    if (judged.result.located) {
+      refuse(LocationFailure::kLens, lens_defect(search, described, *best), judged.result);
     }
     return with_certainty(std::move(judged), options_.min_probability);
   }
@@ -174,6 +173,16 @@ class ImageLocator::View {
   // A pose through the wrong lens is off by more than its covariance says. The matches that fit it best hide that, so the
   // lens is estimated in turn with the matches that are found through it.
   // @return why the pose is refused; empty if it is not
+  std::string lens_defect(const ImagePoseSearch& search, const DescribedImage& image,
+                          const ImagePose& best) const {
+    if (!image.features.has_depth()) return lens_defect(search, best);
+    // Depths fit the pose through any lens.
+    DescribedImage flat = image;
+    flat.features.drop_depths();
+    const ImagePoseSearch by_pixels = search.seen_through(describer_, flat);
+    const auto settled = by_pixels.settled(sensor(), best.pose.world_from_camera);
+    return settled ? lens_defect(by_pixels, *settled) : "";
+  }
   std::string lens_defect(const ImagePoseSearch& search, const ImagePose& best) const {
     // docs/evidence.md explains the choice.
     constexpr double kLeastDecrease = 18.0;
@@ -262,8 +271,11 @@ class ImageLocator::View {
     result.expected = best.expected;
     result.spread = best.spread;
     for (const detail::FeatureMatch& match : best.matches) {
-      result.matches.push_back({image.features.keypoints()[match.feature].raw,
-                                landmarks_->described.index(match.landmark)});
+      const detail::Keypoint& keypoint = image.features.keypoints()[match.feature];
+      result.matches.push_back(
+          {keypoint.raw, landmarks_->described.index(match.landmark), keypoint.octave,
+           keypoint.read_depth_m > 0.0F ? std::optional<double>(keypoint.read_depth_m)
+                                        : std::nullopt});
       const std::size_t bytes_each = describer_.bytes_each();
       const auto row = std::span(image.descriptors).subspan(match.feature * bytes_each, bytes_each);
       result.descriptors.insert(result.descriptors.end(), row.begin(), row.end());

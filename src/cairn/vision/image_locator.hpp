@@ -32,6 +32,8 @@ struct LocateOptions {
 struct ImageMatch {
   Pixel pixel;  ///< in the original image
   LandmarkIndex landmark;
+  std::int32_t octave = 0;             ///< pyramid level of the corner
+  std::optional<double> depth_m = {};  ///< depth at the corner, if a depth image was given
 };
 
 /// Why an image was not located.
@@ -61,10 +63,10 @@ struct ImageLocation {
   std::optional<Rigid3> estimate;
   /// Another pose with enough evidence to lower the probability of the estimate.
   std::optional<Rigid3> rival;
-  /// Covariance of the estimate, (δt, δφ) in the map's frame, in the map's unit and radians. Includes the errors of
-  /// corners and landmarks, but no error common to the whole map. It does not rest on the few landmarks that determine
-  /// the pose most, because they may be matched by chance (half of `expected`). std::nullopt if the others do not
-  /// determine the pose.
+  /// Covariance of the estimate, (δt, δφ) in the map's frame, in the map's unit and radians.
+  /// Includes the errors of corners and landmarks, but no error common to the whole map. Enlarged
+  /// as if the most decisive landmarks, half of `expected` in number, were left out, because they
+  /// may be matched by chance. std::nullopt if the others do not determine the pose.
   std::optional<Matrix6d> covariance;
   std::size_t corners = 0;  ///< detected in the image
   std::size_t proposals =
@@ -73,7 +75,7 @@ struct ImageLocation {
   double expected = 0.0;            ///< expected number of chance matches among `visible`
   std::size_t spread = 0;           ///< matches outside the largest cluster in the image
   std::vector<ImageMatch> matches;  ///< matches that agree with the estimate
-  /// Of the matched corners, a row for each match; of the kind that the map's landmarks have.
+  /// Descriptors of the matched corners, of the kind of the map's landmarks: one row per match.
   std::vector<std::uint8_t> descriptors;
   Camera camera;  ///< camera of the image
   /// Standard deviation of the focal length, pixels; std::nullopt unless estimated with the pose.
@@ -102,9 +104,9 @@ class ImageLocator {
   ImageLocator& operator=(ImageLocator&&) noexcept;
 
   /// Locator for images of another camera; both share the prepared map.
-  /// @param focal_length if unknown, focal length, distortion and principal point are found with each pose; the
-  ///        camera gives the size, one of the focal lengths at which the search begins, and about where the
-  ///        principal point is. The result's camera then has the model RADIAL
+  /// @param focal_length if unknown, focal length, distortion and principal point are found with
+  ///        each pose. `camera` then gives the size, one of the initial focal lengths and an
+  ///        approximate principal point, and the result's camera has the model RADIAL
   /// @throws Error (misuse) for a defective camera
   ImageLocator with_camera(const Camera& camera,
                            FocalLength focal_length = FocalLength::kKnown) const;
@@ -130,9 +132,9 @@ class ImageLocator {
   std::unique_ptr<const View> view_;
 };
 
-/// Locates images that one camera took, whose lens is unknown. Each image is located with a lens of its own, then again
-/// with what the lenses of the other images tell. Images that show the same landmarks count less, because they share
-/// the errors of these.
+/// Locates images of one camera with an unknown lens. Each image is located with its own estimate
+/// of the lens, and again with the other images' estimates as a prior. Images that show the same
+/// landmarks count less, because they share the errors of these landmarks.
 /// @param locator   for images of unknown focal length (with_camera())
 /// @param count     number of images
 /// @param image_of  returns an image, of the camera's size; called twice for each, by several threads
@@ -142,17 +144,17 @@ std::vector<ImageLocation> locate_with_shared_lens(
     const ImageLocator& locator, std::size_t count,
     const std::function<GrayImage(std::size_t)>& image_of, const Execution& execution = {});
 
-/// An image whose pose relative to others is known, as of a sequence with odometry, or of a rig.
+/// An image with a known pose relative to others, e.g. from a sequence with odometry or from a rig.
 struct BodyView {
   const ImageLocator* locator = nullptr;  ///< for the image's camera, its focal length known
   const GrayImage* image = nullptr;       ///< of the camera's size
   Rigid3 body_from_camera;  ///< in any frame common to all images, and the map's unit of length
 };
 
-/// Locates images as one query. Each image proposes poses of the body; the pose with most evidence
-/// in all images together is refined with the matches of all, and judged as one. A landmark counts
-/// once, however many images show it. The poses relative to each other count as exact: use images
-/// over which the odometry's error stays within some pixels.
+/// Locates images as one query. Each image proposes poses of the body. The pose with the most
+/// evidence in all images together is refined with the matches of all, and judged once. A landmark
+/// counts once, however many images show it. The poses relative to each other count as exact: use
+/// images over which the odometry's error stays within some pixels.
 /// @param views     at least one; their locators share one prepared map (with_camera())
 /// @param execution executor, for the images side by side, and seed
 /// @return for each image its own pose, matches and covariance, with the common verdict; an image

@@ -318,6 +318,30 @@ TEST(ImageLocator, FindsTheFocalLengthWithThePose) {
   EXPECT_EQ(known.camera, TexturedWall::camera());
 }
 
+// Depths fit the pose through any lens, so that only the pixels show that it is the wrong one.
+TEST(ImageLocator, RefusesAWrongLensHoweverManyDepthsFit) {
+  const auto depth_of = [](std::size_t i) { return 2.0 + 0.1 * static_cast<double>(i * 7 % 11); };
+  const LandmarkMap map = sift_map(true, depth_of);
+  const cv::Mat image = posters(60, 40);
+  DepthImage depth(640, 480, 0.0F);
+  const auto keypoints = detail::sift_features(image, 2000, true).keypoints;
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const cv::Rect around(cv::Point(keypoints[i].pt) - cv::Point(1, 1), cv::Size(4, 4));
+    cv::Mat whole(480, 640, CV_32F, depth.values.data());
+    whole(around & cv::Rect(0, 0, 640, 480)).setTo(depth_of(i));
+  }
+  const ImageLocator right(map, TexturedWall::camera());
+  EXPECT_TRUE(right.locate(image_of(image), depth).located);
+  for (const double factor : {1.05, 1.15}) {
+    Camera wrong = TexturedWall::camera();
+    wrong.parameters[0] *= factor;
+    wrong.parameters[1] *= factor;
+    const ImageLocation found = right.with_camera(wrong).locate(image_of(image), depth);
+    EXPECT_FALSE(found.world_from_camera);
+    EXPECT_EQ(found.failure, LocationFailure::kLens) << found.reason;
+  }
+}
+
 // OpenCV's are a quarter of a pixel to the right and below.
 TEST(SiftFeatures, AreWhereTheImageHasABlob) {
   const cv::Point2d centre(100.3, 80.7);

@@ -53,17 +53,21 @@ ObservationTable with_matches(const ObservationTable& old, std::size_t landmarks
                               std::size_t first_frame, std::span<const LocatedImage> images) {
   struct Seen {
     FrameIndex frame;
-    Pixel pixel;
+    const ImageMatch* match;
   };
   std::vector<std::vector<Seen>> seen(landmarks);
   for (std::size_t k = 0; k < images.size(); ++k) {
     const FrameIndex frame{static_cast<std::uint32_t>(first_frame + k)};
     for (const ImageMatch& match : images[k].location.matches) {
-      seen[match.landmark.value].push_back({frame, match.pixel});
+      refuse_if(match.landmark.value >= landmarks, printable(images[k].name),
+                fmt::format("matches landmark {} of {}", match.landmark.value, landmarks),
+                "an image that was located in this map");
+      seen[match.landmark.value].push_back({frame, &match});
     }
   }
   ObservationTable table;
-  std::vector<std::size_t> from;  // the old row of each new one; past the end: none
+  std::vector<std::size_t> from;           // the old row of each new one; past the end: none
+  std::vector<const ImageMatch*> matches;  // of each row; null for an old one
   table.offsets = {0};
   for (std::size_t i = 0; i < landmarks; ++i) {
     if (!old.offsets.empty()) {
@@ -71,12 +75,14 @@ ObservationTable with_matches(const ObservationTable& old, std::size_t landmarks
         table.frames.push_back(old.frames[row]);
         table.pixels.push_back(old.pixels[row]);
         from.push_back(row);
+        matches.push_back(nullptr);
       }
     }
     for (const Seen& one : seen[i]) {
       table.frames.push_back(one.frame);
-      table.pixels.push_back(one.pixel);
+      table.pixels.push_back(one.match->pixel);
       from.push_back(old.frames.size());
+      matches.push_back(one.match);
     }
     table.offsets.push_back(table.frames.size());
   }
@@ -92,6 +98,11 @@ ObservationTable with_matches(const ObservationTable& old, std::size_t landmarks
   spread(old.octaves, table.octaves);
   spread(old.sources, table.sources);
   spread(old.sigmas_px, table.sigmas_px);
+  for (std::size_t row = 0; row < matches.size(); ++row) {
+    if (matches[row] == nullptr) continue;
+    if (!table.octaves.empty()) table.octaves[row] = matches[row]->octave;
+    if (!table.depths.empty()) table.depths[row] = matches[row]->depth_m;
+  }
   return table;
 }
 

@@ -23,8 +23,8 @@ struct LocatedImage {
 };
 
 /// Adds images to a map as frames, each at its pose and with its matches as observations. Matched
-/// landmarks get the descriptors of these views, of which the most distinct stay. Landmark positions
-/// and other frames do not change. The UUID is computed from the new content.
+/// landmarks get the descriptors of these views, and keep those of the most distinct views.
+/// Landmark positions and other frames do not change. The UUID is computed from the new content.
 /// @param images images located in this map; their names differ from its frames' names
 /// @throws Error (misuse) for an image that is not located, or a name that occurs twice
 LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> images);
@@ -32,10 +32,10 @@ LandmarkMap with_frames(const LandmarkMap& map, std::span<const LocatedImage> im
 /// Adds landmarks that the images of two or more frames show and the map does not have. Features
 /// with descriptors of the map's kind are matched between images (mutual nearest neighbours, Lowe's
 /// ratio), joined to tracks, and triangulated at the frames' poses. A landmark is kept if its lines
-/// of sight differ by at least 2°, each of its projections is within 2 pixels of the feature's
-/// octave, and no landmark of the map is nearer than 2 pixels at its depth. New landmarks have a
-/// colour and descriptors and, if the map has covariances, one of the error of their features; the
-/// errors of the poses are not in it. The UUID is computed from the new content.
+/// of sight differ by at least 2°, each projection is within 2 pixels (of the octave) of its
+/// feature, and no landmark of the map is nearer than 2 pixels at its depth. New landmarks have a
+/// colour and descriptors and, if the map has covariances, a covariance of their features' errors
+/// without the errors of the poses. The UUID is computed from the new content.
 /// @param map      map with ORB or SIFT descriptors
 /// @param frames   each once; they have cameras
 /// @param image_of returns a frame's image; called by several threads

@@ -62,6 +62,8 @@ MapTables seen_wall() {
     observations.offsets.push_back(observations.frames.size());
   }
   observations.depths.resize(observations.frames.size());
+  observations.octaves.resize(observations.frames.size());
+  observations.octaves[0] = 0;
   observations.depths[0] = TexturedWall::kDepthM;
   return tables;
 }
@@ -180,11 +182,21 @@ TEST(WithFrames, HaveTheImagesPosesAndMatches) {
   for (const ImageMatch& match : images[1].location.matches) {
     EXPECT_EQ(bigger.observing_frames(match.landmark).back().value, 3U);
     EXPECT_EQ(bigger.observed_pixels(match.landmark).back().u, match.pixel.u);
+    const std::size_t row = bigger.observations().offsets[match.landmark.value + 1] - 1;
+    EXPECT_EQ(bigger.observations().octaves[row], match.octave);
+    EXPECT_EQ(bigger.observations().depths[row], match.depth_m);
   }
 }
 
 TEST(WithFrames, RefuseImagesWithoutAPoseAndNamesThatAreTaken) {
   const LandmarkMap map(seen_wall());
+  LocatedImage elsewhere{"new.png", {}};
+  elsewhere.location.world_from_camera = wall_pose(0);
+  elsewhere.location.camera = TexturedWall::camera();
+  elsewhere.location.matches = {
+      {{1.0, 2.0}, LandmarkIndex{static_cast<std::uint32_t>(map.landmark_count())}}};
+  EXPECT_THAT(message_of([&] { with_frames(map, std::vector{elsewhere}); }),
+              HasSubstr("expected an image that was located in this map"));
   EXPECT_THAT(message_of([&] {
                 with_frames(map, std::vector{LocatedImage{"new.png", {}}});
               }),

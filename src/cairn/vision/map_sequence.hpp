@@ -71,14 +71,14 @@ struct MappedSequence {
   std::size_t keyframes = 0;
   std::vector<LostStretch> lost;
   double mean_tracked_landmarks = 0.0;  ///< per tracked frame
-  /// Median over tracked frames that are not keyframes and were therefore not fitted; pixels.
+  /// Median over the tracked frames that are not keyframes, because keyframes are fitted; pixels.
   std::optional<double> median_reprojection_error;
 
   std::size_t lost_frames() const;
 };
 
-/// Builds the map of a whole sequence. All threads read images and extract features ahead of the
-/// tracking. The result is the same for any number of threads. Without tracking, `maps` is empty.
+/// Builds the map of a sequence. While one thread tracks, the others read later frames and extract
+/// features. The number of threads does not affect the result. Without tracking, `maps` is empty.
 /// @param read_frame returns frame 0 to frames - 1, in temporal order; called from several threads
 /// @throws Error (misuse) naming the field of the options or an image that does not have the camera's size;
 ///        (cancelled); what read_frame throws

@@ -132,7 +132,8 @@ class NewLandmarkSearch {
     std::vector<NewLandmark> found;
     for (const auto& [track, sightings] : seen) {
       const auto x = triangulated(sightings);
-      if (!x || has_near(known, *x, view(sightings.front()))) continue;
+      const auto is_known = [&](const Sighting& one) { return has_near(known, *x, view(one)); };
+      if (!x || std::ranges::any_of(sightings, is_known)) continue;
       found.push_back({*x, covariance_of(*x, sightings), sightings});
     }
     return found;
@@ -216,13 +217,15 @@ class NewLandmarkSearch {
     const auto norm = detail::norm_of(kind_);
     const bool is_squared = norm == detail::descriptor_kernel::Norm::kSquaredBytes;
     const double ratio = is_squared ? kRatio * kRatio : kRatio;
-    const auto nearest = detail::descriptor_kernel::nearest_both_ways(a.descriptors, b.descriptors,
-                                                                      bytes_each(), norm);
+    using detail::descriptor_kernel::nearest_both_ways;
+    const auto of_a = nearest_both_ways(a.descriptors, b.descriptors, bytes_each(), norm).of_a;
+    const auto of_b = nearest_both_ways(b.descriptors, a.descriptors, bytes_each(), norm).of_a;
     std::vector<std::pair<std::uint32_t, std::uint32_t>> matches;
-    for (std::uint32_t i = 0; i < nearest.of_a.size(); ++i) {
-      const auto& [j, distance, second] = nearest.of_a[i];
-      if (j >= nearest.of_b.size() || nearest.of_b[j].index != i) continue;
-      if (distance > ratio * second) continue;
+    for (std::uint32_t i = 0; i < of_a.size(); ++i) {
+      const auto& [j, distance, second] = of_a[i];
+      if (j >= of_b.size() || of_b[j].index != i) continue;
+      // Either way, so that the order of the images does not matter.
+      if (distance > ratio * std::min(second, of_b[j].second)) continue;
       const auto x = meeting({a.ray(i), b.ray(j)}, {a.world_from_camera.translation(),
                                                     b.world_from_camera.translation()});
       if (x && a.shows(*x, i) && b.shows(*x, j)) matches.emplace_back(i, j);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cstring>
 #include <functional>
 #include <string>
@@ -140,6 +141,20 @@ TEST(WithNewLandmarks, FindsHardlyAnythingAtWrongPoses) {
   MapTables tables = wall_map(2, 1.0, {{100, 100}}).tables();
   tables.frames.translations[1] += Eigen::Vector3d(0.0, 0.3, 0.0);
   EXPECT_LT(grown(LandmarkMap(std::move(tables)), images_of(2)).landmark_count(), 5U);
+}
+
+TEST(WithNewLandmarks, IsTheSameInAnyOrderOfTheImages) {
+  const LandmarkMap map = wall_map(4);
+  Images images = images_of(4);
+  const LandmarkMap forth = grown(map, images);
+  std::ranges::reverse(images.frames);
+  const LandmarkMap back = grown(map, images);
+  ASSERT_EQ(back.landmark_count(), forth.landmark_count());
+  for (const Eigen::Vector3d& x : forth.landmarks().positions) {
+    EXPECT_TRUE(std::ranges::any_of(back.landmarks().positions, [&](const Eigen::Vector3d& other) {
+      return (other - x).norm() < 1e-9;
+    }));
+  }
 }
 
 TEST(WithNewLandmarks, IsTheSameWithAnyNumberOfThreads) {

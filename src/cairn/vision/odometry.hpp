@@ -80,7 +80,7 @@ struct OdometryOptions {
   void validate() const;
 };
 
-/// Estimation of landmark covariances. Both are relative to the landmark's first keyframe.
+/// How landmark covariances are estimated. Both are relative to the landmark's first keyframe.
 enum class LandmarkCovariance {
   kRecursive,  ///< updated with each observation; cost is linear in the observations
   kMarginal,   ///< from the whole least-squares problem; at most kMostDenseFrames keyframes

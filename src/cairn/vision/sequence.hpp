@@ -60,7 +60,7 @@ inline constexpr double kTumDepthUnits = 5000.0;
 class ImageSequence {
  public:
   /// @throws Error (input) naming file, line and field if lists or calibration cannot be read, and
-  ///        for a stereo sequence without simultaneous images (1 ms); (misuse) for a rig with an
+  ///        for a stereo sequence without images simultaneous to 1 ms; (misuse) for a rig with an
   ///        RGB-D sequence
   explicit ImageSequence(const std::filesystem::path& path, const SequenceOptions& options = {},
                          const LogSink& log = {});

@@ -190,6 +190,12 @@ Features::Features(std::vector<Keypoint> keypoints, std::vector<Descriptor> desc
   fill_grid();
 }
 
+void Features::drop_depths() {
+  for (Keypoint& keypoint : keypoints_) keypoint.depth_m = keypoint.read_depth_m = 0.0F;
+  depth_m_.release();
+  has_depth_ = false;
+}
+
 void Features::add(std::span<const Keypoint> keypoints, std::span<const Descriptor> descriptors) {
   keypoints_.insert(keypoints_.end(), keypoints.begin(), keypoints.end());
   descriptors_.insert(descriptors_.end(), descriptors.begin(), descriptors.end());

@@ -88,6 +88,8 @@ class Features {
     right_.clear();
     depth_m_.release();
   }
+  /// Makes all depths unknown.
+  void drop_depths();
   void add(std::span<const Keypoint> keypoints, std::span<const Descriptor> descriptors);
   /// Moves a keypoint to the place where patch alignment found it.
   void move_keypoint(std::uint32_t index, const Pixel& raw, const Eigen::Vector2f& pixel) {

@@ -13,6 +13,7 @@
 #include <set>
 #include <utility>
 
+#include <Eigen/Geometry>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
@@ -166,12 +167,21 @@ struct ImagePoseSearch::View {
 // The most similar landmark of each feature that has one near, and what chance gives.
 struct ImagePoseSearch::Found {
   std::vector<FeatureMatch> matches;
-  std::vector<std::uint32_t> chances;  // distances of others, ascending
+  std::vector<std::uint32_t> chances;  // the smallest distances of others, ascending
+  std::size_t compared = 0;            // number of others
 
-  // Probability that chance gives so small a distance.
+  // Probability that chance gives so small a distance; only a lower bound beyond kMostChance.
   double chance(std::uint32_t distance) const {
     const auto less = std::ranges::upper_bound(chances, distance) - chances.begin();
-    return (static_cast<double>(less) + 0.5) / (static_cast<double>(chances.size()) + 1.0);
+    return (static_cast<double>(less) + 0.5) / (static_cast<double>(compared) + 1.0);
+  }
+  void keep_smallest() {
+    compared = chances.size();
+    const auto kept =
+        static_cast<std::size_t>(kMostChance * (static_cast<double>(compared) + 1.0)) + 1;
+    const auto end = chances.begin() + static_cast<std::ptrdiff_t>(std::min(kept, compared));
+    std::partial_sort(chances.begin(), end, chances.end());
+    chances.erase(end, chances.end());
   }
 };
 
@@ -181,14 +191,25 @@ ImagePoseSearch::ImagePoseSearch(const DescribedLandmarks& landmarks,
     : landmarks_(&landmarks), describer_(&describer), image_(&image), seed_(seed) {
   if (image.features.size() == 0 || landmarks.size() == 0) return;
   size_ = image.features.pyramid().front().size();
+  set_extent();
   match_all();
 }
 
+void ImagePoseSearch::set_extent() {
+  Eigen::AlignedBox2d extent;
+  for (const Keypoint& keypoint : image_->features.keypoints()) {
+    extent.extend(keypoint.pixel.cast<double>());
+  }
+  first_pixel_ = extent.min();
+  last_pixel_ = extent.max();
+}
+
 void ImagePoseSearch::match_all() {
-  const auto found = descriptor_kernel::nearest_both_ways(
-      image_->descriptors, landmarks_->descriptors(), describer_->bytes_each(), describer_->norm());
+  auto found = descriptor_kernel::nearest_both_ways(image_->descriptors, landmarks_->descriptors(),
+                                                    describer_->bytes_each(), describer_->norm());
+  nearest_features_ = std::move(found.of_b);
   for (std::uint32_t i = 0; i < landmarks_->size(); ++i) {
-    const auto rows = std::span(found.of_b)
+    const auto rows = std::span(nearest_features_)
                           .subspan(landmarks_->row_begin(i),
                                    landmarks_->row_begin(i + 1) - landmarks_->row_begin(i));
     const auto nearest = *std::ranges::min_element(rows, {}, &descriptor_kernel::Nearest::first);
@@ -236,22 +257,37 @@ std::vector<FeatureMatch> ImagePoseSearch::pairs_near(std::uint32_t frame) const
   for (const std::uint32_t f : frames | std::views::take(kTogether)) {
     for (const std::uint32_t landmark : landmarks_->seen_in(f)) is_near[landmark] = true;
   }
+  const std::size_t bytes_each = describer_->bytes_each();
   std::vector<std::uint8_t> bytes;
-  std::vector<std::uint32_t> owners;
+  std::vector<std::size_t> row_of;  // among the descriptors of all landmarks
+  std::vector<bool> is_wanted(image_->features.size(), false);  // some row's nearest feature
   for (std::uint32_t i = 0; i < landmarks_->size(); ++i) {
     if (!is_near[i]) continue;
     const auto rows = landmarks_->rows(i);
     bytes.insert(bytes.end(), rows.begin(), rows.end());
-    owners.resize(bytes.size() / describer_->bytes_each(), i);
+    for (std::size_t row = landmarks_->row_begin(i); row < landmarks_->row_begin(i + 1); ++row) {
+      row_of.push_back(row);
+      const auto& nearest = nearest_features_[row];
+      if (nearest.first <= describer_->most_distance()) is_wanted[nearest.index] = true;
+    }
+  }
+  std::vector<std::uint32_t> features;
+  std::vector<std::uint8_t> wanted;
+  for (std::uint32_t i = 0; i < is_wanted.size(); ++i) {
+    if (!is_wanted[i]) continue;
+    features.push_back(i);
+    const auto row = std::span(image_->descriptors).subspan(i * bytes_each, bytes_each);
+    wanted.insert(wanted.end(), row.begin(), row.end());
   }
   std::vector<FeatureMatch> pairs;
-  const auto found = descriptor_kernel::nearest_both_ways(
-      image_->descriptors, bytes, describer_->bytes_each(), describer_->norm());
-  for (std::uint32_t feature = 0; feature < found.of_a.size(); ++feature) {
-    const auto& nearest = found.of_a[feature];
+  const auto found =
+      descriptor_kernel::nearest_both_ways(wanted, bytes, bytes_each, describer_->norm());
+  for (std::size_t k = 0; k < features.size(); ++k) {
+    const auto& nearest = found.of_a[k];
     if (nearest.first > describer_->most_distance()) continue;
-    if (found.of_b[nearest.index].index != feature) continue;
-    pairs.push_back({feature, owners[nearest.index], nearest.first});
+    const std::size_t row = row_of[nearest.index];
+    if (nearest_features_[row].index != features[k]) continue;
+    pairs.push_back({features[k], landmarks_->owners()[row], nearest.first});
   }
   sort_by_distance(pairs);
   return pairs;
@@ -268,7 +304,10 @@ std::optional<ImagePose> ImagePoseSearch::best(const SensorModel& sensor) const 
   consider(mutual_, kProposalIterations);
   if (result && result->evidence >= kDecisive) return result;
   // Among fewer landmarks, more of the mutual pairs are right.
-  for (const std::uint32_t frame : likely_frames()) consider(pairs_near(frame), kFrameIterations);
+  for (const std::uint32_t frame : likely_frames()) {
+    consider(pairs_near(frame), kFrameIterations);
+    if (result && result->evidence >= kDecisive) break;
+  }
   return result;
 }
 
@@ -315,6 +354,7 @@ ImagePoseSearch ImagePoseSearch::seen_through(const ImageDescriber& describer,
   ImagePoseSearch search = *this;
   search.describer_ = &describer;
   search.image_ = &image;
+  search.set_extent();
   return search;
 }
 
@@ -436,8 +476,8 @@ ImagePoseSearch::View ImagePoseSearch::view_from(const SensorModel& sensor,
     const Eigen::Vector3d x = camera_from_world * landmarks_->position(i);
     if (x.z() < kNearestDepth) continue;
     const Eigen::Vector2d pixel = sensor.pinhole().project(x);
-    if (pixel.x() < -pixels || pixel.y() < -pixels || pixel.x() > size_.width + pixels ||
-        pixel.y() > size_.height + pixels) {
+    if ((pixel.array() < first_pixel_.array() - pixels).any() ||
+        (pixel.array() > last_pixel_.array() + pixels).any()) {
       continue;
     }
     image_->features.visit_near(pixel, pixels,
@@ -487,7 +527,7 @@ ImagePoseSearch::Found ImagePoseSearch::matches_in(const View& view) const {
       found.chances.push_back(nearest((landmark + k * step) % landmarks_->size()).distance);
     }
   }
-  std::ranges::sort(found.chances);
+  found.keep_smallest();
   std::ranges::copy_if(best, std::back_inserter(found.matches),
                        [](const FeatureMatch& match) { return match.distance != kNoDistance; });
   return found;

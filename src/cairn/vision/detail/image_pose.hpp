@@ -114,6 +114,7 @@ class ImagePoseSearch {
   struct View;
   struct Found;
 
+  void set_extent();
   void match_all();
   std::vector<std::uint32_t> likely_frames() const;
   std::vector<FeatureMatch> pairs_near(std::uint32_t frame) const;
@@ -135,9 +136,15 @@ class ImagePoseSearch {
   const DescribedImage* image_;
   std::uint64_t seed_;
   cv::Size size_;
+  // The smallest and largest coordinates of the features. Those of a wide lens lie far outside the image once they are
+  // undistorted.
+  Eigen::Vector2d first_pixel_ = Eigen::Vector2d::Zero();
+  Eigen::Vector2d last_pixel_ = Eigen::Vector2d::Zero();
   // Each landmark with its most similar feature, most similar first.
   std::vector<FeatureMatch> pairs_;
   std::vector<FeatureMatch> mutual_;  // the pairs that are mutual nearest neighbours
+  // The nearest feature of each descriptor of the landmarks.
+  std::vector<descriptor_kernel::Nearest> nearest_features_;
 };
 
 }  // namespace cairn::detail
