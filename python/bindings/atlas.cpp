@@ -564,7 +564,8 @@ void bind_changes(AtlasClass& atlas) {
            py::arg("target_from_source"), py::arg("covariance"),
            "link_by_odometry($self, target, source, target_from_source, covariance)\n--\n\n"
            "Links two maps of one run by odometry. Returns False, without a change, if they have "
-           "an odometry link.\n\n"
+           "an odometry link\n"
+           "or a manual link, also that of unlink().\n\n"
            "covariance     (6, 6), of the left perturbation (dt, dphi) in the target frame; or\n"
            "               (7, 7), with dlog s")
       .def("link_manually", &link_manually, py::arg("target"), py::arg("source"),

@@ -68,7 +68,7 @@ inline LandmarkMap visit(const std::vector<Spot>& spots, std::uint64_t seed, dou
     tables.frames.quaternions.push_back({1.0, 0.0, 0.0, 0.0});
     tables.frames.cameras.push_back(CameraIndex{0});
   }
-  DescriptorColumn looks{.kind = "test", .bytes_each = kBytes, .known = {}, .bytes = {}};
+  DescriptorColumn looks{.kind = "ORB", .bytes_each = kBytes, .known = {}, .bytes = {}};
   tables.observations.offsets.push_back(0);
   for (const Spot& spot : spots) {
     if (random.uniform(0.0, 1.0) > found) continue;

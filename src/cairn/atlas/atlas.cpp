@@ -13,6 +13,7 @@
 
 #include "cairn/atlas/detail/change_log.hpp"
 #include "cairn/atlas/store/open_store.hpp"
+#include "cairn/core/detail/disjoint_sets.hpp"
 #include "cairn/core/error.hpp"
 #include "cairn/core/file.hpp"
 #include "cairn/formats/map_file.hpp"
@@ -231,7 +232,10 @@ std::vector<AtlasComponent> components_of(const AtlasState& state) {
   std::map<NodeId, std::vector<NodeId>> by_frame;
   for (const auto& [id, pose] : state.poses) by_frame[pose.frame].push_back(id);
   std::vector<AtlasComponent> components;
-  for (auto& [frame, nodes] : by_frame) components.push_back({frame, std::move(nodes)});
+  for (auto& [frame, nodes] : by_frame) {
+    // remove() may leave the pose of one.
+    if (nodes.size() > 1) components.push_back({frame, std::move(nodes)});
+  }
   std::stable_sort(components.begin(), components.end(),
                    [](const auto& a, const auto& b) { return a.nodes.size() > b.nodes.size(); });
   return components;
@@ -246,7 +250,8 @@ AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> nod
     for (const AtlasComponent& component : components) {
       if (pose != state.poses.end() && component.frame == pose->second.frame) return component;
     }
-    throw Error(ErrorKind::kMisuse, name, fmt::format("{} has no pose", wanted.name),
+    throw Error(ErrorKind::kMisuse, name,
+                fmt::format("{} has no pose in a frame with other maps", wanted.name),
                 "a map that 'optimize' placed");
   }
   refuse_if(components.empty(), name, "no two maps are in one frame",
@@ -260,10 +265,37 @@ bool is_used(const AtlasState& state, const Link& link) {
          has_poses_of(state, link.id, true);
 }
 
+namespace {
+
+// unlink() and remove() leave poses that only the removed links determined.
+void require_links(const AtlasState& state, const AtlasComponent& component,
+                   const std::string& name) {
+  const std::vector<NodeId>& nodes = component.nodes;
+  const auto index_of = [&](NodeId id) {
+    return static_cast<std::size_t>(std::lower_bound(nodes.begin(), nodes.end(), id) -
+                                    nodes.begin());
+  };
+  detail::DisjointSets linked(nodes.size());
+  for (const auto& [id, link] : state.links) {
+    if (!is_used(state, link) || state.poses.at(link.target).frame != component.frame) continue;
+    linked.join(index_of(link.target), index_of(link.source));
+  }
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (linked.first_of(i) == 0) continue;
+    throw Error(ErrorKind::kMisuse, name,
+                fmt::format("the links that connected {} with {} were removed",
+                            state.nodes.at(nodes[i]).name, state.nodes.at(nodes[0]).name),
+                "poses of the links that are left: run optimize ('cairn atlas optimize')");
+  }
+}
+
+}  // namespace
+
 MergeResult Atlas::merge(const FusionOptions& options, std::optional<NodeId> frame,
                          std::optional<CommitId> at, const Execution& execution) {
   const AtlasState state = store_->state(at);
   const AtlasComponent chosen = component_with(state, frame, store_->name());
+  require_links(state, chosen, store_->name());
   std::map<NodeId, NodeId> index_of;
   std::list<LandmarkMap> maps;
   std::vector<MergeInput> inputs;

@@ -53,7 +53,7 @@ std::vector<AtlasComponent> components_of(const AtlasState& state);
 
 /// The component that contains `node`; std::nullopt: the largest component.
 /// @param name name of the atlas in messages
-/// @throws Error (misuse) if no two maps have poses in one frame, or `node` has no pose
+/// @throws Error (misuse) if no two maps have poses in one frame, or `node` is not one of such maps
 AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
                               const std::string& name);
 
@@ -91,8 +91,8 @@ class Atlas {
   /// @throws Error (misuse) if another map has the name, (input) for a map without landmarks
   Added add(const LandmarkMap& map, const std::string& name, const std::string& session = {});
 
-  /// Adds odometry links between maps of one run; ignores Link::kind. An earlier odometry link of a
-  /// pair is kept.
+  /// Adds odometry links between maps of one run; ignores Link::kind. Leaves out pairs with an
+  /// odometry link or a manual link, also that of unlink().
   /// @return number of links added
   std::size_t link_by_odometry(std::span<const Link> links);
 
@@ -121,7 +121,8 @@ class Atlas {
   /// Merges the maps of one component by fuse_placed().
   /// @param frame a map of the component; std::nullopt: the largest component
   /// @return result for all maps of the atlas, by ascending id
-  /// @throws Error (misuse) if no two maps have poses in one frame, or `frame` has no pose
+  /// @throws Error (misuse) as component_with(), or if links were removed since the last optimize()
+  ///        that connected maps of the component
   MergeResult merge(const FusionOptions& options = {}, std::optional<NodeId> frame = std::nullopt,
                     std::optional<CommitId> at = std::nullopt, const Execution& execution = {});
 

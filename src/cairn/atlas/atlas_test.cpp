@@ -14,8 +14,10 @@
 #include <utility>
 #include <vector>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "cairn/atlas/export.hpp"
 #include "cairn/atlas/queries.hpp"
@@ -33,9 +35,20 @@
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
+
+// Whether this process has a lock on a file, as SQLite has on an open database. To look releases it.
+bool is_locked(const std::string& path) {
+  const int file = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+  struct flock lock = {};  // of the whole file
+  lock.l_type = F_WRLCK;
+  const bool is_known = ::fcntl(file, F_OFD_GETLK, &lock) == 0;
+  ::close(file);
+  return is_known && lock.l_type != F_UNLCK;
+}
 
 class QueueOfOne final : public AtlasPairQueue {
  public:
@@ -194,7 +207,10 @@ TEST_F(AtlasTest, KeepsTheMergedWorldUntilAnythingChanges) {
 
   take_one();
   again().unlink(NodeId{2}, NodeId{3});
-  EXPECT_EQ(world().landmark_count(), 120U) << "not the file's, which is of another commit";
+  EXPECT_THROW(world(), Error) << "not the file's, which is of another commit";
+  again().optimize();
+  EXPECT_EQ(world().landmark_count(), 80U);
+  again().undo();
   again().undo();
   EXPECT_EQ(world().landmark_count(), 120U);
 
@@ -213,6 +229,13 @@ TEST_F(AtlasTest, KeepsTheMergedWorldUntilAnythingChanges) {
   EXPECT_TRUE(std::filesystem::exists(file));
   again().store().compact(1, false);
   EXPECT_FALSE(std::filesystem::exists(file));
+}
+
+// Without them, another process could delete SQLite's log under the open atlas, and later commits would be lost.
+TEST_F(AtlasTest, KeepsItsLocksWhenTheWorldIsMerged) {
+  add_optimised_chain();
+  merged_world(atlas(), atlas().state());
+  EXPECT_TRUE(is_locked(location_));
 }
 
 TEST_F(AtlasTest, MergesTheWorldEachTimeWhereItCannotBeKept) {
@@ -405,6 +428,37 @@ TEST_F(AtlasTest, RemovingTheFrameOfAComponentTakesItsAgreements) {
   EXPECT_TRUE(atlas().state().agrees.empty());
 }
 
+TEST_F(AtlasTest, DoesNotMergeAtThePoseOfALinkThatWasRemoved) {
+  const auto [a, b, c] = add_optimised_chain();
+  const LinkId bypass = again().link_manually(a, c, step() * step(), covariance());
+  again().optimize();
+  ASSERT_TRUE(is_used(atlas().state(), atlas().state().links.at(bypass)));
+  again().unlink(a, c);
+  EXPECT_EQ(again().merge().placed(), 3U) << "other links connect them";
+  again().unlink(b, c);
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().merge(); }),
+              AllOf(HasSubstr("the links that connected c with a were removed"),
+                    HasSubstr("'cairn atlas optimize'")));
+  again().optimize();
+  EXPECT_EQ(again().merge().placed(), 2U);
+  again().link_manually(a, b, step() * step(), covariance());
+  EXPECT_THROW(again().merge(), Error) << "it replaced the link";
+}
+
+TEST_F(AtlasTest, DoesNotMergeTheMapThatIsLeftOfTwo) {
+  const NodeId a = add("a", 1);
+  const NodeId b = add("b", 2);
+  again().link_manually(a, b, step(), covariance());
+  again().optimize();
+  again().remove(b);
+  ASSERT_TRUE(atlas().state().poses.contains(a));
+  EXPECT_THAT(components_of(atlas().state()), IsEmpty());
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().merge(); }),
+              HasSubstr("no two maps are in one frame"));
+  EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().merge({}, a); }),
+              HasSubstr("a has no pose in a frame with other maps"));
+}
+
 TEST_F(AtlasTest, UsesOnlyLinksBetweenMapsOfOneFrame) {
   const auto [a, b, c] = add_optimised_chain();
   AtlasState state = atlas().state();
@@ -465,6 +519,18 @@ TEST_F(AtlasTest, LinksByOdometryWithoutAProbability) {
   EXPECT_EQ(link.kind, LinkKind::kOdometry);
   EXPECT_EQ(link.probability, std::nullopt);
   EXPECT_EQ(again().link_by_odometry(std::array{stated}), 0U);  // these maps are linked
+}
+
+TEST_F(AtlasTest, DoesNotLinkByOdometryWhatAPersonUnlinked) {
+  Link stated;
+  stated.target = add("a", 1);
+  stated.source = add("b", 2);
+  stated.target_from_source = step();
+  stated.covariance_with_scale = covariance();
+  EXPECT_EQ(again().link_by_odometry(std::array{stated}), 1U);
+  again().unlink(stated.source, stated.target);
+  EXPECT_EQ(again().link_by_odometry(std::array{stated}), 0U);
+  EXPECT_EQ(again().optimize().placed, 0U);
 }
 
 TEST_F(AtlasTest, ComponentsOfOneSizeComeInTheOrderOfTheirMaps) {

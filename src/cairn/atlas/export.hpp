@@ -11,8 +11,8 @@
 
 namespace cairn {
 
-/// Keyframe poses of a component's maps by timestamp, in the component's frame; the first of equal
-/// timestamps.
+/// Keyframe poses of a component's maps by timestamp, in the component's frame. Of keyframes with
+/// equal timestamps, only the first is kept.
 Trajectory keyframes_of(Atlas& atlas, const AtlasState& state, const AtlasComponent& component);
 
 /// Column of cloud_of() with the map id of each landmark.

@@ -248,7 +248,8 @@ std::size_t Atlas::link_by_odometry(std::span<const Link> links) {
   const AtlasCommitted committed = commit("link", [&](const AtlasState& now) {
     std::set<NodePair> known;
     for (const auto& [id, link] : now.links) {
-      if (link.kind == LinkKind::kOdometry) known.insert(pair_of(link.target, link.source));
+      // What a person stated, also by unlink(), stays.
+      if (link.kind != LinkKind::kPlacement) known.insert(pair_of(link.target, link.source));
     }
     AtlasChanges changes;
     for (const Link& stated : links) {

@@ -296,8 +296,9 @@ std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, Nod
 
 LandmarkMap merged_world(Atlas& atlas, const AtlasState& state, const Execution& execution) {
   if (state.nodes.size() == 1) return atlas.map(state.nodes.begin()->second);
-  const fs::path location = atlas.store().name();
-  const bool is_file = is_atlas_file(location);
+  const std::string& location = atlas.store().name();
+  // Not is_atlas_file(): to close any descriptor of the file would release SQLite's locks on it.
+  const bool is_file = !is_postgres_url(location);
   const fs::path path = merged_world_file(location);
   const std::string key = key_of(state, execution.seed);
   if (is_file) {

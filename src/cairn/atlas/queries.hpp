@@ -20,13 +20,13 @@ struct AtlasRoute {
   /// Left perturbation in the target's frame, (δt, δφ, δ log s), to first order, for independent errors of
   /// the links. std::nullopt if a link has no covariance.
   std::optional<Matrix7d> covariance;
-  /// target_from_source by the optimised poses (all links); std::nullopt unless both are in one
-  /// frame.
+  /// target_from_source by the optimised poses, which depend on all links, not only on the route's.
+  /// std::nullopt unless both maps have poses in one frame.
   std::optional<Similarity3> optimised;
 };
 
-/// The most certain chain of aligned links that do not contradict the poses: the least sum of the
-/// links' variances.
+/// Finds the most certain chain of aligned links that do not contradict the poses: the chain with
+/// the least sum of the links' variances.
 /// @return std::nullopt if no chain connects the maps
 std::optional<AtlasRoute> find_route(const AtlasState& state, NodeId target, NodeId source);
 

@@ -73,8 +73,8 @@ Intrinsics intrinsics(const Camera& camera);
 /// formula is invertible; EQUIRECTANGULAR projects all directions. `camera` must have no defect.
 std::optional<Pixel> project(const Camera& camera, const Eigen::Vector3d& x_in_camera);
 
-/// Reprojection error of a point in pixels, projection minus observation; the shorter way round a
-/// panorama. std::nullopt as for project().
+/// Reprojection error of a point in pixels: projection minus observation, in a panorama the shorter
+/// way round. std::nullopt as for project().
 std::optional<Eigen::Vector2d> reprojection(const Camera& camera,
                                             const Eigen::Vector3d& x_in_camera,
                                             const Pixel& observed);

@@ -119,22 +119,21 @@ struct PixelHash {
   }
 };
 
-// Pairs images that are left by their exact pixels.
+// Pairs images that are left by their exact pixels. A pixel of several keypoints, such as a placeholder, does not count.
 class ByContent {
  public:
   explicit ByContent(const std::vector<KnownImage>& images) : images_(images) {}
 
   void add(std::size_t image) {
-    for (const Keypoint& keypoint : images_[image].keypoints) {
-      at_[key_of(keypoint)].push_back(image);
-    }
+    for (const Key& key : keys_of(images_[image])) at_[key].push_back(image);
   }
 
   // The image that shares most pixels, if these are enough.
   std::optional<std::size_t> same_as(const KnownImage& other) const {
+    const std::vector<Key> keys = keys_of(other);
     std::map<std::size_t, std::size_t> shared;
-    for (const Keypoint& keypoint : other.keypoints) {
-      const auto found = at_.find(key_of(keypoint));
+    for (const Key& key : keys) {
+      const auto found = at_.find(key);
       if (found == at_.end()) continue;
       for (const std::size_t image : found->second) {
         if (!are_timed(images_[image], other)) ++shared[image];
@@ -145,7 +144,7 @@ class ByContent {
                          [](const auto& a, const auto& b) { return a.second < b.second; });
     if (most == shared.end() || most->second < kFewestSharedByContent) return std::nullopt;
     const KnownImage& image = images_[most->first];
-    const std::size_t fewer = std::min(image.keypoints.size(), other.keypoints.size());
+    const std::size_t fewer = std::min(keys_of(image).size(), keys.size());
     const bool named = !image.name.empty() && !other.name.empty();
     const bool enough =
         static_cast<double>(most->second) >=
@@ -155,12 +154,26 @@ class ByContent {
   }
 
  private:
-  static std::pair<double, double> key_of(const Keypoint& keypoint) {
-    return {std::round(keypoint.pixel.u / kExactly), std::round(keypoint.pixel.v / kExactly)};
+  using Key = std::pair<double, double>;
+
+  // Ascending.
+  static std::vector<Key> keys_of(const KnownImage& image) {
+    std::vector<Key> all;
+    for (const auto& [pixel, landmark] : image.keypoints) {
+      all.emplace_back(std::round(pixel.u / kExactly), std::round(pixel.v / kExactly));
+    }
+    std::sort(all.begin(), all.end());
+    std::vector<Key> once;
+    for (auto begin = all.begin(); begin != all.end();) {
+      const auto end = std::upper_bound(begin, all.end(), *begin);
+      if (end - begin == 1) once.push_back(*begin);
+      begin = end;
+    }
+    return once;
   }
 
   const std::vector<KnownImage>& images_;
-  std::unordered_map<std::pair<double, double>, std::vector<std::size_t>, PixelHash> at_;
+  std::unordered_map<Key, std::vector<std::size_t>, PixelHash> at_;
 };
 
 // Landmarks that keypoints of the common images show; of contradictory pairs, those that more keypoints show.

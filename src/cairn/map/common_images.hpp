@@ -33,7 +33,7 @@ class MapImages {
 
   const std::vector<Image>& all() const { return images_; }
 
-  /// The images with new landmark indices, without keypoints of landmarks that have none.
+  /// The images with new landmark indices. Drops keypoints of landmarks without a new index.
   MapImages renumbered(const std::vector<std::optional<LandmarkIndex>>& landmarks) &&;
 
  private:
@@ -54,16 +54,16 @@ struct CommonImages {
 /// Finds images that two maps have in common, e.g. two models of overlapping photo sets, or a map
 /// and its copy, part or extension.
 ///
-/// Images with timestamps match if the timestamps are equal, and enough observations of both are at
-/// exactly the same pixels (to 1e-3): at least half of those of the image with fewer observations,
-/// and at least 4. Timestamps alone do not suffice, because many clocks start at 0. Names are
+/// Images with timestamps match if the timestamps are equal, and enough observations are at exactly
+/// the same pixels (to 1e-3): at least 4, and at least half of those of the image with fewer
+/// observations. Timestamps alone do not suffice, because many clocks start at 0. Names are
 /// ignored, because sessions number their images alike.
-/// Other images with the same name, or the same base name that is unique in both maps, match if
-/// they have the same size and at least 4 observations at exactly the same pixels; or if a tenth of
-/// the observations of the image with fewer observations, and at least 3, are within half a pixel.
-/// Images with different names match if a quarter of the observations of the image with fewer
-/// observations, and at least 20, are at exactly the same pixels; without a name, nine in ten must
-/// be, because keypoints of a stationary camera may repeat.
+/// Other images with the same name, or the same base name that is unique in both maps, match if at
+/// least 4 observations are at exactly the same pixels and the sizes are equal. They also match if
+/// at least 3 observations, and a tenth of those of the image with fewer, are within half a pixel.
+/// Images with different names match if at least 20 observations, and a quarter of those of the
+/// image with fewer, are at exactly the same pixels. Without a name, nine in ten must be, because
+/// keypoints of a stationary camera may repeat. Pixels of several observations do not count.
 CommonImages common_images(const MapImages& first, const MapImages& second);
 
 }  // namespace cairn

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "cairn/map/common_images.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -155,6 +156,18 @@ TEST(CommonImages, WithTimesAreKnownByTheseAndTheirKeypoints) {
   MapTables later = timed(1, "1.jpg", 0, 60).tables();
   later.frames.timestamps_s[0] = 2.0;
   EXPECT_THAT(common(a, LandmarkMap(std::move(later))).same, IsEmpty()) << "a camera at rest";
+}
+
+// A program that does not know them writes (0, 0).
+TEST(CommonImages, AreNotKnownByAPixelThatManyKeypointsShare) {
+  const auto with_placeholders = [](const char* name, int content) {
+    MapTables tables = map_of({{name, content, from_to(0, 60)}}, 60).tables();
+    std::fill_n(tables.observations.pixels.begin(), 30, Pixel{0.0, 0.0});
+    return LandmarkMap(std::move(tables));
+  };
+  const auto a = with_placeholders("1.jpg", 1);
+  EXPECT_THAT(common(a, with_placeholders("2.jpg", 2)).same, IsEmpty());
+  EXPECT_THAT(common(a, with_placeholders("2.jpg", 1)).landmarks, SizeIs(30)) << "by the others";
 }
 
 TEST(CommonImages, WithoutNamesHaveNearlyAllKeypointsInCommon) {

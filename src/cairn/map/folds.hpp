@@ -34,7 +34,7 @@ struct MapFold {
 /// them.
 struct SeparateFrames {
   std::vector<FrameIndex> frames;  ///< ascending
-  double shared = 0.0;             ///< share observed by both among landmarks in view of both
+  double shared = 0.0;             ///< share of the landmarks in view of both that both observe
   /// The lower of the shares within the group and within the other frames.
   double usual = 0.0;
 };
@@ -61,9 +61,9 @@ PoseDifferences pose_differences(const MapInWorld& first, const MapInWorld& seco
 std::vector<std::optional<MapFold>> find_folds(std::span<const MapInWorld> maps);
 
 /// Groups of at least three frames that, by their poses, view the same landmarks as other frames,
-/// but share less than a quarter of the share usual in the map: the model confuses two similar
-/// places (a fold), or a loop is not closed. Only for maps with image names and no timestamps,
-/// because a session that remaps a revisited place is no defect.
+/// but have less than a quarter of the map's usual share of them in common. Either the model
+/// confuses two similar places (a fold), or a loop is not closed. Only for maps with image names
+/// and no timestamps, because a session that remaps a revisited place is no defect.
 std::vector<SeparateFrames> separate_frames(const LandmarkMap& map);
 
 /// Names of the first eight frames' images, for display: "a.jpg, b.jpg, ...".

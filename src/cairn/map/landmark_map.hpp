@@ -369,7 +369,7 @@ class LandmarkMap {
  public:
   /// An empty map.
   LandmarkMap() = default;
-  /// Validates the columns and moves them in, in their order.
+  /// Validates the columns and takes them over, with their rows in the given order.
   /// @param place input location of entries; messages begin with it
   /// @throws Error (input) naming the invalid entry: sizes, duplicate ids, indices out of range, numbers
   ///        that are not finite, quaternion norms off 1 by more than 1e-3, matrices that are no covariance,

@@ -22,13 +22,13 @@ namespace cairn {
 /// Landmarks with at least `count` observations; all if the map has no observations.
 std::vector<LandmarkIndex> landmarks_observed(const LandmarkMap& map, std::size_t count);
 
-/// Canonical order of two maps, independent of the input order: the map with more landmarks comes
-/// first, then the map with the lexicographically lower first differing position. False in both
-/// directions for equal positions.
+/// Whether `a` comes before `b` in a canonical order, independent of the input order. The map with
+/// more landmarks comes first; for equal numbers, the map whose first differing position is
+/// lexicographically lower. False in both directions for equal positions.
 bool precedes(const LandmarkMap& a, const LandmarkMap& b);
 
 /// Whether landmark positions are equal, in the same order, up to single-precision rounding: one
-/// map is a copy of the other. False for no landmarks.
+/// map is a copy of the other. False if there are no landmarks.
 bool are_one_map(std::span<const Eigen::Vector3d> a, std::span<const Eigen::Vector3d> b);
 
 /// Rows of a descriptor column, with their further descriptors, in the given order.
@@ -135,8 +135,8 @@ DescriptorNorm descriptor_norm(std::string_view kind);
 
 /// Whether two views of a landmark are so alike that its descriptors match.
 /// @param a, b       from the landmark to the cameras
-/// @param cosine     least, of the angle between the lines of sight
-/// @param most_ratio greatest, of the distances
+/// @param cosine     least cosine of the angle between the lines of sight
+/// @param most_ratio greatest ratio of the distances
 bool are_alike(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double cosine,
                double most_ratio);
 
@@ -149,17 +149,17 @@ std::uint64_t descriptor_difference(std::span<const std::uint8_t> a,
 /// @param values finite, not all zero
 std::vector<std::uint8_t> descriptor_bytes(std::span<const float> values);
 
-/// Maximum number of distinct descriptors that Cairn keeps per landmark: more cost time and hardly
-/// improve matching.
+/// Largest number of distinct descriptors that Cairn keeps per landmark. More of them would cost
+/// time and hardly improve matching.
 inline constexpr std::size_t kDistinctViews = 4;
 
 /// Selects the descriptors of a landmark's most distinct views by farthest-first traversal
 /// (Gonzalez 1985): repeatedly adds the descriptor farthest from its nearest selected one, the
-/// first one in a tie. Considers only `first` and the first 64; stops when all others equal a
-/// selected one.
+/// first one in a tie. Considers only `first` and the first 64 descriptors; stops when all others
+/// equal a selected one.
 /// @param descriptors all of one size
 /// @param first index of the initial descriptor
-/// @param most largest number, at least 1
+/// @param most largest number of selected descriptors, at least 1
 /// @return indices in selection order
 std::vector<std::size_t> distinct_descriptors(
     std::span<const std::span<const std::uint8_t>> descriptors, std::size_t first, std::size_t most,
@@ -198,13 +198,13 @@ class ModelDescriptors {
 
   /// Whether at least half of the wanted observations of a frame are near keypoints of the frame's features. Undistorting
   /// an image moves its keypoints slightly, but they stay the same keypoints.
-  /// @param pixel of a keypoint, the centre of the top-left pixel being (0, 0); std::nullopt: unknown
+  /// @param pixel pixel of a keypoint; (0, 0) is the top-left pixel's centre; std::nullopt: unknown
   bool are_near(FrameIndex frame,
                 const std::function<std::optional<Pixel>(std::uint32_t keypoint)>& pixel) const;
 
   /// @param descriptor of the same size as all others
   void set(const Wanted& wanted, std::span<const std::uint8_t> descriptor);
-  /// Sets descriptor_bytes(). Does nothing if the numbers are not finite, or all zero.
+  /// Sets the descriptor_bytes(). Does nothing if the numbers are not finite, or are all zero.
   void set(const Wanted& wanted, std::span<const float> descriptor);
 
   /// The column. std::nullopt if no descriptor was set.

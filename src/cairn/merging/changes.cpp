@@ -79,29 +79,35 @@ class PointGrid {
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells_;
 };
 
-// Compares descriptors: whether that is possible, and the share of differing bits.
+// Compares descriptors: whether that is possible, their differences, and the largest of like ones.
 class Looks {
  public:
-  Looks(const LandmarkMap& first, const LandmarkMap& second) {
+  Looks(const LandmarkMap& first, const LandmarkMap& second, std::uint64_t seed) {
     const auto& a = first.landmarks().descriptors;
     const auto& b = second.landmarks().descriptors;
-    if (a && b && detail::comparable(*a, *b)) {
-      first_ = &*a;
-      second_ = &*b;
-    }
+    if (!a || !b || !detail::comparable(*a, *b)) return;
+    first_ = &*a;
+    second_ = &*b;
+    norm_ = descriptor_norm(a->kind);
+    // Half of the bits differ by chance. How far bytes differ depends on the kind and on the place.
+    largest_like_ = is_binary(a->kind) ? kLikeShare * 8.0 * static_cast<double>(a->bytes_each)
+                                       : static_cast<double>(detail::largest_alike(*a, *b, seed));
   }
   bool known() const { return first_ != nullptr; }
-  // 1 where either is unknown.
+  double largest_like() const { return largest_like_; }
+  // Infinite where either is unknown.
   double difference(std::size_t i, std::size_t j) const {
-    if (first_->known[i] == 0 || second_->known[j] == 0) return 1.0;
-    return static_cast<double>(
-               detail::least_difference(*first_, i, *second_, j, DescriptorNorm::kHamming)) /
-           (8.0 * static_cast<double>(first_->bytes_each));
+    if (first_->known[i] == 0 || second_->known[j] == 0) {
+      return std::numeric_limits<double>::infinity();
+    }
+    return static_cast<double>(detail::least_difference(*first_, i, *second_, j, norm_));
   }
 
  private:
   const DescriptorColumn* first_ = nullptr;
   const DescriptorColumn* second_ = nullptr;
+  DescriptorNorm norm_ = DescriptorNorm::kHamming;
+  double largest_like_ = 0.0;
 };
 
 // A landmark that the other map should have.
@@ -146,8 +152,9 @@ class OneSide {
         if (!compared[i]) continue;
         grid.within(positions_[i], options.tolerance, [&](std::uint32_t j) {
           bool& found = compared[i]->found;
-          found = found || !looks.known() ||
-                  (swapped ? looks.difference(j, i) : looks.difference(i, j)) <= kLikeShare;
+          found =
+              found || !looks.known() ||
+              (swapped ? looks.difference(j, i) : looks.difference(i, j)) <= looks.largest_like();
         });
       }
     };
@@ -298,7 +305,7 @@ SimilarLandmarks similar_landmarks(const ChangedPlace& before, const ChangedPlac
                                    const std::vector<Eigen::Vector3d>& second) {
   SimilarLandmarks similar;
   const auto nearest_to = [&](const auto& difference, std::size_t count) {
-    std::pair<std::size_t, double> nearest = {count, kLikeShare};
+    std::pair<std::size_t, double> nearest = {count, looks.largest_like()};
     for (std::size_t j = 0; j < count; ++j) {
       if (difference(j) < nearest.second) nearest = {j, difference(j)};
     }
@@ -446,7 +453,7 @@ std::string_view to_string(ChangeKind kind) {
 ChangeResult find_changes(const PlacedMap& first, const PlacedMap& second,
                           const ChangeOptions& options, const Execution& execution) {
   options.validate();
-  const Looks looks(*first.map, *second.map);
+  const Looks looks(*first.map, *second.map, execution.seed);
   OneSide vanished(first, second, looks, false, options, execution);
   OneSide appeared(second, first, looks, true, options, execution);
   ChangeResult result;

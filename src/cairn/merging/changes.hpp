@@ -54,7 +54,7 @@ struct Change {
   /// Motion of a moved object in the world: x_after = after_from_before * x_before.
   std::optional<Rigid3> after_from_before;
   double confidence =
-      0.0;  ///< probability of the change; for a moved object, the smaller of both places
+      0.0;  ///< probability of the change; for a moved object, the smaller of two, one per place
 };
 
 struct ChangeResult {
@@ -74,7 +74,8 @@ struct ChangeResult {
 /// maps themselves. Landmarks with evidence for a change in their neighbourhood are grouped. A
 /// group is an object if the joint evidence of its landmarks is strong enough. An object of the
 /// first map and an object of the second map form a moved object if enough of their landmarks have
-/// similar descriptors and agree with one rigid motion.
+/// similar descriptors and agree with one rigid motion. Binary descriptors are similar if at most a
+/// quarter of their bits differ; others, if they differ less than 98 % of random pairs.
 ///
 /// Maps without observations have no views, so no landmark is comparable. The same input and seed give the
 /// same result for any number of threads. Reports no progress.

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/core/random.hpp"
 #include "cairn/geometry/angles.hpp"
 
 #include "support/refusal.hpp"
@@ -32,6 +33,18 @@ using testing::with;
 ChangeResult changes_between(const LandmarkMap& first, const LandmarkMap& second) {
   return find_changes({.map = &first, .name = "a", .world_from_map = {}},
                       {.map = &second, .name = "b", .world_from_map = {}});
+}
+
+// A visit with descriptors of bytes, as SIFT's: each byte of a second view is near that of the first, but many bits differ.
+LandmarkMap visit_with_bytes(const std::vector<Spot>& spots, std::uint64_t seed) {
+  MapTables tables = visit(spots, seed).tables();
+  tables.landmarks.descriptors->kind = "SIFT";
+  Random random(seed);
+  for (std::uint8_t& byte : tables.landmarks.descriptors->bytes) {
+    const int changed = byte + static_cast<int>(random.index(41)) - 20;
+    byte = static_cast<std::uint8_t>(std::clamp(changed, 0, 255));
+  }
+  return LandmarkMap(std::move(tables));
 }
 
 TEST(FindChanges, FindsNothingWhereNothingChanged) {
@@ -72,6 +85,21 @@ TEST(FindChanges, OneThingThatMovedIsOneChange) {
   const Rigid3 error = change.after_from_before->inverse() * motion;
   EXPECT_LT((error * change.before->centre - change.before->centre).norm(), 0.01);
   EXPECT_LT(error.angle(), radians(4.0));
+}
+
+TEST(FindChanges, ComparesBytesByTheirDistance) {
+  const LandmarkMap first = visit_with_bytes(with(wall(), box_at(0.3)), 11);
+  const ChangeResult same = changes_between(first, visit_with_bytes(with(wall(), box_at(0.3)), 12));
+  EXPECT_THAT(same.changes, IsEmpty());
+  EXPECT_NEAR(same.repeated, 0.7, 0.1);
+  const ChangeResult vanished = changes_between(first, visit_with_bytes(wall(), 12));
+  ASSERT_THAT(vanished.changes, SizeIs(1));
+  EXPECT_EQ(vanished.changes.front().kind, ChangeKind::kVanished);
+  const Rigid3 motion = Rigid3::from_roll_pitch_yaw({-0.9, 0.2, 0.1}, 0.0, 0.0, radians(20.0));
+  const ChangeResult turned =
+      changes_between(first, visit_with_bytes(with(wall(), moved(box_at(0.3), motion)), 12));
+  ASSERT_THAT(turned.changes, SizeIs(1));
+  EXPECT_EQ(turned.changes.front().kind, ChangeKind::kMoved);
 }
 
 TEST(FindChanges, ThingsThatLookDifferentDidNotMoveButCameAndWent) {

@@ -19,7 +19,7 @@ struct MergeInput {
   const LandmarkMap* map = nullptr;  ///< not null
   std::string session = {};          ///< name that maps of one run share; empty if unknown
   /// Map in the same frame and unit that is aligned in place of `map`, such as the SfM model that a
-  /// splat was trained on. Null: `map` itself.
+  /// splat map was trained on. Null: `map` itself.
   const LandmarkMap* model = nullptr;
   LandmarkMap* disposable = nullptr;  ///< see PlacedMap
 };
@@ -38,7 +38,7 @@ struct MergeOptions : FusionOptions {
 struct MergedMap {
   bool placed = false;
   std::string reason;  ///< why the map is not placed, in one sentence; empty if placed
-  /// Index in MergeResult::links of the likeliest link of a map that is not placed, if none is aligned.
+  /// Index in MergeResult::links of the likeliest link of an unplaced map without an aligned link.
   std::optional<std::size_t> likeliest_link;
   std::optional<Similarity3> world_from_map;
   Matrix7d covariance = Matrix7d::Zero();  ///< see OptimisedPoses
@@ -58,8 +58,8 @@ struct MergeResult {
   std::vector<std::size_t> tree;  ///< indices of links that first placed a map, in order
   /// Merged map, in the frame of the first placed map; std::nullopt if no two maps were placed.
   std::optional<LandmarkMap> map;
-  /// std::nullopt if not requested, or if the maps lack the data; the log says why. The poses above
-  /// precede the adjustment, which moves keyframes individually.
+  /// Adjustment of `map`; std::nullopt if not requested, or if the maps lack the data; the log says
+  /// why. The poses above precede the adjustment, which moves keyframes individually.
   std::optional<MergeAdjustment> adjustment;
 
   std::size_t placed() const;
@@ -75,7 +75,7 @@ MergeResult merge(std::span<const MergeInput> maps, const MergeOptions& options 
 
 /// The first half of merge(): link_maps(), then optimise_poses(). Only aligned and stated links
 /// place a map; maps without a link to the largest group are left out. The order of the maps
-/// affects only the frame and the numbering, and what rounding in another frame decides.
+/// affects only the frame, the numbering, and decisions that depend on rounding in that frame.
 /// @return result without a merged map
 /// @throws Error as merge(), (misuse) for a map that is given twice under any names, (input) for a
 ///         model that lies elsewhere than its map

@@ -155,7 +155,7 @@ class GroupOptimisation {
   struct Kept {
     std::vector<std::size_t> links;
     PoseLeastSquares problem;
-    std::vector<Matrix7d> covariances;
+    std::vector<Matrix7d> covariances;  // at its poses; empty if these moved since
   };
 
   void set_group(PoseGroup group) {
@@ -231,14 +231,15 @@ class GroupOptimisation {
     PoseLeastSquares& problem = other ? *other : kept_->problem;
     problem.solve(options_.max_iterations, tolerance);
     group_.group_from_node = problem.poses();
+    if (!other) kept_->covariances.clear();
   }
 
   const std::vector<Matrix7d>& covariances() {
     if (!is_kept()) {
       kept_.emplace(Kept{{}, least_squares(edges_, group_, in_group_), {}});
       for (const PoseEdge& edge : edges_) kept_->links.push_back(edge.link);
-      kept_->covariances = kept_->problem.covariances();
     }
+    if (kept_->covariances.empty()) kept_->covariances = kept_->problem.covariances();
     return kept_->covariances;
   }
 

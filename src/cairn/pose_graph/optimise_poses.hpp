@@ -70,9 +70,9 @@ OptimisedPoses optimise_poses(const PoseGraph& graph, std::span<const NodeExtent
 /// Updates the poses of a graph after nodes and links were added, without a new vote on the links
 /// used before.
 ///
-/// The votes of their links place new nodes, as in optimise_poses(). The pose graph of all used
-/// links is then solved from the previous poses, in few iterations. All covariances follow from the
-/// used links.
+/// New nodes are placed by the votes of their links, as in optimise_poses(). The pose graph of all
+/// used links is then solved from the previous poses, in few iterations. All covariances follow
+/// from the used links.
 ///
 /// Unlike optimise_poses(), this function keeps previously used links unless new links contradict
 /// them. A wrong majority is therefore not reconsidered. If both functions use the same links,

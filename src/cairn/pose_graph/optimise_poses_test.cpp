@@ -201,6 +201,39 @@ TEST(OptimisePoses, KeepsNoWrongLinkWhereOthersSpeak) {
   }
 }
 
+// The wrong one bends the first poses; once it is removed, nothing is left of it.
+TEST(OptimisePoses, AWrongLinkDoesNotChangeTheCovariances) {
+  constexpr std::size_t kNodes = 5;
+  const auto link = [](std::size_t target, std::size_t source, double aside) {
+    Link one;
+    one.target = NodeId{target};
+    one.source = NodeId{source};
+    const double ahead = static_cast<double>(source) - static_cast<double>(target);
+    one.target_from_source = Rigid3(Eigen::Matrix3d::Identity(), {ahead, aside, 0.0});
+    Vector6d variances;
+    variances << Eigen::Vector3d::Constant(0.05 * 0.05), Eigen::Vector3d::Constant(0.03 * 0.03);
+    one.covariance = Matrix6d(variances.asDiagonal());
+    return one;
+  };
+  PoseGraph graph;
+  for (std::size_t i = 0; i < kNodes; ++i) graph.nodes.push_back({NodeId{i}, {}, {}, {}});
+  for (std::size_t i = 0; i < kNodes; ++i) {
+    for (std::size_t j = i + 1; j < kNodes; ++j) {
+      if (j - i + 1 < kNodes) graph.links.push_back(link(i, j, 0.0));
+    }
+  }
+  const std::vector<NodeExtent> extents(kNodes);
+  const OptimisedPoses right = optimise_poses(graph, extents);
+  graph.links.push_back(link(0, kNodes - 1, 0.3));
+  const OptimisedPoses poses = optimise_poses(graph, extents);
+  ASSERT_FALSE(poses.agrees.back());
+  for (std::size_t i = 1; i < kNodes; ++i) {
+    EXPECT_LT((poses.covariances[i] - right.covariances[i]).norm(),
+              1e-6 * right.covariances[i].norm())
+        << i;
+  }
+}
+
 // Around a loop of 40 m, odometry drifts by more than one link may be off.
 TEST(OptimisePoses, ClosesALongLoopInSpiteOfItsDrift) {
   constexpr std::size_t kNodes = 80;

@@ -16,7 +16,8 @@ namespace cairn {
 
 bool is_postgres_url(const std::string& location);
 
-/// Whether a file is an atlas, by its first bytes; false for an unreadable file.
+/// Whether a file is an atlas, by its first bytes; false for an unreadable file. Not for an atlas that
+/// this process has open: closing the file releases SQLite's locks on it.
 bool is_atlas_file(const std::filesystem::path& path);
 
 /// Sets author and host to this process's user and machine.

@@ -56,8 +56,8 @@ struct AtlasState {
   std::map<NodeId, AtlasNode> nodes;
   std::map<LinkId, Link> links;
   std::map<NodeId, AtlasPose> poses;
-  /// Whether each aligned link agrees with the poses; without links added since the last
-  /// optimisation.
+  /// Whether each aligned link agrees with the poses. Links added since the last optimisation have
+  /// no entry.
   std::map<LinkId, bool> agrees;
 
   /// The node of this name; null if there is none.
@@ -205,7 +205,7 @@ class AtlasStore {
   ///        node, a restored node or link that is not stored
   virtual AtlasCommitted commit(const AtlasCommitInfo& info, const Make& make) = 0;
 
-  /// Adds pairs that are not yet queued to the atlas's queue. Null if the store has no queue.
+  /// Adds the pairs to the atlas's queue, except those in it. Null if the store has no queue.
   virtual std::unique_ptr<AtlasPairQueue> share(std::span<const NodePair> pairs) {
     (void)pairs;
     return nullptr;

@@ -10,7 +10,6 @@
 
 #include <Eigen/LU>
 
-#include "cairn/core/random.hpp"
 #include "cairn/core/statistics.hpp"
 #include "cairn/map/operations.hpp"
 #include "cairn/merging/detail/descriptor_difference.hpp"
@@ -24,48 +23,29 @@ constexpr std::size_t kSurrounding = 8;  // nearest landmarks, for the density
 constexpr std::size_t kBlock = 512;
 constexpr std::size_t kSample = 20'000;  // landmarks that share and deviation are estimated from
 constexpr int kRounds = 12;
-constexpr double kAlikeByChance = 0.02;  // share of random pairs whose descriptors count as alike
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-// Distance of two landmarks, by their best pair of descriptors, and its largest value for one landmark.
+// Whether two landmarks look alike, by their best pair of descriptors.
 class Likeness {
  public:
   Likeness(const DescriptorColumn& first, const DescriptorColumn& second, std::uint64_t seed)
-      : first_(first), second_(second), norm_(descriptor_norm(first.kind)) {
-    const auto known = [](const DescriptorColumn& column) {
-      std::vector<std::uint32_t> rows;
-      for (std::uint32_t i = 0; i < column.known.size(); ++i) {
-        if (column.known[i] != 0) rows.push_back(i);
-      }
-      return rows;
-    };
-    const std::vector<std::uint32_t> a = known(first);
-    const std::vector<std::uint32_t> b = known(second);
-    if (a.empty() || b.empty()) return;
-    constexpr std::size_t kPairs = 4000;
-    Random random(seed);
-    std::vector<double> distances(kPairs);
-    for (double& each : distances)
-      each = distance(a[random.index(a.size())], b[random.index(b.size())]);
-    most_ = nth_lowest(distances, static_cast<std::size_t>(kAlikeByChance * kPairs));
-  }
+      : first_(first),
+        second_(second),
+        norm_(descriptor_norm(first.kind)),
+        most_(largest_alike(first, second, seed)) {}
 
   bool knows_second(std::uint32_t second) const { return second_.known[second] != 0; }
   /// False only if both descriptors are known and differ.
   bool may_be_one(std::uint32_t first, std::uint32_t second) const {
     if (first_.known[first] == 0 || second_.known[second] == 0) return true;
-    return distance(first, second) <= most_;
+    return least_difference(first_, first, second_, second, norm_) <= most_;
   }
 
  private:
-  double distance(std::uint32_t first, std::uint32_t second) const {
-    return static_cast<double>(least_difference(first_, first, second_, second, norm_));
-  }
-
   const DescriptorColumn& first_;
   const DescriptorColumn& second_;
   DescriptorNorm norm_;
-  double most_ = 0.0;
+  std::uint64_t most_;
 };
 
 // Neighbours, in the first set, of a landmark of the second.

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
+#include "cairn/core/random.hpp"
+#include "cairn/core/statistics.hpp"
 #include "cairn/map/landmark_map.hpp"
 #include "cairn/map/operations.hpp"
 
@@ -27,6 +30,34 @@ inline std::uint64_t least_difference(const DescriptorColumn& a, std::size_t i,
     }
   }
   return least;
+}
+
+/// Share of random pairs whose descriptors count as alike.
+inline constexpr double kAlikeByChance = 0.02;
+
+/// The largest difference of two landmarks that look alike, from random pairs; 0 if a column knows no descriptor.
+/// @param first comparable with `second`
+inline std::uint64_t largest_alike(const DescriptorColumn& first, const DescriptorColumn& second,
+                                   std::uint64_t seed) {
+  const auto known = [](const DescriptorColumn& column) {
+    std::vector<std::uint32_t> rows;
+    for (std::uint32_t i = 0; i < column.known.size(); ++i) {
+      if (column.known[i] != 0) rows.push_back(i);
+    }
+    return rows;
+  };
+  const std::vector<std::uint32_t> a = known(first);
+  const std::vector<std::uint32_t> b = known(second);
+  if (a.empty() || b.empty()) return 0;
+  constexpr std::size_t kPairs = 4000;
+  Random random(seed);
+  std::vector<std::uint64_t> differences(kPairs);
+  for (std::uint64_t& each : differences) {
+    const std::uint32_t j = b[random.index(b.size())];
+    const std::uint32_t i = a[random.index(a.size())];
+    each = least_difference(first, i, second, j, descriptor_norm(first.kind));
+  }
+  return nth_lowest(differences, static_cast<std::size_t>(kAlikeByChance * kPairs));
 }
 
 }  // namespace cairn::detail

@@ -66,15 +66,12 @@ LandmarkMap with_uncertain_references(LandmarkMap map,
   return LandmarkMap(std::move(tables));
 }
 
-// The adjusted camera of each of the map's cameras that has a frame.
+// The map's cameras with adjusted parameters. Those of an image that another map has too may be that map's.
 std::vector<Camera> adjusted_cameras(const LandmarkMap& map, const LandmarkMap& adjusted,
-                                     std::span<const FrameIndex> frames) {
+                                     std::span<const std::optional<CameraIndex>> now) {
   std::vector<Camera> cameras(map.cameras().begin(), map.cameras().end());
-  const auto& before = map.frames().cameras;
-  for (std::uint32_t i = 0; i < before.size(); ++i) {
-    const auto after = adjusted.frames().cameras[frames[i].value];
-    if (!before[i] || !after) continue;
-    cameras[before[i]->value].parameters = adjusted.cameras()[after->value].parameters;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (now[i]) cameras[i].parameters = adjusted.cameras()[now[i]->value].parameters;
   }
   return cameras;
 }
@@ -115,7 +112,8 @@ std::optional<Eigen::Vector3d> where_sights_meet(const LandmarkMap& map, Landmar
 }  // namespace
 
 LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_from_map,
-                              const LandmarkMap& adjusted, std::span<const FrameIndex> frames) {
+                              const LandmarkMap& adjusted, std::span<const FrameIndex> frames,
+                              std::span<const std::optional<CameraIndex>> cameras) {
   LandmarkMap in_world = transformed(map, world_from_map);
   std::vector<Rigid3> moves;  // of the frames
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
@@ -123,7 +121,7 @@ LandmarkMap moved_with_frames(const LandmarkMap& map, const Similarity3& world_f
                     in_world.world_from_camera(FrameIndex{i}).inverse());
   }
   MapTables tables = std::move(in_world).tables();
-  tables.cameras = adjusted_cameras(map, adjusted, frames);
+  tables.cameras = adjusted_cameras(map, adjusted, cameras);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
     tables.frames.translations[i] = adjusted.frames().translations[frames[i].value];
     tables.frames.quaternions[i] = adjusted.frames().quaternions[frames[i].value];
@@ -192,8 +190,8 @@ MergedPlaced fuse_and_adjust(std::span<const PlacedMap> maps, const FusionOption
     }
     for (std::size_t m = 0; m < maps.size(); ++m) {
       // Back in its own frame, because its pose is as uncertain as before; only its drift is corrected.
-      moved[m] =
-          moved_with_frames(*maps[m].map, maps[m].world_from_map, result.map, result.frames[m]);
+      moved[m] = moved_with_frames(*maps[m].map, maps[m].world_from_map, result.map,
+                                   result.frames[m], fused.cameras[m]);
       if (!maps[m].is_in_world()) {
         moved[m] = transformed(moved[m], maps[m].world_from_map.inverse());
       }

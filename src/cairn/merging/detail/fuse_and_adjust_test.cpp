@@ -2,7 +2,10 @@
 #include "cairn/merging/detail/fuse_and_adjust.hpp"
 
 #include <algorithm>
+#include <array>
+#include <optional>
 #include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -225,6 +228,50 @@ TEST(FuseAndAdjust, AKeyframeOfTwoMapsBecomesOne) {
   EXPECT_EQ(fused.frames[1][1], FrameIndex{30});
 }
 
+// Two maps have images 4 and 5, each with a camera of its own; the fused frames have that of the larger map.
+TEST(FuseAndAdjust, MapsThatShareImagesKeepTheirCameras) {
+  MapTables tables = synthetic_map({.seed = 4, .landmarks = 600, .frames = 16}).tables();
+  tables.frames.timestamps_s = {};
+  for (int i = 0; i < 16; ++i) {
+    tables.frames.image_names.push_back(std::to_string(i) + ".jpg");
+  }
+  const LandmarkMap whole(std::move(tables));
+  const auto frames_from_to = [](std::uint32_t begin, std::uint32_t end) {
+    std::vector<FrameIndex> frames;
+    for (std::uint32_t i = begin; i < end; ++i) frames.push_back(FrameIndex{i});
+    return frames;
+  };
+  const LandmarkMap larger = without_frames(whole, frames_from_to(0, 4));
+  std::vector<double> longer = whole.cameras()[0].parameters;
+  longer[0] *= 1.001;
+  std::vector<double> more = whole.cameras()[0].parameters;
+  more.resize(8, 0.0);
+  for (const auto& [model, given] :
+       {std::pair(std::string("PINHOLE"), longer), std::pair(std::string("OPENCV"), more)}) {
+    MapTables part = without_frames(whole, frames_from_to(6, 16)).tables();
+    part.cameras[0].model = model;
+    part.cameras[0].parameters = given;
+    const LandmarkMap smaller(std::move(part));
+    ASSERT_TRUE(precedes(larger, smaller));
+    const MergedPlaced fused = fuse_and_adjust(in_place(smaller, larger, {}), {});
+    ASSERT_EQ(fused.map.frame_count(), 16U) << "two images are of both";
+    ASSERT_EQ(fused.map.cameras().size(), 2U) << model;
+    EXPECT_TRUE(is_same_lens(fused.map.cameras()[0], smaller.cameras()[0])) << model;
+    EXPECT_TRUE(is_same_lens(fused.map.cameras()[1], larger.cameras()[0])) << model;
+  }
+}
+
+TEST(FuseAndAdjust, ACameraThatTheAdjustedMapLacksStaysAsItIs) {
+  const LandmarkMap map = synthetic_map({.seed = 4, .landmarks = 300, .frames = 3});
+  MapTables tables = LandmarkMap(map).tables();
+  tables.cameras[0].parameters[0] *= 1.05;
+  const LandmarkMap adjusted(std::move(tables));
+  const LandmarkMap moved =
+      moved_with_frames(map, {}, adjusted, std::vector{FrameIndex{0}, FrameIndex{1}, FrameIndex{2}},
+                        std::array{std::optional<CameraIndex>()});
+  EXPECT_EQ(moved.cameras()[0].parameters, map.cameras()[0].parameters);
+}
+
 TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {
   const SyntheticPair maps = two_sessions();
   // A map of half the size, so that its scale is 2.
@@ -239,7 +286,8 @@ TEST(FuseAndAdjust, MovedLandmarksKeepTheirPlaceInTheFirstCameraThatSawThem) {
   const LandmarkMap adjusted = bent(maps.source, 0.1);
   std::vector<FrameIndex> frames;
   for (std::uint32_t i = 0; i < half.frame_count(); ++i) frames.push_back(FrameIndex{i});
-  const LandmarkMap moved = moved_with_frames(half, Similarity3(2.0, Rigid3()), adjusted, frames);
+  const LandmarkMap moved = moved_with_frames(half, Similarity3(2.0, Rigid3()), adjusted, frames,
+                                              std::array{std::optional(CameraIndex{0})});
   for (std::uint32_t l = 0; l < moved.landmark_count(); ++l) {
     EXPECT_LT((moved.landmarks().positions[l] - adjusted.landmarks().positions[l]).norm(), 1e-12);
     EXPECT_NEAR(moved.landmarks().covariances[l].trace(),
@@ -266,7 +314,8 @@ TEST(FuseAndAdjust, MovedLandmarksWithoutDepthsAreWhereTheirSightsMeet) {
   const LandmarkMap before(std::move(tables));
   std::vector<FrameIndex> frames;
   for (std::uint32_t i = 0; i < before.frame_count(); ++i) frames.push_back(FrameIndex{i});
-  const LandmarkMap moved = moved_with_frames(before, Similarity3(), truth, frames);
+  const LandmarkMap moved = moved_with_frames(before, Similarity3(), truth, frames,
+                                              std::array{std::optional(CameraIndex{0})});
   EXPECT_EQ(moved.cameras()[0].parameters, truth.cameras()[0].parameters);
   // The synthetic map's positions have noise of their own, its pixels have none: what counts is that these agree.
   std::size_t met = 0;

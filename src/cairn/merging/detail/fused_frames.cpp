@@ -33,6 +33,17 @@ std::optional<Matrix6d> pose_covariance(const PlacedMap& placed, FrameIndex fram
   return 0.5 * (sum + sum.transpose());
 }
 
+// Takes what is not known yet of a fused frame from a map's frame of the same image.
+void fill_unknown(const FrameTable& theirs, std::uint32_t i, FrameTable& fused, std::uint32_t f) {
+  if (!fused.timestamps_s[f] && !theirs.timestamps_s.empty()) {
+    fused.timestamps_s.set(f, theirs.timestamps_s[i]);
+  }
+  if (!fused.gnss[f] && !theirs.gnss.empty()) fused.gnss.set(f, theirs.gnss[i]);
+  if (fused.image_names[f].empty() && !theirs.image_names.empty()) {
+    fused.image_names[f] = theirs.image_names[i];
+  }
+}
+
 }  // namespace
 
 CameraIndex Fusion::add_camera(Camera camera, bool is_mounted) {
@@ -92,6 +103,7 @@ void Fusion::add_frames(std::size_t m) {
   FrameTable& frames = tables_.frames;
   std::vector<FrameIndex>& own = result_.frames.emplace_back();
   const std::vector<CameraIndex> camera_of = add_cameras(m);
+  result_.cameras.emplace_back(camera_of.begin(), camera_of.end());
   std::map<InstantId, InstantId> instant_of;
   const auto instant = [&](std::uint32_t i) -> std::optional<InstantId> {
     if (theirs.instants.empty() || !theirs.instants[i]) return std::nullopt;
@@ -116,9 +128,13 @@ void Fusion::add_frames(std::size_t m) {
       const std::uint32_t f = known->value;
       own.push_back(*known);
       is_shared_[f] = true;
+      fill_unknown(theirs, i, frames, f);
+      if (camera && (!frames.cameras[f] || precedes(map, *maps_[map_of_camera_[f]].map))) {
+        map_of_camera_[f] = m;
+        frames.cameras.set(f, camera);
+      }
       if (!precedes(map, *maps_[map_of_frame_[f]].map)) continue;
       map_of_frame_[f] = m;
-      frames.cameras.set(f, camera);
       frames.instants.set(f, instant(i));
       frames.translations[f] = translation;
       frames.quaternions[f] = quaternion;
@@ -128,15 +144,15 @@ void Fusion::add_frames(std::size_t m) {
     own.push_back(FrameIndex{static_cast<std::uint32_t>(frames.ids.size())});
     is_shared_.push_back(false);
     map_of_frame_.push_back(m);
+    map_of_camera_.push_back(m);
     frames.ids.push_back(FrameId{frames.ids.size()});
     frames.translations.push_back(translation);
     frames.quaternions.push_back(quaternion);
     frames.cameras.push_back(camera);
-    frames.timestamps_s.push_back(theirs.timestamps_s.empty() ? std::nullopt
-                                                              : theirs.timestamps_s[i]);
-    frames.image_names.push_back(theirs.image_names.empty() ? std::string()
-                                                            : theirs.image_names[i]);
-    frames.gnss.push_back(theirs.gnss.empty() ? std::nullopt : theirs.gnss[i]);
+    frames.timestamps_s.push_back(std::nullopt);
+    frames.image_names.emplace_back();
+    frames.gnss.push_back(std::nullopt);
+    fill_unknown(theirs, i, frames, own.back().value);
     frames.pose_covariances.push_back(pose_covariance(maps_[m], FrameIndex{i}));
     frames.instants.push_back(instant(i));
   }
@@ -166,6 +182,11 @@ void Fusion::drop_unused_cameras() {
   }
   for (Rig& rig : tables_.rigs) {
     for (Rig::Mount& mount : rig.mounts) mount.camera = now[mount.camera.value];
+  }
+  for (auto& cameras : result_.cameras) {
+    for (std::optional<CameraIndex>& camera : cameras) {
+      camera = is_used[camera->value] ? std::optional(now[camera->value]) : std::nullopt;
+    }
   }
 }
 
@@ -266,9 +287,12 @@ std::optional<FrameIndex> Fusion::known_frame(std::size_t m, std::uint32_t i,
 // name, the names of their maps distinguish them.
 void Fusion::tell_images_apart() {
   std::vector<std::string>& names = tables_.frames.image_names;
-  std::vector<std::size_t> map_of(names.size());  // the first map of each frame
+  std::vector<std::size_t> map_of(names.size());  // the first map that names each frame
   for (std::size_t m = maps_.size(); m-- > 0;) {
-    for (const FrameIndex frame : result_.frames[m]) map_of[frame.value] = m;
+    const std::vector<std::string>& theirs = maps_[m].map->frames().image_names;
+    for (std::size_t i = 0; i < theirs.size(); ++i) {
+      if (!theirs[i].empty()) map_of[result_.frames[m][i].value] = m;
+    }
   }
   std::string example;
   std::size_t alike = 0;
@@ -473,13 +497,22 @@ MapInfo info_of_world(std::span<const PlacedMap> maps) {
   return info;
 }
 
+// The name that an image of a map has in the fused map, maybe that of another map that has it too.
+std::string Fusion::fused_name(std::size_t m, const std::string& name) const {
+  const std::vector<std::string>& theirs = maps_[m].map->frames().image_names;
+  const auto found = std::ranges::find(theirs, name);
+  if (found == theirs.end()) return image_name(m, name);
+  const auto i = static_cast<std::size_t>(found - theirs.begin());
+  return tables_.frames.image_names[result_.frames[m][i].value];
+}
+
 void Fusion::set_info() {
   MapInfo& info = tables_.info = info_of_world(maps_);
   for (std::size_t m = 0; m < maps_.size(); ++m) {
     const MapInfo& theirs = maps_[m].map->info();
     std::vector<ControlPoint> points = theirs.control_points;
     for (ControlPoint& point : points) {
-      for (ControlPoint::View& view : point.views) view.image_name = image_name(m, view.image_name);
+      for (ControlPoint::View& view : point.views) view.image_name = fused_name(m, view.image_name);
     }
     add_control_points(points, info.control_points);
     for (const std::string& line : theirs.provenance) {

@@ -96,6 +96,7 @@ class Fusion {
   std::string image_name(std::size_t m, const std::string& name) const {
     return has_prefix_[m] && !name.empty() ? image_folder(m) + name : name;
   }
+  std::string fused_name(std::size_t m, const std::string& name) const;
   void set_info();
 
   bool has_covariance(std::size_t m, std::uint32_t i) const {
@@ -139,6 +140,7 @@ class Fusion {
   std::uint32_t instants_ = 0;             // number of instants of all maps; each map keeps its own
   std::vector<bool> is_shared_;            // by frame: whether two maps have it
   std::vector<std::size_t> map_of_frame_;  // by frame: map whose pose it has
+  std::vector<std::size_t> map_of_camera_;  // by frame: map whose camera it has, if any
   // By map: whether its image names begin with the map's name.
   std::vector<bool> has_prefix_;
   std::vector<std::uint32_t> from_map_;

@@ -10,6 +10,7 @@
 #include "cairn/alignment/bends.hpp"
 #include "cairn/geometry/angles.hpp"
 #include "cairn/map/operations.hpp"
+#include "cairn/merging/detail/descriptor_difference.hpp"
 #include "cairn/merging/linking/link_maps.hpp"
 
 namespace cairn::detail {
@@ -28,6 +29,13 @@ double fused(const LandmarkMap& target, const LandmarkMap& source, const Link& l
   placed.covariance = link.full_covariance().value_or(Matrix7d::Zero());
   const std::vector<PlacedMap> both = {{&target, "target", Similarity3()}, placed};
   return static_cast<double>(fuse_maps(both, options, execution).maps[1].fused);
+}
+
+// Whether descriptors can show how one map is bent against the other; nothing else does.
+bool can_show_bends(const LandmarkMap& a, const LandmarkMap& b) {
+  const auto& one = a.landmarks().descriptors;
+  const auto& other = b.landmarks().descriptors;
+  return one && other && comparable(*one, *other);
 }
 
 // The straightened map, in the frame in which the link's pose holds instead of that of the parts.
@@ -116,6 +124,7 @@ std::vector<std::optional<StraightenedMap>> straighten_maps(std::span<const Plac
     if (joined == group[link.target.value]) continue;
     std::replace(group.begin(), group.end(), joined, group[link.target.value]);
     if (link.kind != LinkKind::kPlacement) continue;
+    if (!can_show_bends(*maps[link.target.value].map, *maps[link.source.value].map)) continue;
     if (link.covariance_with_scale && !straight[link.source.value]) {
       auto mended = undeformed(*maps[link.source.value].map, prepare(link.source.value),
                                prepare(link.target.value), link);

@@ -404,12 +404,14 @@ void Fusion::set_positions() {
   execution_.executor.for_blocks(count, kSlice, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto landmark = static_cast<std::uint32_t>(i);
-      const Member& last = members_[last_member_[i]];
+      // Gives the position, if all are of one map.
+      const Member* first = &members_[last_member_[i]];
+      const std::size_t original = original_[first->map];
       bool of_one_map = true;
-      for (std::uint32_t at = last_member_[i]; at != Member::kNoMember;
-           at = members_[at].previous) {
-        if (!has_covariance(members_[at].map, members_[at].landmark)) known[i] = 0;
-        of_one_map = of_one_map && original_[members_[at].map] == original_[last.map];
+      for (std::uint32_t at = last_member_[i]; at != Member::kNoMember; at = first->previous) {
+        first = &members_[at];
+        if (!has_covariance(first->map, first->landmark)) known[i] = 0;
+        of_one_map = of_one_map && original_[first->map] == original;
       }
       if (!of_one_map) {
         const Estimate fused = estimate(landmark);
@@ -417,8 +419,8 @@ void Fusion::set_positions() {
         landmarks.covariances[i] = fused.stated;
       } else {
         landmarks.covariances[i] =
-            symmetric(world_[last.map].covariances[last.landmark] +
-                      covariance_by_pose(maps_[last.map], maps_[last.map].covariance,
+            symmetric(world_[first->map].covariances[first->landmark] +
+                      covariance_by_pose(maps_[first->map], maps_[first->map].covariance,
                                          landmarks.positions[i]));
       }
       if (known[i] == 0) landmarks.covariances[i].setConstant(kNan);

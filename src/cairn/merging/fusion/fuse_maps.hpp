@@ -74,6 +74,8 @@ struct FusionResult {
   LandmarkMap map;
   std::vector<MapFusion> maps;                  ///< one per map
   std::vector<std::vector<FrameIndex>> frames;  ///< per map and frame: its index in `map`
+  /// Per map and camera: its index in `map`; std::nullopt if `map` lacks it. None for splats.
+  std::vector<std::vector<std::optional<CameraIndex>>> cameras;
 };
 
 /// Columns of a fused map that state each landmark's origin.
@@ -85,9 +87,9 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of combined la
 ///
 /// Maps are processed in the order of largest_first(), so the order of the input affects only the
 /// numbering. Each map's landmarks are associated with the landmarks of the maps processed before
-/// (associate()). The fused position is the information-weighted mean over all maps. The weights
+/// it (associate()). The fused position is the information-weighted mean over all maps. The weights
 /// follow from the landmark covariances and from an additional variance per map, for distances that
-/// the covariances do not explain. n maps of one quality weigh 1/n each. The fused covariance is
+/// the covariances do not explain. n maps of equal quality weigh 1/n each. The fused covariance is
 /// the covariance of the mixture of "same landmark" and "one is a different landmark" with the
 /// pairs' probabilities, plus the uncertainty of the map poses. The pose uncertainty moves a map's
 /// landmarks together, so it does not affect the weights. A map that is given twice, at any pose,
@@ -100,9 +102,10 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of combined la
 /// Consecutive mini-maps of a session share a keyframe. The last frame of one map and the first
 /// frame of another map become one frame, with the pose of the larger map, if timestamp, image name
 /// and camera are equal and the pixels belong to one image. An image without timestamp that several
-/// maps contain (common_images()) becomes one frame, with the pose and camera of the largest of
-/// these maps; landmarks that its keypoints identify are fused. In a frame of several maps, a
-/// landmark keeps only its first observation.
+/// maps contain (common_images()) becomes one frame, with the pose of the largest of these maps;
+/// landmarks that its keypoints identify are fused. A frame of several maps has the camera of the
+/// largest map that knows it, and timestamp, image name and GNSS fix of the first that knows them.
+/// In it, a landmark keeps only its first observation.
 ///
 /// Keeps all other frames and observations, the cameras of frames and rigs without duplicates,
 /// colours, descriptors of the largest map's kind, and named columns with normals rotated into the
@@ -116,17 +119,17 @@ inline constexpr const char* kFusedColumn = "fused";  ///< number of combined la
 ///
 /// Gaussian splats are concatenated instead: each splat except a duplicate is moved into the world
 /// without other changes. Two splats of different maps are duplicates if the Bhattacharyya
-/// coefficient of their Gaussians is at least 0.8, and if their colours differ as those of most
-/// duplicates do (25 of 255). A splat is left out if a duplicate of higher opacity stays, and
-/// counts as fused. Columns of the map with the highest harmonic degree come first, then other
-/// columns. Missing harmonics and normals are zero; other missing values are unknown. Where another
-/// map has a model, floaters are counted, and left out on request: splats that at least three keyframes
-/// of that model look through, where that map has no splat, and that the keyframes of the map's own
-/// model, if any, do not confirm.
+/// coefficient of their Gaussians is at least 0.8, and if their colour difference deviates by at
+/// most 25 of 255 from the median of such pairs. A splat is left out if a duplicate of higher
+/// opacity stays, and counts as fused. Columns of the map with the highest harmonic degree come
+/// first, then other columns. Missing harmonics and normals are zero; other missing values are
+/// unknown. If another map has a model, floaters are counted and, on request, left out. A floater
+/// is a splat where that map has no splat, that at least three keyframes of that model look
+/// through, and that the keyframes of the own map's model, if any, do not confirm.
 ///
-/// @throws Error (misuse) for no map, invalid options, or drop_floaters without splats and a model;
-///         (input) for more landmarks or frames than 32-bit indices, or for splats mixed with other
-///         maps
+/// @throws Error (misuse) without maps, for invalid options, or for drop_floaters without splats
+///         and a model; (input) for more landmarks or frames than 32-bit indices, or for splats
+///         mixed with other maps
 FusionResult fuse_maps(std::span<const PlacedMap> maps, const FusionOptions& options = {},
                        const Execution& execution = {});
 

@@ -578,6 +578,103 @@ TEST(FuseMaps, FusesLandmarksThatKeypointsOfCommonImagesShow) {
   EXPECT_EQ(result.map.frame_count(), 12U);
 }
 
+// Two programs' maps of the same keypoints: the second adds nothing, whatever it states.
+TEST(FuseMaps, TakesPositionAndCovarianceOfRepeatedObservationsFromOneMap) {
+  MapTables tables =
+      with_image_names(synthetic_map({.seed = 4, .landmarks = 600, .frames = 12}), "{}.jpg")
+          .tables();
+  tables.frames.timestamps_s = {};
+  const LandmarkMap first(std::move(tables));
+  MapTables other = LandmarkMap(first).tables();
+  Random random(3);
+  for (Eigen::Vector3d& position : other.landmarks.positions)
+    position.x() += random.uniform(1e-5, 1e-4);
+  for (Eigen::Matrix3d& covariance : other.landmarks.covariances) covariance *= 9.0;
+  const LandmarkMap second(std::move(other));
+  const LandmarkMap fused =
+      fuse_maps(std::vector<PlacedMap>{{&first, "first", {}}, {&second, "second", {}}}).map;
+  std::size_t repeated = 0;
+  for (std::uint32_t i = 0; i < fused.landmark_count(); ++i) {
+    if (values(fused, kFusedColumn)[i] < 2.0) continue;
+    ++repeated;
+    const auto landmark = static_cast<std::size_t>(values(fused, kFromLandmarkColumn)[i]);
+    const Eigen::Vector3d& in_first = first.landmarks().positions[landmark];
+    const bool is_first = (fused.landmarks().positions[i] - in_first).norm() < 1e-9;
+    const LandmarkTable& from = (is_first ? first : second).landmarks();
+    EXPECT_LT((fused.landmarks().positions[i] - from.positions[landmark]).norm(), 1e-9) << i;
+    EXPECT_LT((fused.landmarks().covariances[i] - from.covariances[landmark]).norm(),
+              1e-6 * from.covariances[landmark].norm())
+        << i;
+  }
+  EXPECT_GT(repeated, first.landmark_count() / 2);
+}
+
+// The largest map knows only where its cameras were; the next one has another camera than the smallest.
+TEST(FuseMaps, KnowsOfACommonImageWhatAnyMapKnowsInAnyOrder) {
+  constexpr std::size_t kFrames = 6;
+  MapTables tables =
+      with_image_names(synthetic_map({.seed = 4, .landmarks = 1200, .frames = kFrames}), "{}.jpg")
+          .tables();
+  tables.frames.gnss.assign(kFrames, GnssFix{{47.0, 8.0, 400.0}, 2.0});
+  const LandmarkMap full(std::move(tables));
+  const auto every = [&](std::uint32_t step) {
+    std::vector<LandmarkIndex> some;
+    for (std::uint32_t i = 0; i < full.landmark_count(); i += step)
+      some.push_back(LandmarkIndex{i});
+    return with_landmarks(full, some);
+  };
+  MapTables bare = LandmarkMap(full).tables();
+  bare.frames.timestamps_s.clear();
+  bare.frames.image_names.clear();
+  bare.frames.gnss.clear();
+  bare.frames.cameras.clear();
+  const LandmarkMap largest(std::move(bare));
+  const LandmarkMap middle = every(2);
+  MapTables other = every(4).tables();
+  other.cameras[0].parameters[0] *= 1.01;
+  const LandmarkMap smallest(std::move(other));
+  const std::array<const LandmarkMap*, 3> maps = {&largest, &middle, &smallest};
+  std::array<std::size_t, 3> order = {0, 1, 2};
+  do {
+    std::vector<PlacedMap> placed;
+    for (const std::size_t m : order) placed.push_back({maps[m], std::to_string(m), {}});
+    const LandmarkMap fused = fuse_maps(placed).map;
+    const std::string text = placed[0].name + placed[1].name + placed[2].name;
+    ASSERT_EQ(fused.frame_count(), kFrames) << text;
+    EXPECT_EQ(fused.frames().timestamps_s, full.frames().timestamps_s) << text;
+    EXPECT_EQ(fused.frames().image_names, full.frames().image_names) << text;
+    EXPECT_EQ(fused.frames().gnss, full.frames().gnss) << text;
+    EXPECT_EQ(fused.frames().cameras, full.frames().cameras) << text;
+    ASSERT_EQ(fused.cameras().size(), 1U) << text;
+    EXPECT_TRUE(is_same_lens(fused.cameras()[0], middle.cameras()[0])) << text;
+  } while (std::next_permutation(order.begin(), order.end()));
+}
+
+// Both maps have a "0.jpg", so that all names get a prefix; images 5 and 6 are of both maps.
+TEST(FuseMaps, NamesTheCommonImagesThatControlPointsAreSeenIn) {
+  MapTables tables =
+      with_image_names(synthetic_map({.seed = 4, .landmarks = 600, .frames = 12}), "{}.jpg")
+          .tables();
+  tables.frames.timestamps_s = {};
+  const LandmarkMap whole(std::move(tables));
+  const ControlPoint::View view{"5.jpg", {1.0, 2.0}};
+  MapTables of_first = cut_frames(whole, FrameId{0}, FrameId{7}).tables();
+  of_first.info.control_points = {{"nail", 47.0, 8.0, 400.0, {view}}};
+  const LandmarkMap first(std::move(of_first));
+  MapTables of_second = cut_frames(whole, FrameId{5}, FrameId{12}).tables();
+  of_second.frames.image_names.back() = "0.jpg";
+  of_second.info.control_points = {{"nail", 47.0, 8.0, 400.0, {view, {"0.jpg", {3.0, 4.0}}}}};
+  const LandmarkMap second(std::move(of_second));
+  const LandmarkMap fused =
+      fuse_maps(std::vector<PlacedMap>{{&first, "a", {}}, {&second, "b", {}}}).map;
+  ASSERT_EQ(fused.frame_count(), 12U);
+  EXPECT_EQ(fused.frames().image_names[5], "a/5.jpg");
+  EXPECT_EQ(fused.frames().image_names[11], "b/0.jpg");
+  const ControlPoint nail{
+      "nail", 47.0, 8.0, 400.0, {{"a/5.jpg", {1.0, 2.0}}, {"b/0.jpg", {3.0, 4.0}}}};
+  EXPECT_THAT(fused.info().control_points, ::testing::ElementsAre(nail));
+}
+
 TEST(FuseMaps, TurnsNormals) {
   const SyntheticPair pair = synthetic_pair({.seed = 3, .landmarks = 300, .frames = 3});
   const auto with = [](LandmarkMap map, const std::vector<NamedColumn>& columns) {

@@ -67,7 +67,7 @@ struct LinkOptions {
   double effort = 1.0;            ///< see AlignOptions
   PointSetOptions points = {};
   /// Number of candidates per map: the likeliest other maps by recognition; 0: all. std::nullopt:
-  /// all of up to kMapsTriedInFull maps, else kDefaultCandidates.
+  /// all for up to kMapsTriedInFull maps, kDefaultCandidates for more maps.
   std::optional<std::size_t> candidates = {};
 
   static const OptionTable table;

@@ -21,8 +21,8 @@ struct RecognitionCandidate {
 
 /// Finds maps that may show the same place as a query map, without aligning any: an inverted index
 /// over binary descriptors. Other descriptors, e.g. SIFT, are converted to 256 bits first. Each bit
-/// compares four of the descriptor's bytes, chosen at random once: it is set if the first two minus
-/// the other two exceed the mean of this difference over the indexed maps (random projections,
+/// compares four of the descriptor's bytes a, b, c and d, chosen at random once. It is set if a + b
+/// exceeds c + d by more than the mean difference over the indexed maps (random projections,
 /// Charikar 2002; sparse, Achlioptas 2003). In real images, the bits of 84 % of SIFT matches are
 /// similar enough to count as a match, and so are those of 0.03 % of other pairs.
 ///
