@@ -28,7 +28,7 @@ struct MeasurementNoise {
 };
 
 /// Estimates the noise of an adjusted map from the medians of its residuals, corrected for the
-/// number of fitted parameters. Tolerates a fifth of wrong observations. One factor scales both
+/// number of fitted parameters. A fifth of the observations may be wrong. One factor scales both
 /// depth_floor and depth_quadratic. With too few residuals, the values of `start` are kept.
 /// @throws Error (input) for a map without observations or an observing frame without a camera
 MeasurementNoise estimated_noise(const LandmarkMap& map, const MeasurementNoise& start = {});
@@ -41,7 +41,7 @@ struct AdjustOptions {
   /// parameter. EQUIRECTANGULAR cameras stay unchanged.
   bool refine_intrinsics = false;
   int max_iterations = 50;  ///< per run of the solver; at least 1
-  /// Landmarks with fewer observations only move with the first frame that observed them. At least 1.
+  /// A landmark with fewer observations moves only with its first observing frame. At least 1.
   std::size_t min_observations = 2;
   /// Recomputes the covariances; see estimate_covariances(). If false, the result has none.
   bool covariances = true;
@@ -67,8 +67,8 @@ struct AdjustResult {
 };
 
 /// Full bundle adjustment: optimises frame poses, landmark positions and, if requested, camera
-/// parameters. Minimises the robust squared residuals of all observations: pixels, and depths of a
-/// map in metres, each divided by its standard deviation.
+/// parameters. Minimises the robust squared residuals of all pixels and, for a map in metres, of
+/// all depths. Each residual is divided by its standard deviation.
 ///
 /// The frames of a rig at one instant move as one rigid body. Before the adjustment, their relative
 /// poses are set to the rig's calibration.
@@ -93,8 +93,8 @@ enum class CovarianceGauge {
 struct CovarianceOptions {
   std::optional<MeasurementNoise> noise;  ///< std::nullopt: see estimated_noise()
   CovarianceGauge gauge = CovarianceGauge::kFirstFrame;
-  /// If a landmark's residuals exceed the 95 % quantile, multiplies its covariance by the mean squared
-  /// residual per degree of freedom (Birge ratio).
+  /// Multiplies a landmark's covariance by the mean squared residual per degree of freedom (Birge
+  /// ratio) if its residuals exceed the 95 % quantile of the chi-squared distribution.
   bool widen_misfits = true;
 
   /// @throws Error (misuse) naming the field
@@ -123,8 +123,8 @@ struct EstimatedCovariances {
 /// hold for that scale. With CovarianceGauge::kFirstObserver, landmark covariances are relative to
 /// the first frame that observed the landmark, as in odometry.
 ///
-/// The covariance is unknown for landmarks that only one frame observed, without depth, and for
-/// landmarks that their observations do not determine. Observation errors are assumed independent.
+/// The covariance is unknown for a landmark that only one frame observed without a depth, and for a
+/// landmark that its observations do not determine. Observation errors are assumed independent.
 /// Landmarks and frames without observations keep the map's covariances.
 ///
 /// @throws Error as adjust(), and (input) if too many pairs of frames share landmarks for the

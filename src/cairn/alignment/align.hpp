@@ -109,9 +109,9 @@ Alignment align(const PreparedMap& source, const PreparedMap& target,
                 const AlignOptions& options = {}, const Execution& execution = {});
 
 /// Judges a given pose without changing it, by the criteria of align(). `method`, `prior` and
-/// `judge` have no effect. For maps, a large deformation can prevent the verdict aligned; with
-/// PartsUse::kAlways, contradicting parts can too. Unlike in align(), deformation and parts cannot
-/// align a pose that is not aligned as a whole.
+/// `judge` have no effect. For maps, a large deformation can prevent the verdict "aligned"; with
+/// PartsUse::kAlways, contradicting parts can too. Unlike align(), does not accept a pose by
+/// deformation or parts if the maps as a whole are not aligned.
 /// @throws Error (misuse) for invalid options, or for a scale other than 1 if scale_range() is
 ///        std::nullopt
 Alignment judge_pose(const LandmarkMap& source, const LandmarkMap& target,
@@ -123,18 +123,18 @@ Alignment judge_pose(const PreparedMap& source, const PreparedMap& target,
 
 /// Aligns two maps without an initial pose and judges the pose.
 ///
-/// Descriptors and quads of neighbouring landmarks propose poses. Further candidates are thousands
-/// of evenly spread rotations, each with the translations that best overlay parts of the source and
-/// the target. A tournament of robust refinements on samples of both maps leaves a few distinct
-/// poses. With a free scale, rotations are searched at the scales that the quads suggest, and the
-/// refinements also estimate the scale. The poses are refined with all sampled landmarks and ranked
-/// by probability. The probability combines match distances and descriptors, compared with chance
-/// (Support), and the free-space check (SightCounts). The best pose is refined with all landmarks
-/// and their covariances.
+/// Descriptors and quads propose poses. A quad is a landmark and three of its nearest neighbours.
+/// Further candidates are thousands of evenly spread rotations, each with the translations that
+/// best overlay parts of the source and the target. A tournament of robust refinements on samples
+/// of both maps leaves a few distinct poses. With a free scale, rotations are searched at the
+/// scales that the quads suggest, and the refinements also estimate the scale. The poses are
+/// refined with all sampled landmarks and ranked by probability. The probability combines match
+/// distances and descriptors, both compared with chance (Support), and the free-space check
+/// (SightCounts). The best pose is refined with all landmarks and their covariances.
 ///
 /// All lengths derive from the maps' extents, landmark spacings and covariances. An expected
-/// failure (too few landmarks, no overlap) is a verdict. The same input and seed give the same
-/// result for any number of threads, except with a time limit.
+/// failure (too few landmarks, no overlap) is reported as a verdict. The same input and seed give
+/// the same result for any number of threads, except with a time limit.
 ///
 /// @throws Error (misuse) for invalid options or clouds
 Alignment place(const LandmarkCloud& source, const LandmarkCloud& target,
@@ -181,9 +181,9 @@ class PreparedPair {
 GravityPrior gravity_prior(const LandmarkMap& source, const LandmarkMap& target);
 GravityPrior gravity_prior(const PreparedMap& source, const PreparedMap& target);
 
-/// Checks that a map and its model, such as a splat and the SfM model that it was trained on, are in one
-/// frame: at least half of the model's landmarks have a landmark of the map within 2 % of the model's
-/// radius.
+/// Checks that a map and its model are in one frame, e.g. a splat map and the SfM model that it was
+/// trained on: at least half of the model's landmarks have a landmark of the map within 2 % of the
+/// model's radius.
 /// @param name of the map
 /// @throws Error (input) naming the map
 void require_one_frame(const LandmarkMap& map, const LandmarkMap& model, const std::string& name);

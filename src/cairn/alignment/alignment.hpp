@@ -17,8 +17,8 @@ namespace cairn {
 
 /// Descriptor similarity of the landmarks that a pose matches.
 struct Likeness {
-  /// Two landmarks are similar if their descriptor distance is less than the distances from one of
-  /// them to this many others.
+  /// Two landmarks are similar if their descriptor distance is less than the distance from one of
+  /// them to each of this many random landmarks of the other's map.
   static constexpr std::size_t kOthers = 63;
   /// Share of similar pairs among unrelated landmarks.
   static constexpr double kChance = 1.0 / (kOthers + 1);
@@ -38,7 +38,7 @@ struct Likeness {
 /// landmarks that keypoints of common images identify. The matches are found without the pose.
 struct DescriptorAgreement {
   std::size_t matches = 0;
-  std::size_t agreeing = 0;  ///< matches whose landmarks the pose brings within the radius
+  std::size_t agreeing = 0;  ///< matches whose two landmarks are within the radius at the pose
   /// Agreeing matches outside their largest cluster: excludes a single object that stands in two places.
   std::size_t spread = 0;
   /// Number of agreeing matches expected by chance (random partners) for this pair of maps and this
@@ -49,14 +49,14 @@ struct DescriptorAgreement {
   std::size_t identities = 0;
   std::size_t identical = 0;
 
-  /// Whether these pairs prove the pose: at least four agree, and more than half of all.
+  /// Whether these pairs prove the pose: at least four of them, and more than half, agree.
   bool is_proven() const { return identical >= 4 && 2 * identical > identities; }
 
   /// Log-likelihood ratio of `spread` against a Poisson count of mean `expected`, at least 0.
   double evidence() const;
 };
 
-/// Agreement of the lightness of matched landmarks, relative to the landmarks around them in their own map.
+/// Agreement of matched landmarks in contrast: lightness relative to neighbours in the same map.
 struct ContrastAgreement {
   std::size_t compared = 0;  ///< matches whose landmarks have colours
   double correlation = 0.0;  ///< of the ranks of their contrasts; 0 by chance
@@ -84,14 +84,14 @@ struct Support {
   std::array<std::size_t, kRadii> within = {};
   /// Index of r/4 in `within`: the widest radius at which most matches are not due to chance.
   static constexpr std::size_t kFine = 2;
-  /// One-to-one matches of all landmarks, as a share of the smaller map, estimated from the sample;
-  /// at most 1. Many landmarks mapped onto one do not increase the share.
+  /// One-to-one matches of all landmarks, as a share of the smaller map's landmarks, estimated from
+  /// the sample; at most 1. Of many landmarks matched with one landmark, only one counts.
   double share = 0.0;
   /// Log-likelihood ratio of the distances of all mutual nearest neighbours: some pairs are the
   /// same landmark, versus independent points on a surface. At least 0.
   double evidence = 0.0;
-  /// The same without the sixteenth of the source that contributes most: excludes a single object that
-  /// stands in both places.
+  /// `evidence` without the sixteenth of the source that contributes most. This excludes a single
+  /// object that stands in both places.
   double spread_evidence = 0.0;
   /// Log-likelihood ratio of the match distances, versus the distances at the other candidates.
   ProximityEvidence proximity = {};
@@ -102,7 +102,7 @@ struct Support {
   std::optional<Likeness> likeness = {};
   /// The likeness evidence without the sixteenth of the source that contributes most.
   double spread_likeness = 0.0;
-  /// std::nullopt if a map has descriptors, or hardly any colours that differ.
+  /// Contrast agreement; std::nullopt if a map has descriptors, or hardly any colours that differ.
   std::optional<ContrastAgreement> contrast = {};
 
   std::size_t matches() const { return within[0]; }
@@ -120,20 +120,20 @@ struct SightCounts {
   SightCounts& operator+=(const SightCounts& other);
 };
 
-/// Landmarks that keyframes of both maps saw from nearly the same direction and distance, if a pose is right. In one
-/// place, many of them look the same. Two places that are built alike, such as two rooms of a hotel, have the same
-/// shapes and the same edges and handles, but hardly anything that is unique within its own map looks the same.
+/// Landmarks that, at a pose, keyframes of both maps saw from nearly one direction and distance. In
+/// one place, many of them look the same. Two places built alike, e.g. hotel rooms, share shapes,
+/// edges and handles, but hardly anything unique within its own map looks the same in both.
 struct SeenAlike {
-  /// Number of source landmarks within half a matching radius of target landmarks that were seen alike.
+  /// Number of source landmarks with target landmarks seen alike within half a matching radius.
   std::size_t landmarks = 0;
-  /// Of these, the number whose descriptor differs from that of such a target landmark by less than half as much as
-  /// either differs from any other place of its own map. The count ends where it suffices for an aligned pose.
+  /// Number of these that are distinctive: the two landmarks differ by less than half as much as
+  /// each differs from any landmark elsewhere in its map. The count stops where it suffices.
   std::size_t distinctive = 0;
 };
 
-/// Landmarks around the matches of a pose: outside a ball that contains nearly all matches. An
-/// object that stands in two places matches as well as one place does; the surroundings reveal the
-/// difference.
+/// Landmarks around the matches of a pose: those outside a ball that contains nearly all matches.
+/// An object that stands in two places matches as well as a single place does, but its surroundings
+/// differ between the two places.
 struct Surroundings {
   /// Numbers of landmarks outside the ball, in both maps, classified by the majority of the other
   /// map's lines of sight. Lines of sight into the ball are not compared.
@@ -149,11 +149,11 @@ struct PlacementCandidate {
   Rigid3 target_from_source;
   double scale = 1.0;  ///< s in x_target = R·(s·x_source) + t
   Support support = {};
-  /// Of the compared lines of sight of both maps' keyframes, the share with a landmark of the other map in
-  /// front of the observed landmark. std::nullopt if too few lines were compared. See SightCounts.
+  /// Share of both maps' compared lines of sight with a landmark of the other map in front of the
+  /// observed one; see SightCounts. std::nullopt if too few lines were compared.
   std::optional<double> contradicted = {};
-  /// Probability that this pose is right. 1 minus the sum over all candidates: probability that
-  /// none is right.
+  /// Probability that this pose is right. 1 minus the sum over all candidates is the probability
+  /// that none of them is right.
   double probability = 0.0;
 
   /// The pose with its scale.
@@ -246,8 +246,8 @@ struct Alignment {
   /// All poses compared, likeliest first; empty if not judged. After place(), the first is the
   /// refined pose, and the second is the runner-up.
   std::vector<PlacementCandidate> candidates;
-  /// Index of the candidate with the estimate; std::nullopt for a judged pose that is near a better
-  /// candidate.
+  /// Index in `candidates` of the pose in `estimate`. std::nullopt for a judged pose that is near a
+  /// better candidate.
   std::optional<std::size_t> own;
   /// Surroundings of the likeliest candidate.
   Surroundings around;

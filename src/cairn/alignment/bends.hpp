@@ -27,10 +27,10 @@ std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
 ///
 /// A part is aligned separately if place() aligns it and at least 15 descriptor matches outside
 /// their largest cluster agree with the pose. There is a consensus if at least two parts of one map
-/// are aligned and match at least two parts of the other map (with a fifth of their matches each).
-/// Consecutive aligned parts must differ by at most 8 degrees and 0.15 times the map's radius, and
-/// any two must differ by at most 20 degrees. An aligned part of the other map that differs more
-/// from all of them revokes the consensus.
+/// are aligned, and match different parts of the other map, each with at least a fifth of its
+/// matches. Consecutive aligned parts must differ by at most 8 degrees and 0.15 times the map's
+/// radius, and any two must differ by at most 20 degrees. An aligned part of the other map revokes
+/// the consensus if it differs from each of these parts by more than consecutive parts may.
 ///
 /// @param options options of each placement; `search` and `trace` have no effect
 /// @return no parts if either map cannot be cut or has no descriptors
@@ -63,8 +63,8 @@ struct DeformedPose {
   /// directions change depths by a factor of 1.22. Beyond these limits, no single pose is
   /// meaningful.
   bool is_small = false;
-  /// Median match distance under the deformation of the other folds, divided by the median match
-  /// distance under the single pose; see is_clear().
+  /// Median match distance under the deformation fitted to the other folds of the cross-validation,
+  /// divided by the median match distance under the single pose; see is_clear().
   double residual = 1.0;
 
   /// Whether the deformation exceeds the noise.
@@ -85,9 +85,9 @@ class DeformablePair {
  public:
   DeformablePair(const PreparedMap& source, const PreparedMap& target);
 
-  /// Fits a deformation to the descriptor matches near each of the first three poses.
+  /// Fits a deformation to the descriptor matches, starting at each of the first three poses.
   /// @return the deformation with the most agreeing matches; std::nullopt if too few agree, or if
-  ///        the deformation folds
+  ///        the deformation is not locally invertible
   std::optional<DeformedPose> fit(std::span<const Similarity3> starts) const;
 
   /// Judges a deformed pose as place() does, by descriptors alone.

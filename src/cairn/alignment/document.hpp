@@ -31,7 +31,7 @@ struct AlignmentRecord {
   std::size_t matches = 0;
 };
 
-/// Content of a document about the iterations.
+/// What a document contains about the iterations.
 enum class HistoryDetail {
   kNone,
   kPoses,    ///< pose, scale and mean squared distance

@@ -53,8 +53,8 @@ struct LandmarkCloud {
   double weight(std::size_t i) const { return weights.empty() ? 1.0 : weights[i]; }
 
   /// @throws Error (misuse) for columns of different lengths, numbers that are not finite, negative
-  ///        weights, views of missing landmarks, descriptors of 0 or more than kMostDescriptorBytes
-  ///        bytes, or further descriptors without a landmark
+  ///        weights, views of missing landmarks, descriptors of 0 bytes or of more than
+  ///        kMostDescriptorBytes, or further descriptors without a landmark
   /// @param name the cloud's name in the message
   void validate(std::string_view name) const;
 };
@@ -146,20 +146,20 @@ struct RefineOptions {
   /// Initial kernel scale; matches much farther apart hardly count. std::nullopt: half the extent of the
   /// smaller cloud, which tolerates large initial errors.
   std::optional<double> coarse = {};
-  /// Final kernel scale, at most `coarse`. std::nullopt: the expected error of a match, from spacing and
-  /// covariances.
+  /// Kernel scale at the end of the first stage; at most `coarse`. std::nullopt: the expected error
+  /// of a match, from spacing and covariances.
   std::optional<double> fine = {};
-  /// From `fine` down to this scale, matches are one to one; at most `fine`. std::nullopt: a twelfth of
-  /// `fine`, the accuracy of most maps.
+  /// Kernel scale at the end of the second stage, whose matches are one to one; at most `fine`.
+  /// std::nullopt: a twelfth of `fine`, the accuracy of most maps.
   std::optional<double> finest = {};
   /// Kernel scale for the covariance; larger than the errors of single landmarks, because maps bend.
   /// std::nullopt: four times `finest`, at most `fine`.
   std::optional<double> error_scale = {};
   /// Keep the initial pose; matches, scores and covariance describe this pose.
   bool hold = false;
-  /// A second refinement starts at the result of ICP with unlimited match distances. Its pose is kept if
-  /// its objective (larger is better) is at least twice as large. ICP converges from larger errors if the
-  /// maps share most landmarks; otherwise its pose is often wrong. No effect if the scale is estimated.
+  /// Also refines from the result of ICP with unlimited match distances. Keeps that pose if its
+  /// objective (larger is better) is at least twice the other's. ICP converges from larger errors
+  /// if the maps share most landmarks; else its pose is often wrong. No effect with a free scale.
   bool by_icp_too = true;
   bool one_to_one = false;   ///< match each target landmark only with its nearest source landmark
   int max_iterations = 100;  ///< limit of each method; at least 1
@@ -182,15 +182,15 @@ struct RefineOptions {
 /// with the nearest landmark.
 ///
 /// The pose covariance is a sandwich estimator. Its Hessian comes from the change of the objective
-/// when the pose moves and all matches are found again; its scatter comes from the gradients of 16
+/// when the pose moves and all matches are found again. Its scatter comes from the gradients of 16
 /// groups of matches. Because of this small number, the covariance is enlarged (2.4 times for 16
 /// groups and 6 degrees of freedom), so that the 95 % ellipsoid holds 95 % of the errors. Mean
-/// squared errors are therefore smaller than its diagonal. For prepared maps, the drift from the
-/// pose covariances of their keyframes is added. There is no covariance for fewer than 12 groups
-/// with a match (14 with a scale). A direction is unobservable if a motion of two kernel scales
-/// along it hardly changes the objective, or if its standard deviation exceeds two kernel scales.
-/// An expected failure (too few landmarks or matches) is a status. The same input gives the same
-/// result for any number of threads.
+/// squared errors are therefore smaller than the covariance's diagonal. For prepared maps, the
+/// drift from the pose covariances of their keyframes is added. There is no covariance if fewer
+/// than 12 groups (14 with a scale) have a match. A direction is unobservable if a motion of two
+/// kernel scales along it hardly changes the objective, or if its standard deviation exceeds two
+/// kernel scales. An expected failure (too few landmarks or matches) is reported as a status. The
+/// same input gives the same result for any number of threads.
 ///
 /// @throws Error (misuse) for invalid options or clouds
 RegistrationResult refine(const LandmarkCloud& source, const LandmarkCloud& target,

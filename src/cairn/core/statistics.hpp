@@ -21,12 +21,12 @@ struct ErrorStatistics {
 };
 
 /// @param errors finite
-/// @return std::nullopt for no errors
+/// @return std::nullopt if `errors` is empty
 std::optional<ErrorStatistics> statistics_of(std::span<const double> errors);
 
 /// Quantile of `values`, linearly interpolated as in numpy. `share` 0 is the minimum, 0.5 the
 /// median, 1 the maximum.
-/// @throws Error (misuse) for no values, or a share outside [0, 1]
+/// @throws Error (misuse) if `values` is empty or `share` is outside [0, 1]
 double quantile(std::span<const double> values, double share);
 
 /// The value at index `rank` in ascending order, without interpolation. Runs in linear time and

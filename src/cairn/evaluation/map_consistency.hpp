@@ -19,8 +19,8 @@ inline constexpr double kInlierPx = 2.0;
 /// Reprojection errors of the observations.
 struct ReprojectionStatistics {
   ErrorStatistics px;  ///< distances in the image, pixels
-  /// Inliers among all observations in frames with a camera, including those of landmarks behind
-  /// the camera.
+  /// Share of inliers among all observations in frames with a camera, including observations of
+  /// landmarks behind the camera.
   double inlier_share = 0.0;
 };
 
@@ -74,7 +74,7 @@ struct KeyframeUncertainties {
   KeyframeUncertainty of_step;
 };
 
-/// std::nullopt if the map has no pose covariances.
+/// Uncertainties from the map's pose covariances; std::nullopt if the map has none.
 std::optional<KeyframeUncertainties> keyframe_uncertainties(const LandmarkMap& map);
 
 }  // namespace cairn

@@ -17,7 +17,7 @@ namespace cairn {
 enum class TrajectoryAlignment {
   kNone,    ///< both are in one frame already
   kOrigin,  ///< the first poses coincide
-  kSe3,     ///< least squares over all positions, rotation and translation
+  kSe3,     ///< rotation and translation by least squares over all positions
   kSim3,    ///< the same with scale
   /// Chordal mean rotation from the orientations, then mean translation. Determined for any path,
   /// if both trajectories belong to one camera body.
@@ -34,7 +34,7 @@ struct AbsoluteError {
 
 /// Absolute trajectory error (ATE) over the pairs of poses.
 /// @param pairs (estimate, truth); see associate()
-/// @return std::nullopt if there are too few pairs for the alignment: 1, or 3 for kSe3 and kSim3
+/// @return std::nullopt for fewer pairs than the alignment needs: 1, or 3 for kSe3 and kSim3
 std::optional<AbsoluteError> absolute_error(const Trajectory& estimate, const Trajectory& truth,
                                             const PosePairs& pairs, TrajectoryAlignment alignment);
 
@@ -59,10 +59,10 @@ struct RelativeError {
 
 /// Relative pose error (RPE). Each associated pose is paired with the pose nearest to one interval
 /// later, as in evaluate_rpe.py --fixed_delta. Between them, the estimate moves by P and the truth
-/// by Q. The error is the translation and angle of Q⁻¹·P, as in the paper and evo. (The script uses
-/// P·Q⁻¹; its translation differs by the rotation error times the motion.) The error is independent
-/// of the frames of both trajectories. Intervals that begin less than their length before the end
-/// are left out.
+/// by Q. The error is the translation and angle of Q⁻¹·P, as in Sturm et al. and evo. (The script
+/// uses P·Q⁻¹; its translation differs by the rotation error times the motion.) The error is
+/// independent of the frames of both trajectories. Intervals that would extend beyond the end are
+/// left out.
 /// @return std::nullopt if the trajectory is shorter than the interval
 /// @throws Error (misuse) for an interval that is not positive
 std::optional<RelativeError> relative_error(const Trajectory& estimate, const Trajectory& truth,

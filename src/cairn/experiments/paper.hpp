@@ -34,14 +34,14 @@ std::string_view experiment_name(Experiment experiment);
 inline constexpr std::array<std::string_view, 4> kPaperStrategies = {"base", "covariance",
                                                                      "observations", "distance"};
 
-/// "In all cases where the alignment is satisfactory, the score is below 0.0037 for this map pair": m²,
-/// valid for that pair only.
+/// The paper's success threshold, m², valid for its pair of maps only: "In all cases where the
+/// alignment is satisfactory, the score is below 0.0037 for this map pair".
 inline constexpr double kPublishedSuccessScore = 0.0037;
 
 struct PublishedOutcome {
   double score;  ///< m²
   int iterations;
-  double duration_s;  ///< PCL without optimisation, scored at each iteration
+  double duration_s;  ///< of unoptimised PCL code that computed the score at each iteration
 };
 
 /// One configuration, and its results in the paper's supplement.
@@ -115,17 +115,17 @@ struct PaperResults {
 PaperResults run_paper_experiments(const MapPair& pair, const PaperOptions& options = {},
                                    const Execution& execution = {});
 
-/// Initial target_from_source of a run: the true pose (the identity if unknown), displaced as in
-/// the paper: rotated about the target's origin, then translated.
+/// Initial target_from_source of a run: the true pose, or the identity if it is unknown, displaced
+/// as in the paper: rotated about the target's origin, then translated.
 Rigid3 initial_pose(const Displacement& displacement, const std::optional<Rigid3>& truth);
 
 /// The run of one strategy under a published configuration.
 const TrialResult& run_of(const PaperResults& results, std::size_t configuration,
                           std::size_t strategy);
 
-/// The tables of the paper and its supplement, with published numbers next to ours: scores per
-/// experiment (for k, the paper's Table 1), iterations, pose errors if the truth is known, and
-/// success counts. No durations.
+/// Tables as in the paper and its supplement, with the published numbers next to ours. They contain
+/// the scores per experiment (for k, the paper's Table 1), iterations, success counts and, if the
+/// truth is known, pose errors. They contain no durations.
 /// @param tolerance largest pose error of a success
 std::vector<ResultTable> paper_tables(const PaperResults& results, const PoseTolerance& tolerance);
 
@@ -152,9 +152,9 @@ struct CommonView {
   std::size_t landmarks = 0;  ///< source landmarks observed by both frames
 };
 
-/// Finds the frames of two aligned maps with the most common landmarks; of equal counts, the first.
-/// A source landmark is common if its nearest target landmark is within the radius and both frames
-/// observe their landmark.
+/// Finds the pair of frames, one of each aligned map, with the largest number of common landmarks;
+/// of equal pairs, the first. A source landmark is common if its nearest target landmark is within
+/// the radius, one frame observes the source landmark, and the other the target landmark.
 /// @param radius in the maps' unit of length, positive
 /// @returns std::nullopt if no two frames have a common landmark, or a map has no observations
 std::optional<CommonView> find_common_view(const LandmarkMap& source, const LandmarkMap& target,

@@ -39,7 +39,7 @@ struct MapPair {
 
 /// Method by which a trial estimates the pose.
 enum class Method {
-  kIcp,       ///< the paper's ICP with PCL's stopping rules; iterations compare with published ones
+  kIcp,       ///< the paper's ICP and PCL's stopping rules; iterations comparable to published ones
   kFast,      ///< ICP, on growing samples first; stops when matches repeat
   kRobust,    ///< refine(), with confidences as weights
   kAnywhere,  ///< place(); ignores the initial pose; a pose that is not aligned is a failure
@@ -116,11 +116,11 @@ struct TrialResult {
   std::optional<Rigid3> target_from_source;  ///< std::nullopt for a failure
   std::optional<PoseError> error;            ///< if there is a pose and the truth is known
   bool fits_inverse = false;                 ///< see cairn::fits_inverse(); not in runs.csv
-  double duration_s = 0.0;                   ///< the only value that differs between runs
+  double duration_s = 0.0;                   ///< the only value that is not reproducible
 };
 
-/// Aligns with the trial's method. `initial` and the trial's k replace the values in the options;
-/// kRobust uses only the initial pose and max_iterations, kAnywhere no options.
+/// Aligns with the trial's method. `initial` and the trial's k replace the values in the options.
+/// kRobust uses only the initial pose and max_iterations; kAnywhere uses no options.
 /// @param points points of the pair, with clouds if needs_clouds()
 /// @param initial initial target_from_source
 /// @throws Error (cancelled)

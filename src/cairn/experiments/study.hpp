@@ -82,8 +82,8 @@ Study parse_study(const std::string& yaml, std::string_view name);
 /// All settings that determine a study's runs, in canonical form: equal texts and maps give equal runs.
 std::string canonical_text(const Study& study);
 
-/// The runs of a study in order: by pair, initial pose, k (only the first for methods and strategies that
-/// ignore k, such as base ICP), method and strategy.
+/// The runs of a study, ordered by pair, initial pose, k, method and strategy. Methods and
+/// strategies that ignore k, such as base ICP, run only with the first k.
 class StudyPlan {
  public:
   explicit StudyPlan(const Study& study);
@@ -197,8 +197,8 @@ void require_runs_of(const std::filesystem::path& folder, const Study& study,
 /// identical to the file of a single process. The merged folder is created atomically.
 /// @param merged a new or empty folder
 /// @return the kinds of processor that wrote the rows, as StudyFolder::processors()
-/// @throws Error (input) naming a folder of another study, incomplete, missing or given twice; (storage) if
-///        `merged` holds anything or cannot be written
+/// @throws Error (input) naming a folder that is missing, incomplete, of another study or given
+///        twice; (storage) if `merged` holds anything or cannot be written
 std::vector<std::string> merge_study(const std::vector<std::filesystem::path>& shards,
                                      const std::filesystem::path& merged);
 
@@ -211,7 +211,7 @@ struct SuccessCount {
     ++trials;
     if (success) ++successes;
   }
-  std::optional<double> share() const;  ///< std::nullopt for no trials
+  std::optional<double> share() const;  ///< std::nullopt if there are no trials
 };
 
 /// Success count with a confidence interval of the share, at the study's confidence level. Runs of one pair
@@ -243,8 +243,8 @@ struct StrategySummary {
 /// Whether the score predicts success, i.e. a lower score means a better pose.
 struct ScoreJudgement {
   std::size_t pairs = 0;  ///< pairs with both correct and wrong poses
-  /// Over those pairs: area under the ROC curve, the probability that a correct pose has a lower
-  /// score than a wrong pose.
+  /// Median over these pairs of the area under the ROC curve: the probability that a correct pose
+  /// has a lower score than a wrong pose of the same pair.
   double median_auc = 0.5;
   double lowest_auc = 0.5;
   SuccessRate passed_wrong;     ///< runs with a wrong pose that pass by score

@@ -36,8 +36,8 @@ struct RecordedMessage {
 /// a folder with the files of one recording. Holds message locations and a few unpacked chunks.
 class Recording {
  public:
-  /// @param log receives a loss with the position at which a damaged or truncated file becomes
-  ///        unreadable
+  /// @param log receives a loss remark with the position at which a damaged or truncated file
+  ///        becomes unreadable
   /// @throws Error (input) naming file and byte: another format, or no messages
   explicit Recording(const std::filesystem::path& path, const LogSink& log = {});
   ~Recording();

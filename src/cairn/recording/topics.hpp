@@ -17,7 +17,7 @@ struct ImageTopic {
   std::uint32_t topic = 0;  ///< position in Recording::topics()
   bool is_depth = false;
   std::string frame;               ///< frame of the first image
-  std::optional<CameraInfo> info;  ///< from the camera_info beside the topic, or with its frame
+  std::optional<CameraInfo> info;  ///< from the camera_info topic beside it, or with its frame
 };
 
 /// The readable image topics (ROS 1 or CDR), sorted by name. Compressed copies of recorded raw

@@ -48,8 +48,8 @@ struct IcpOptions {
 /// Aligns one point set to another with the paper's ICP: base ICP if the target has no confidences,
 /// else weighted ICP.
 ///
-/// An expected failure (an empty set, too few matches) is a status. The same input gives the same result
-/// for any number of threads.
+/// An expected failure (an empty set, too few matches) is reported as a status. The same input
+/// gives the same result for any number of threads.
 ///
 /// @throws Error (misuse) for invalid options, a wrong number of confidences, or positions or confidences
 ///        that are not finite

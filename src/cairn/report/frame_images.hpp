@@ -19,7 +19,7 @@ namespace cairn::report {
 inline constexpr std::size_t kMostFrameImages = 60;
 inline constexpr std::uint32_t kWidestFrameImage = 320;  ///< pixels
 
-/// Largest number of bytes of the images that LinkImages adds; a page has a third more.
+/// Largest number of image bytes that LinkImages adds; encoded in a page, they are a third more.
 inline constexpr std::size_t kMostLinkImageBytes = std::size_t{8} << 20U;
 
 /// Images for frames of a map, from the sequence that the map was built from, or from a folder of
@@ -35,7 +35,7 @@ inline constexpr std::size_t kMostLinkImageBytes = std::size_t{8} << 20U;
 std::vector<FrameImage> frame_images(const LandmarkMap& map, const std::filesystem::path& folder,
                                      const LogSink& log = {});
 
-/// The images of several maps' keyframes, of which a page shows two for each link.
+/// The images of several maps' keyframes. A page shows two of these images for each link.
 class LinkImages {
  public:
   /// @param maps null: not shown. The others must outlive this
@@ -48,12 +48,12 @@ class LinkImages {
   LinkImages(const LinkImages&) = delete;
   LinkImages& operator=(const LinkImages&) = delete;
 
-  /// Adds to each link the two keyframes that have the most landmarks in common, with their images, and
-  /// to the text of the section how many links have none. A source landmark and the
-  /// target landmark nearest to it at the link's pose are common if their distance is below the
-  /// median distance of neighbouring target landmarks; of several, the nearest counts.
-  /// A link without a pose is shown at the final poses of its maps, if they are in one frame. If
-  /// not all images fit, links with a pose come first, the least certain ones before the others. A
+  /// Adds the two keyframes with the most common landmarks, and their images, to each link. Adds
+  /// the number of links without images to the section's text. A source landmark and the target
+  /// landmark nearest to it at the link's pose are common if their distance is below the median
+  /// distance of neighbouring target landmarks; of several source landmarks, the nearest counts. A
+  /// link without a pose is shown at the final poses of its maps, if they are in one frame. If not
+  /// all images fit, links with a pose come first, the least certain ones before the others. A
   /// missing or unreadable image is left out; the log names the unreadable file.
   /// @param report after add_network() of these maps and edges
   /// @throws Error (misuse) without a network of as many maps

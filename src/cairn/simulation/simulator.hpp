@@ -19,9 +19,9 @@ namespace cairn {
 ///
 /// Depth follows the structured-light sensor of the first Kinect, which measures disparity (inverse
 /// depth) with noise and quantisation. Standard deviation and step of the depth z therefore grow
-/// with z²: sigma = depth_noise_m·z², step = depth_step_m·z² (Khoshelham and Elberink, "Accuracy
-/// and Resolution of Kinect Depth Data for Indoor Mapping Applications", Sensors 2012, 12: 1.425 mm
-/// and 2.85 mm at 1 m). These pixels have no reading:
+/// with z²: depth_noise_m·z² and depth_step_m·z². At 1 m, these are 1.425 mm and 2.85 mm
+/// (Khoshelham and Elberink, "Accuracy and Resolution of Kinect Depth Data for Indoor Mapping
+/// Applications", Sensors 12, 2012). These pixels have no reading:
 /// - pixels with a depth outside the range,
 /// - the projector's shadow beside near objects, on the side away from the projector; its width
 ///   depends on baseline and depths,

@@ -40,15 +40,15 @@ std::vector<double> nearest_squared_distances(std::span<const Eigen::Vector3d> p
 }
 
 /// The paper's score (Eq. 5, like PCL's getFitnessScore): mean squared distance to the nearest
-/// points, in the squared unit of length; std::nullopt for no points. A lower score is a closer
-/// fit, not always a better pose.
+/// points, in the squared unit of length; std::nullopt if there are no points. A lower score is a
+/// closer fit, not always a better pose.
 inline std::optional<double> fitness_score(std::span<const double> squared_distances) {
   if (squared_distances.empty()) return std::nullopt;
   return std::accumulate(squared_distances.begin(), squared_distances.end(), 0.0) /
          static_cast<double>(squared_distances.size());
 }
 
-/// Share of the points whose nearest point is within `radius`; std::nullopt for no points.
+/// Share of the points whose nearest point is within `radius`; std::nullopt if there are no points.
 inline std::optional<double> share_within(std::span<const double> squared_distances,
                                           double radius) {
   if (squared_distances.empty()) return std::nullopt;
