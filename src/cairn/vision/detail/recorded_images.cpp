@@ -211,8 +211,12 @@ struct RecordedImages::Content {
     const bool is_same = std::ranges::all_of(std::array{0, 2, 4, 5}, [&](std::size_t at) {
       return std::abs(color->intrinsics[at] - depth->intrinsics[at]) < kSame;
     });
-    if (is_same) return std::nullopt;
     const auto pose = image_from_partner(recording, topics);
+    // Drivers give both cameras of a device the same nominal CameraInfo.
+    constexpr double kSamePlace = 1e-3;  // m
+    const bool is_beside = pose && pose->translation().norm() > kSamePlace &&
+                           topics.image.frame != topics.depth_or_right.frame;
+    if (is_same && !is_beside) return std::nullopt;
     reject_if(!pose, info_place(topics.depth_or_right), "another camera than that of the images",
               "depth that is registered to them, as the topic aligned_depth_to_color, or tf_static "
               "that says where it is");

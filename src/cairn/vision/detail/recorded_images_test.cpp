@@ -239,6 +239,13 @@ TEST_F(RecordedImagesTest, DepthOfAnotherCameraIsRegistered) {
   for (std::size_t i = 0; i < original.frames().size(); ++i) {
     EXPECT_EQ(recording.read(i).depth, expected(original.read(i).depth));
   }
+  // A nominal CameraInfo of both cameras does not put one where the other is.
+  messages[1].bytes = testing::camera_info_bytes("cdr", testing::camera_info(kCamera, "d"));
+  const detail::DepthRegistration beside(kCamera, kCamera,
+                                         Rigid3(Eigen::Quaterniond::Identity(), {0.05, 0.0, 0.0}));
+  EXPECT_EQ(open(messages).read(0).depth, beside(original.read(0).depth));
+  messages.pop_back();
+  EXPECT_EQ(open(messages).read(0).depth, original.read(0).depth);
   wide.width = 31;
   messages[1].bytes = testing::camera_info_bytes("cdr", testing::camera_info(wide, "d"));
   EXPECT_THAT(refused(messages),
