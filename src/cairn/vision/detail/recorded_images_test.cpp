@@ -244,8 +244,9 @@ TEST_F(RecordedImagesTest, DepthOfAnotherCameraIsRegistered) {
   const detail::DepthRegistration beside(kCamera, kCamera,
                                          Rigid3(Eigen::Quaterniond::Identity(), {0.05, 0.0, 0.0}));
   EXPECT_EQ(open(messages).read(0).depth, beside(original.read(0).depth));
-  messages.pop_back();
-  EXPECT_EQ(open(messages).read(0).depth, original.read(0).depth);
+  WrittenMessages alone = messages;
+  alone.pop_back();
+  EXPECT_EQ(open(alone).read(0).depth, original.read(0).depth);
   wide.width = 31;
   messages[1].bytes = testing::camera_info_bytes("cdr", testing::camera_info(wide, "d"));
   EXPECT_THAT(refused(messages),
