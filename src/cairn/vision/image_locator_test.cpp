@@ -250,7 +250,7 @@ TEST(ImageLocator, GivesTheSameResultAgain) {
 }
 
 // A wall with edges, as photographs have: the bytes of SIFT depend on them.
-cv::Mat posters(int right, int down) {
+cv::Mat whole_wall() {
   cv::RNG random(4);
   cv::Mat wall(640, 960, CV_8UC1, cv::Scalar(120));
   for (int i = 0; i < 900; ++i) {
@@ -258,7 +258,11 @@ cv::Mat posters(int right, int down) {
                           random.uniform(6, 60));
     cv::rectangle(wall, poster, cv::Scalar(random.uniform(0, 256)), cv::FILLED);
   }
-  return wall(cv::Rect(100 + right, 60 + down, 640, 480)).clone();
+  return wall;
+}
+
+cv::Mat posters(int right, int down) {
+  return whole_wall()(cv::Rect(100 + right, 60 + down, 640, 480)).clone();
 }
 
 // SIFT features of that wall's middle as landmarks, at any depths along their lines of sight.
@@ -377,6 +381,44 @@ cv::Mat posters_through(const Camera& camera) {
   cv::Mat distorted;
   cv::remap(posters(60, 40), distorted, from, cv::noArray(), cv::INTER_CUBIC);
   return distorted;
+}
+
+// A wide lens sees more of the wall than the rectangle of a pinhole image of its size.
+TEST(ImageLocator, MatchesWhatAWideLensSeesOutsideTheRectangleOfItsImage) {
+  const cv::Mat wall = whole_wall();
+  const cv::Point offset(160, 100);  // of the middle, where posters(60, 40) looks
+  const detail::SiftFeatures features = detail::sift_features(wall, 4000, true);
+  const Camera flat = TexturedWall::camera();
+  MapTables tables;
+  DescriptorColumn descriptors{.kind = "SIFT", .bytes_each = 128, .known = {}, .bytes = {}};
+  descriptors.bytes = features.descriptors;
+  for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
+    const cv::Point2f at = features.keypoints[i].pt - cv::Point2f(offset);
+    tables.landmarks.ids.push_back(LandmarkId{i});
+    tables.landmarks.positions.emplace_back(TexturedWall::kDepthM * *unproject(flat, {at.x, at.y}));
+    descriptors.known.push_back(1);
+  }
+  tables.landmarks.descriptors = std::move(descriptors);
+  const Camera wide = barrel_camera(-0.2);
+  const auto place_on_wall = [&](double u, double v) {
+    const Eigen::Vector3d ray = *unproject(wide, {u, v});
+    return cv::Point2f(static_cast<float>(TexturedWall::kFocal * ray.x() / ray.z() + 319.5),
+                       static_cast<float>(TexturedWall::kFocal * ray.y() / ray.z() + 239.5));
+  };
+  cv::Mat_<cv::Point2f> from(480, 640);
+  from.forEach([&](cv::Point2f& place, const int* at) {
+    place = place_on_wall(at[1], at[0]) + cv::Point2f(offset);
+  });
+  cv::Mat image;
+  cv::remap(wall, image, from, cv::noArray(), cv::INTER_CUBIC);
+  const ImageLocation found =
+      ImageLocator(LandmarkMap(std::move(tables)), wide).locate(image_of(image));
+  ASSERT_TRUE(found.located) << found.reason;
+  const auto outside = std::ranges::count_if(found.matches, [&](const ImageMatch& match) {
+    const cv::Point2f place = place_on_wall(match.pixel.u, match.pixel.v);
+    return place.x < -20.0F || place.y < -20.0F || place.x > 660.0F || place.y > 500.0F;
+  });
+  EXPECT_GT(outside, 10);
 }
 
 TEST(ImageLocator, FindsTheDistortionWithTheFocalLength) {
