@@ -101,11 +101,10 @@ void ConvertArguments::add_transforms_to(const Command& command) {
   transform.add_to(command, "transform", "Transform the map by new_from_old");
   command.add_text(
       "--apply", apply,
-      "Transform the input by an alignment: the JSON of cairn align, or 16 numbers, row-major; or "
-      "as a merge placed a map: merge.json#MAP, of the JSON of cairn merge, cairn atlas merge or "
-      "cairn atlas show; or as nerfstudio does: dataparser_transforms.json. The input is a map, a "
-      "trajectory, or a PLY cloud or mesh, whose other "
-      "properties are kept",
+      "Transform the input. FILE is the JSON of cairn align; or 16 numbers, row-major; or "
+      "merge.json#MAP: the JSON of cairn merge, cairn atlas merge or cairn atlas show, and the map "
+      "whose pose is used; or nerfstudio's dataparser_transforms.json. The input is a map, a "
+      "trajectory, or a PLY cloud or mesh, whose other properties are kept",
       "FILE");
   command.add_flag(
       "--enu", enu,
@@ -143,8 +142,8 @@ void ConvertArguments::add_to(const Command& command) {
   command.add_text(
       "--format", format,
       "Output format, whatever the output's ending: " + all_formats().written_names_text() +
-          "; for a trajectory: tum (default), euroc (.csv) or kitti; for a pose graph, whose "
-          "poses have no times: kitti (default: .g2o or .json, by the ending)",
+          "; for a trajectory: tum (default), euroc (.csv) or kitti; for a pose graph: kitti, "
+          "because its poses have no times (default: g2o or JSON, by the output's ending)",
       "FORMAT");
   command.add_text(
       "--frames", frames,
@@ -162,8 +161,8 @@ void ConvertArguments::add_to(const Command& command) {
 #ifdef CAIRN_HAS_ODOMETRY
   command.add_text(
       "--images", images,
-      "Give the landmarks SIFT descriptors of the map's images, which are in this folder "
-      "by their names in the map",
+      "Compute SIFT descriptors of the landmarks from the map's images, which are in this "
+      "folder and named as in the map",
       "FOLDER");
 #endif
   add_estimates_to(command);

@@ -287,7 +287,7 @@ struct LocateArguments {
         fmt::format(
             "Camera of the images: {}; or unknown: the lens is found with the pose (EXIF data "
             "help); or "
-            "shared: one unknown lens took all images of a size and EXIF focal length "
+            "shared: as unknown, but images of the same size and EXIF focal length have one lens "
             "(default: the map's camera for images of that size, or unknown if it has none or "
             "several)",
             kCameraHelp),
@@ -342,9 +342,9 @@ struct LocateArguments {
         "  cairn locate lab.map 12.0.png 12.5.png 13.0.png --camera fr1 --poses odometry.tum\n"
         "The exit code is 0 if every image is located, 3 if a file is no image, else 4. A pose is "
         "right if\n"
-        "it is within 5 degrees and 5 cm; in a map of free scale, 5 cm are a sixtieth of the "
-        "median distance\n"
-        "of the landmarks from their centre.");
+        "it is within 5 degrees and 5 cm; in a map of free scale, within a sixtieth of the median "
+        "distance of\n"
+        "the landmarks from their centre instead of 5 cm.");
   }
 
   int run() {

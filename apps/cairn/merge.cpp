@@ -249,7 +249,8 @@ struct MergeMapsArguments {
     add_adjustment_to(command, options);
     command
         .add_flag("--drop-floaters", options.drop_floaters,
-                  "Leave out floaters, which the images of another splat's model look through")
+                  "Leave out floaters: Gaussians in space that the images of another splat's model "
+                  "show to be empty")
         .needs(command.option("--models"));
     common.add_report_to(command, "maps and links as a graph, a matrix and in 3D");
     add_images_to(command, images);

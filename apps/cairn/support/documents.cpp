@@ -46,8 +46,8 @@ void MapLoading::add_to(const Command& command) {
   command
       .add_text(
           "--convention", convention,
-          "Conventions of a file that breaks those of its format: data uses those under which "
-          "landmarks project to their observations, format the format's",
+          "How to read a file that breaks the conventions of its format. data: by the conventions "
+          "under which landmarks project to their observations; format: by those of the format",
           "data|format")
       .shows("data");
 }
@@ -59,12 +59,13 @@ void MapLoading::validate() const {
 
 void add_models_to(const Command& command, std::vector<std::string>& models,
                    const std::string& how_many) {
-  command.add_words("--models", models,
-                    "Align these in place of the maps, " + how_many +
-                        ": the models, in the maps' frames, that splats were trained on. "
-                        "nerfstudio's dataparser_transforms.json beside a map is applied to its "
-                        "model",
-                    "MODEL...");
+  command.add_words(
+      "--models", models,
+      "For Gaussian splats: align the models that the splats were trained on instead, " + how_many +
+          ". Each must be in the frame of its splat. "
+          "nerfstudio's dataparser_transforms.json beside a map is applied to its "
+          "model",
+      "MODEL...");
 }
 
 LandmarkMap load_model(const std::string& path, LoadedMap& map, const CommonArguments& common) {

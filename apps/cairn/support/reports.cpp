@@ -120,8 +120,8 @@ void add_sequence_to(const Command& command, const std::string& option, std::str
                      const std::string& whose) {
   const Option given = command.add_text(
       option, folder,
-      fmt::format("Show in the report what keyframes of {} saw, at most {}: folder of the RGB-D "
-                  "sequence that it was built from, or of the images by their names in the map",
+      fmt::format("Folder of the images of {}: its RGB-D sequence, or images named as in the map. "
+                  "The report shows the images of up to {} keyframes",
                   whose, report::kMostFrameImages),
       "DIR");
   if (command.has_option("--report")) given.needs(command.option("--report"));
@@ -137,9 +137,10 @@ void add_images_to(const Command& command, std::vector<std::string>& folders) {
   command
       .add_words(
           "--images", folders,
-          "Show in the report two keyframes of each link that have the most landmarks in common: "
-          "folder of the sequence that the maps were built from, or of the images by their names "
-          "in the maps; one for all, or one for each session in the maps' order",
+          "Folder of the maps' images: their sequence, or images named as in the maps; one folder "
+          "for all, or one for each session in the maps' order. For each link, the report shows "
+          "the "
+          "two keyframes with the most landmarks in common",
           "FOLDER...")
       .needs(command.option("--report"));
 }

@@ -543,8 +543,8 @@ constexpr OptionField kAlignFields[] = {
      option_at<&AlignOptions::deformation>,
      {},
      "!--no-deformation",
-     "With --scale: never align up to a smooth deformation (default: with descriptors, "
-     "states it, and aligns maps that fit no other way)"},
+     "With --scale: look for no smooth deformation between the maps (default: maps with "
+     "descriptors are aligned by one if they fit no other way, and the result states it)"},
     {"judge",
      option_at<&AlignOptions::judge>,
      {},

@@ -126,8 +126,8 @@ struct SightCounts {
 struct SeenAlike {
   /// Number of source landmarks with target landmarks seen alike within half a matching radius.
   std::size_t landmarks = 0;
-  /// Number of these that are distinctive: the two landmarks differ by less than half as much as
-  /// each differs from any landmark elsewhere in its map. The count stops where it suffices.
+  /// Number of these whose descriptors differ by less than half as much as each differs from any
+  /// landmark elsewhere in its own map. Counting stops once the number is enough for the verdict.
   std::size_t distinctive = 0;
 };
 

@@ -26,11 +26,11 @@ std::vector<FrameIndex> keyframes_in_order(const LandmarkMap& map);
 /// agree up to a bend of the map.
 ///
 /// A part is aligned separately if place() aligns it and at least 15 descriptor matches outside
-/// their largest cluster agree with the pose. There is a consensus if at least two parts of one map
-/// are aligned, and match different parts of the other map, each with at least a fifth of its
-/// matches. Consecutive aligned parts must differ by at most 8 degrees and 0.15 times the map's
-/// radius, and any two must differ by at most 20 degrees. An aligned part of the other map revokes
-/// the consensus if it differs from each of these parts by more than consecutive parts may.
+/// their largest cluster agree with the pose. A consensus needs two or more aligned parts of one map
+/// that match different parts of the other map. A part matches another if a fifth of its matches
+/// lie there. The poses of consecutive aligned parts must differ by at most 8 degrees and 0.15 times
+/// the map's radius, any two by at most 20 degrees. There is no consensus if an aligned part of the
+/// other map has a pose that differs from each of these poses by more than 8 degrees or 0.15 radii.
 ///
 /// @param options options of each placement; `search` and `trace` have no effect
 /// @return no parts if either map cannot be cut or has no descriptors

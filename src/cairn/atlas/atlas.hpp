@@ -53,7 +53,7 @@ std::vector<AtlasComponent> components_of(const AtlasState& state);
 
 /// The component that contains `node`; std::nullopt: the largest component.
 /// @param name name of the atlas in messages
-/// @throws Error (misuse) if no two maps have poses in one frame, or `node` is not one of such maps
+/// @throws Error (misuse) if there is no component, or `node` is in none
 AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
                               const std::string& name);
 

@@ -47,8 +47,8 @@ class ColumnMotion {
   std::vector<std::size_t> changed_;
 };
 
-/// Transforms named columns as ColumnMotion.
-/// @throws Error (input) as ColumnMotion
+/// Applies a ColumnMotion to each row of the columns.
+/// @throws Error (input) as its constructor
 void move_columns(std::span<NamedColumn> columns, const Similarity3& new_from_old,
                   std::string_view where);
 

@@ -45,7 +45,7 @@ struct OptimisedPoses {
   /// Per link: whether both nodes are in the group and the link agrees with their poses.
   /// Disagreeing links were not used.
   std::vector<bool> agrees;
-  /// Links of the spanning tree of most certain links, in the order in which the tree grows from
+  /// Indices of the links of the most certain spanning tree, in the order in which it grows from
   /// the first node.
   std::vector<std::size_t> tree;
 };

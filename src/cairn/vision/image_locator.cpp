@@ -74,7 +74,7 @@ std::string_view to_string(LocationFailure failure) {
 
 constexpr OptionField kLocateFields[] = {
     {"features", option_at<&LocateOptions::features, &FeatureOptions::count>, kAny, "--features",
-     "Number of corners to detect in an image; of SIFT features four times as many"},
+     "Number of corners to detect in an image; four times as many SIFT features"},
     {"min_probability", option_at<&LocateOptions::min_probability>, kProbability,
      "--min-probability", "Least probability of a located image, at least 0.5 and below 1"},
 };

@@ -94,8 +94,8 @@ constexpr OptionField kLinkFields[] = {
      option_at<&LinkOptions::candidates>,
      {},
      "--candidates",
-     "Number of other maps to try each map with, the likeliest; 0: all (default: all for up to 32 "
-     "maps, else 10)"},
+     "Align each map only with this many other maps, those that most likely show the same place; "
+     "0: with all (default: with all for up to 32 maps, else 10)"},
 };
 static_assert(kMapsTriedInFull == 32 && kDefaultCandidates == 10, "the help says so");
 constinit const OptionTable LinkOptions::table = {"LinkOptions", kLinkFields};
