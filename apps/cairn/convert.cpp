@@ -423,6 +423,10 @@ bool ConvertArguments::write_graph(std::string_view first) const {
   write_file(output, [&](const ByteSink& sink) {
     if (is_kitti) {
       const LogSink log = strict_log(common.console().log(), loading.strict);
+      if (!graph->links.empty() && log) {
+        log({fmt::format("KITTI has no place for: {} links; left out", graph->links.size()),
+             RemarkKind::kLoss});
+      }
       write_trajectory(poses_of(*graph, log), TrajectoryFormat::kKitti, sink);
     } else if (is_g2o_file) {
       write_g2o(g2o_graph(*graph), sink);

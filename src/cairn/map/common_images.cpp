@@ -9,6 +9,8 @@
 #include <tuple>
 #include <unordered_map>
 
+#include <Eigen/Core>
+
 namespace cairn {
 namespace {
 
@@ -110,6 +112,43 @@ bool have_one_content(const KnownImage& a, const KnownImage& b, const SharedKeyp
   const std::size_t count = shared.pairs.size();
   return shared.exact || (count >= kFewestShared &&
                           static_cast<double>(count) >= kLeastShared * static_cast<double>(fewer));
+}
+
+// The vector from a keypoint to the nearest other one that is not within a keypoint's distance.
+Eigen::Vector2d step_from(const KnownImage& image, std::size_t from) {
+  constexpr double kOwn = 1.5;  // pixels
+  Eigen::Vector2d nearest(0.0, 0.0);
+  double least = std::numeric_limits<double>::infinity();
+  const Pixel& here = image.keypoints[from].pixel;
+  for (const auto& [pixel, landmark] : image.keypoints) {
+    const Eigen::Vector2d step(pixel.u - here.u, pixel.v - here.v);
+    const double length = step.norm();
+    if (length <= kOwn || length >= least) continue;
+    least = length;
+    nearest = step;
+  }
+  return nearest;
+}
+
+// Whether the keypoints coincide about as often if one image is shifted by steps between its own keypoints. Keypoints on
+// a common grid, such as those of dense matchers, do so whatever the images show.
+bool is_by_grid(const KnownImage& a, const KnownImage& b, const SharedKeypoints& shared) {
+  constexpr std::size_t kSteps = 8;
+  constexpr std::size_t kClearly = 2;  // times as many
+  const auto is_whole = [](const auto& pair) { return is_on_grid(pair.first->pixel); };
+  KnownImage shifted = b;
+  for (std::size_t k = 0; k < kSteps; ++k) {
+    const Eigen::Vector2d step = step_from(b, (2 * k + 1) * b.keypoints.size() / (2 * kSteps));
+    if (step.isZero()) continue;
+    for (std::size_t i = 0; i < b.keypoints.size(); ++i) {
+      const Pixel& pixel = b.keypoints[i].pixel;
+      shifted.keypoints[i].pixel = {pixel.u + step.x(), pixel.v + step.y()};
+    }
+    auto pairs = coinciding(a, shifted, shared.exact ? kExactly : kWithin);
+    if (std::ranges::none_of(shared.pairs, is_whole)) std::erase_if(pairs, is_whole);
+    if (kClearly * pairs.size() >= shared.pairs.size()) return true;
+  }
+  return false;
 }
 
 struct PixelHash {
@@ -279,6 +318,7 @@ class Pairing {
 
  private:
   void pair(std::size_t of_first, std::size_t of_second, SharedKeypoints keypoints) {
+    if (is_by_grid(first_[of_first], second_[of_second], keypoints)) return;
     partner_[of_first] = of_second;
     taken_[of_second] = 1;
     shared_.push_back(std::move(keypoints));

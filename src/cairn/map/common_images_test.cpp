@@ -113,6 +113,31 @@ TEST(CommonImages, AreNotKnownByAFewWholePixels) {
   EXPECT_THAT(common(rounded(1), rounded(1)).same, SizeIs(1));
 }
 
+// As those of dense matchers, which describe the middle of each cell.
+LandmarkMap on_cells(const LandmarkMap& map) {
+  constexpr double kCell = 8.0;
+  MapTables tables = LandmarkMap(map).tables();
+  for (Pixel& pixel : tables.observations.pixels) {
+    pixel = {kCell * std::floor(pixel.u / kCell) + 3.3, kCell * std::floor(pixel.v / kCell) + 3.3};
+  }
+  return LandmarkMap(std::move(tables));
+}
+
+TEST(CommonImages, AreNotKnownByCellsThatAnyImageHas) {
+  const std::vector<int> many = from_to(0, 1500);
+  for (const bool timed : {false, true}) {
+    for (const char* name : {"a", "b", ""}) {
+      const LandmarkMap first = on_cells(map_of({{"a", 1, many}}, 1500, 0.0, timed));
+      const LandmarkMap second = on_cells(map_of({{name, 2, many}}, 1500, 0.0, timed));
+      EXPECT_THAT(common(first, second).same, IsEmpty()) << name << timed;
+    }
+  }
+  // Few keypoints in the same cells are no chance.
+  const std::vector<int> few = from_to(0, 200);
+  const LandmarkMap once = on_cells(map_of({{"a", 1, few}}, 200));
+  EXPECT_THAT(common(once, on_cells(map_of({{"a", 1, few}}, 200))).same, SizeIs(1));
+}
+
 TEST(CommonImages, AreToldFromOthersOfOneName) {
   const auto a = map_of({{"1.jpg", 1, from_to(0, 200)}}, 200);
   const auto b = map_of({{"1.jpg", 9, from_to(0, 200)}}, 200);

@@ -4,6 +4,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -481,18 +482,17 @@ MapInfo info_of_world(std::span<const PlacedMap> maps) {
   const MapInfo& first = maps.front().map->info();
   MapInfo info;
   info.length_unit = first.length_unit;
-  info.gravity = first.gravity;
-  if (maps.front().is_in_world()) {
-    info.world_frame = first.world_frame;
-  } else if (info.gravity) {
-    info.gravity = maps.front().world_from_map.rigid().rotation() * *info.gravity;
-  }
+  if (maps.front().is_in_world()) info.world_frame = first.world_frame;
   for (const PlacedMap& placed : maps) {
-    const auto& georeference = placed.map->info().georeference;
-    if (!georeference) continue;
-    info.georeference =
-        placed.is_in_world() ? *georeference : georeference->moved(placed.world_from_map);
-    break;
+    const auto& [gravity, georeference] =
+        std::tie(placed.map->info().gravity, placed.map->info().georeference);
+    const bool is_moved = !placed.is_in_world();
+    if (!info.gravity && gravity) {
+      info.gravity = is_moved ? placed.world_from_map.rigid().rotation() * *gravity : *gravity;
+    }
+    if (!info.georeference && georeference) {
+      info.georeference = is_moved ? georeference->moved(placed.world_from_map) : *georeference;
+    }
   }
   return info;
 }

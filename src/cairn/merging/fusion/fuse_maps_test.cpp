@@ -454,6 +454,14 @@ TEST(FuseMaps, PutsTheFirstMapIntoTheWorldLikeTheOthers) {
   EXPECT_NEAR(found.info().georeference->geodetic(x).latitude_deg,
               expected.info().georeference->geodetic(x).latitude_deg, 1e-12);
   EXPECT_FALSE(found.info().world_frame) << "the name is that of the map's own frame";
+  // Whichever map knows it.
+  MapTables plain = LandmarkMap(pair.source).tables();
+  plain.info.gravity.reset();
+  const LandmarkMap source(std::move(plain));
+  const PlacedMap first = {&source, "source", in_world[1].world_from_map};
+  const LandmarkMap turned = fuse_maps(std::vector{first, in_world[0]}).map;
+  ASSERT_TRUE(turned.info().gravity);
+  EXPECT_LT((*turned.info().gravity - *expected.info().gravity).norm(), 1e-12);
 }
 
 TEST(FuseMaps, KeepsTheControlPointsOfAllMaps) {
