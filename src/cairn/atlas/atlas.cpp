@@ -241,24 +241,6 @@ std::vector<AtlasComponent> components_of(const AtlasState& state) {
   return components;
 }
 
-AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
-                              const std::string& name) {
-  const std::vector<AtlasComponent> components = components_of(state);
-  if (node) {
-    const AtlasNode& wanted = require_node(state, *node);
-    const auto pose = state.poses.find(wanted.id);
-    for (const AtlasComponent& component : components) {
-      if (pose != state.poses.end() && component.frame == pose->second.frame) return component;
-    }
-    throw Error(ErrorKind::kMisuse, name,
-                fmt::format("{} has no pose in a frame with other maps", wanted.name),
-                "a map that 'optimize' placed");
-  }
-  refuse_if(components.empty(), name, "no two maps are in one frame",
-            "maps that 'link' linked and 'optimize' placed");
-  return components.front();
-}
-
 bool is_used(const AtlasState& state, const Link& link) {
   const auto agrees = state.agrees.find(link.id);
   return link.connects() && agrees != state.agrees.end() && agrees->second &&
@@ -291,11 +273,29 @@ void require_links(const AtlasState& state, const AtlasComponent& component,
 
 }  // namespace
 
+AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
+                              const std::string& name) {
+  const std::vector<AtlasComponent> components = components_of(state);
+  refuse_if(!node && components.empty(), name, "no two maps are in one frame",
+            "maps that 'link' linked and 'optimize' placed");
+  auto chosen = components.begin();
+  if (node) {
+    const AtlasNode& wanted = require_node(state, *node);
+    chosen = std::ranges::find_if(components, [&](const AtlasComponent& component) {
+      return std::ranges::binary_search(component.nodes, wanted.id);
+    });
+    refuse_if(chosen == components.end(), name,
+              fmt::format("{} has no pose in a frame with other maps", wanted.name),
+              "a map that 'optimize' placed");
+  }
+  require_links(state, *chosen, name);
+  return *chosen;
+}
+
 MergeResult Atlas::merge(const FusionOptions& options, std::optional<NodeId> frame,
                          std::optional<CommitId> at, const Execution& execution) {
   const AtlasState state = store_->state(at);
   const AtlasComponent chosen = component_with(state, frame, store_->name());
-  require_links(state, chosen, store_->name());
   std::map<NodeId, NodeId> index_of;
   std::list<LandmarkMap> maps;
   std::vector<MergeInput> inputs;

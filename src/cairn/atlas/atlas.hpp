@@ -53,7 +53,7 @@ std::vector<AtlasComponent> components_of(const AtlasState& state);
 
 /// The component that contains `node`; std::nullopt: the largest component.
 /// @param name name of the atlas in messages
-/// @throws Error (misuse) if there is no component, or `node` is in none
+/// @throws Error (misuse) if there is none, or removed links connected it since the last optimize()
 AtlasComponent component_with(const AtlasState& state, std::optional<NodeId> node,
                               const std::string& name);
 
@@ -121,8 +121,8 @@ class Atlas {
   /// Merges the maps of one component by fuse_placed().
   /// @param frame a map of the component; std::nullopt: the largest component
   /// @return result for all maps of the atlas, by ascending id
-  /// @throws Error (misuse) as component_with(), or if links were removed since the last optimize()
-  ///        that connected maps of the component
+  /// @throws Error (misuse) as component_with(), e.g. if links that connected the component were
+  ///        removed since the last optimize()
   MergeResult merge(const FusionOptions& options = {}, std::optional<NodeId> frame = std::nullopt,
                     std::optional<CommitId> at = std::nullopt, const Execution& execution = {});
 

@@ -439,6 +439,8 @@ TEST_F(AtlasTest, DoesNotMergeAtThePoseOfALinkThatWasRemoved) {
   EXPECT_THAT(testing::message_of(ErrorKind::kMisuse, [&] { again().merge(); }),
               AllOf(HasSubstr("the links that connected c with a were removed"),
                     HasSubstr("'cairn atlas optimize'")));
+  EXPECT_THROW(world_difference(again(), again().state(), {a}, {c}, {}, {}), Error);
+  EXPECT_THROW(export_atlas(again(), again().state(), folder_ / "out.ply", a, {}), Error);
   again().optimize();
   EXPECT_EQ(again().merge().placed(), 2U);
   again().link_manually(a, b, step() * step(), covariance());
