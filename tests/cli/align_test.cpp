@@ -702,9 +702,17 @@ TEST_F(AlignTest, ScreenShowsThePoseWholeAndWhatWouldHelp) {
   write_map(transformed(write_pair().source, Similarity3(1000.0, Rigid3())), path("mm.map"));
   const CommandResult other = cairn({"align", "mm.map", "target.map"});
   EXPECT_EQ(other.exit_code, kNoAlignment);
-  EXPECT_THAT(other.output,
-              ContainsRegex("hint: Check the units: the source's landmarks extend [0-9.e+]+ "
-                            "times as far as the target's. Scales from 1/20 to 20 are searched"));
+  EXPECT_THAT(
+      other.output,
+      ContainsRegex("hint: Check the units: the source's landmarks extend [0-9.e+]+ "
+                    "times as far as the target's. With --scale, scales from 1/20 to 20 are "
+                    "searched"));
+  // Feet: nothing but the scale that fits tells it, as the maps have no descriptors.
+  write_map(transformed(write_pair().source, Similarity3(1.0 / 0.3048, Rigid3())), path("ft.map"));
+  const CommandResult feet = cairn({"align", "ft.map", "target.map"});
+  EXPECT_EQ(feet.exit_code, kNoAlignment);
+  EXPECT_THAT(feet.output, HasSubstr("hint: Add --scale if one map may be in another unit"));
+  EXPECT_THAT(answer({"align", "ft.map", "target.map", "--scale"}), Not(HasSubstr("hint:")));
 }
 
 TEST_F(AlignTest, HintsNameOnlyWhatWouldChangeTheResult) {

@@ -87,7 +87,8 @@ class Hints {
           ratio);
       if (factor > kLargestScale) {
         text += fmt::format(
-            " Scales from 1/{0:g} to {0:g} are searched. If the units differ by more, scale the "
+            " With --scale, scales from 1/{0:g} to {0:g} are searched. If the units differ by "
+            "more, scale the "
             "source first: cairn convert SOURCE SCALED --apply FILE, where FILE has the 16 numbers "
             "of a 4x4 matrix.",
             kLargestScale);
@@ -190,9 +191,20 @@ class Hints {
             : "";
     if (!ambiguous) {
       add("Check that both maps show the same place" + shares + ".");
+      about_scale();
     } else {
       add("Map what tells the poses apart, as in a symmetric or repetitive place" + shares + ".");
     }
+  }
+
+  // Without descriptors, nothing shows that the scales differ.
+  void about_scale() {
+    const bool is_metric = source_.info().length_unit == LengthUnit::kMetres &&
+                           target_.info().length_unit == LengthUnit::kMetres;
+    const bool searched = options_.method != AlignMethod::kIcp && !with_scale_;
+    if (!is_metric || !searched || alignment_.candidates.front().support.agreement) return;
+    add("Add --scale if one map may be in another unit, such as feet, or its scale a few percent "
+        "off.");
   }
 
   // What would have made a pose more probable.
