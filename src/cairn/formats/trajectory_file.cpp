@@ -251,9 +251,9 @@ Rigid3 kitti_pose(const Record& record) {
 // A row before its columns have a meaning.
 struct Row {
   double time = 0.0;
-  std::optional<std::int64_t> whole_time;  // which a double may not hold
+  std::optional<std::int64_t> whole_time;   // which a double may not hold
   std::optional<std::int64_t> nanoseconds;  // the same, if it is in nanoseconds
-  std::array<double, kFields> fields{};    // those of Columns; the time is 0
+  std::array<double, kFields> fields{};     // those of Columns; the time is 0
   std::uint64_t line = 0;
 };
 
