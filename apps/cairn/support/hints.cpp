@@ -62,6 +62,10 @@ class Hints {
 
   double probability() const { return alignment_.probability.value_or(0.0); }
   bool is_improbable() const { return probability() < options_.min_probability; }
+  bool is_free() const {
+    return source_.info().length_unit == LengthUnit::kFree ||
+           target_.info().length_unit == LengthUnit::kFree;
+  }
   bool is_open() const { return !alignment_.registration.unobservable.empty(); }
   bool is_other_likelier() const {
     return alignment_.candidates.front().probability > probability();
@@ -97,9 +101,7 @@ class Hints {
       }
       add(text);
     }
-    const bool free = source_.info().length_unit == LengthUnit::kFree ||
-                      target_.info().length_unit == LengthUnit::kFree;
-    if (free && !with_scale_) {
+    if (is_free() && !with_scale_) {
       add(fmt::format(
           "Align without {} to find the scale, which is unknown for a map of free "
           "scale.",
@@ -199,10 +201,8 @@ class Hints {
 
   // Without descriptors, nothing shows that the scales differ.
   void about_scale() {
-    const bool is_metric = source_.info().length_unit == LengthUnit::kMetres &&
-                           target_.info().length_unit == LengthUnit::kMetres;
-    const bool searched = options_.method != AlignMethod::kIcp && !with_scale_;
-    if (!is_metric || !searched || alignment_.candidates.front().support.agreement) return;
+    if (is_free() || with_scale_ || options_.method == AlignMethod::kIcp) return;
+    if (alignment_.candidates.front().support.agreement) return;
     add("Add --scale if one map may be in another unit, such as feet, or its scale a few percent "
         "off.");
   }

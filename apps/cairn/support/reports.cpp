@@ -139,8 +139,7 @@ void add_images_to(const Command& command, std::vector<std::string>& folders) {
           "--images", folders,
           "Folder of the maps' images: their sequence, or images named as in the maps; one folder "
           "for all, or one for each session in the maps' order. For each link, the report shows "
-          "the "
-          "two keyframes with the most landmarks in common",
+          "the two keyframes with the most landmarks in common",
           "FOLDER...")
       .needs(command.option("--report"));
 }

@@ -240,8 +240,8 @@ ChangeResult world_difference(Atlas& atlas, const AtlasState& state,
     throw Error(ErrorKind::kMisuse, atlas.store().name(),
                 fmt::format("{} is on both sides", state.nodes.at(id).name), "two different sides");
   }
-  component_with(state, first.front(),
-                 atlas.store().name());  // its poses must be those of its links
+  // Refuses poses of links that were removed.
+  component_with(state, first.front(), atlas.store().name());
   std::deque<LandmarkMap> kept;
   const PlacedMap before = as_one(atlas, state, first, execution, kept);
   const PlacedMap after = as_one(atlas, state, second, execution, kept);

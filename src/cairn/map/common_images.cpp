@@ -136,6 +136,7 @@ bool is_by_grid(const KnownImage& a, const KnownImage& b, const SharedKeypoints&
   constexpr std::size_t kSteps = 8;
   constexpr std::size_t kClearly = 2;  // times as many
   const auto is_whole = [](const auto& pair) { return is_on_grid(pair.first->pixel); };
+  const bool leaves_out_whole = std::ranges::none_of(shared.pairs, is_whole);
   KnownImage shifted = b;
   for (std::size_t k = 0; k < kSteps; ++k) {
     const Eigen::Vector2d step = step_from(b, (2 * k + 1) * b.keypoints.size() / (2 * kSteps));
@@ -145,7 +146,7 @@ bool is_by_grid(const KnownImage& a, const KnownImage& b, const SharedKeypoints&
       shifted.keypoints[i].pixel = {pixel.u + step.x(), pixel.v + step.y()};
     }
     auto pairs = coinciding(a, shifted, shared.exact ? kExactly : kWithin);
-    if (std::ranges::none_of(shared.pairs, is_whole)) std::erase_if(pairs, is_whole);
+    if (leaves_out_whole) std::erase_if(pairs, is_whole);
     if (kClearly * pairs.size() >= shared.pairs.size()) return true;
   }
   return false;
@@ -161,10 +162,13 @@ struct PixelHash {
 // Pairs images that are left by their exact pixels. A pixel of several keypoints, such as a placeholder, does not count.
 class ByContent {
  public:
-  explicit ByContent(const std::vector<KnownImage>& images) : images_(images) {}
+  explicit ByContent(const std::vector<KnownImage>& images)
+      : images_(images), counts_(images.size(), 0) {}
 
   void add(std::size_t image) {
-    for (const Key& key : keys_of(images_[image])) at_[key].push_back(image);
+    const std::vector<Key> keys = keys_of(images_[image]);
+    for (const Key& key : keys) at_[key].push_back(image);
+    counts_[image] = keys.size();
   }
 
   // The image that shares most pixels, if these are enough.
@@ -183,7 +187,7 @@ class ByContent {
                          [](const auto& a, const auto& b) { return a.second < b.second; });
     if (most == shared.end() || most->second < kFewestSharedByContent) return std::nullopt;
     const KnownImage& image = images_[most->first];
-    const std::size_t fewer = std::min(keys_of(image).size(), keys.size());
+    const std::size_t fewer = std::min(counts_[most->first], keys.size());
     const bool named = !image.name.empty() && !other.name.empty();
     const bool enough =
         static_cast<double>(most->second) >=
@@ -212,6 +216,7 @@ class ByContent {
   }
 
   const std::vector<KnownImage>& images_;
+  std::vector<std::size_t> counts_;  // keys of each image that was added
   std::unordered_map<Key, std::vector<std::size_t>, PixelHash> at_;
 };
 

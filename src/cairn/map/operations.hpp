@@ -204,7 +204,7 @@ class ModelDescriptors {
 
   /// @param descriptor of the same size as all others
   void set(const Wanted& wanted, std::span<const std::uint8_t> descriptor);
-  /// Sets the descriptor_bytes(). Does nothing if the numbers are not finite, or are all zero.
+  /// Stores the descriptor_bytes(). Ignores a descriptor of zeros or with a number that is not finite.
   void set(const Wanted& wanted, std::span<const float> descriptor);
 
   /// The column. std::nullopt if no descriptor was set.

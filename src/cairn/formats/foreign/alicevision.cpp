@@ -280,13 +280,14 @@ class AliceVisionReader {
     views.each([&](const JsonValue& view) {
       const std::uint64_t id = whole(view.at("viewId"));
       const auto pose = places.find(view.has("poseId") ? whole(view.at("poseId")) : id);
-      const auto mount = is_mounted(view) ? mount_of(view) : std::optional(Rigid3());
+      const bool mounted = is_mounted(view);
+      const auto mount = mounted ? mount_of(view) : std::optional(Rigid3());
       if (pose == places.end() || !mount) {
         ++without_pose;
         return;
       }
       Rigid3 world_from_camera = pose_of(poses.at(pose->second).at("pose").at("transform"));
-      if (is_mounted(view)) world_from_camera = world_from_camera * *mount;
+      if (mounted) world_from_camera = world_from_camera * *mount;
       SfmFrame frame{.id = FrameId{id},
                      .world_from_camera = world_from_camera.quaternion(),
                      .centre = world_from_camera.translation()};

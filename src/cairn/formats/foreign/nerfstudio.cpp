@@ -230,9 +230,9 @@ void write_nerfstudio(const LandmarkMap& map, const fs::path& path, const Execut
     cameras.push_back(std::move(*json));
   }
   if (is_one_camera) all = cameras[0];
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    // nerfstudio reads one model for all images.
-    if (i == 0) all["camera_model"] = cameras[0]["camera_model"];
+  // nerfstudio reads one model for all images.
+  if (!cameras.empty()) all["camera_model"] = cameras[0]["camera_model"];
+  for (std::size_t i = 1; i < cameras.size(); ++i) {
     reject_if(
         cameras[i]["camera_model"] != all["camera_model"],
         fmt::format("camera {}", map.cameras()[i].id.value),

@@ -50,12 +50,13 @@ inline std::uint64_t largest_alike(const DescriptorColumn& first, const Descript
   const std::vector<std::uint32_t> b = known(second);
   if (a.empty() || b.empty()) return 0;
   constexpr std::size_t kPairs = 4000;
+  const DescriptorNorm norm = descriptor_norm(first.kind);
   Random random(seed);
   std::vector<std::uint64_t> differences(kPairs);
   for (std::uint64_t& each : differences) {
     const std::uint32_t j = b[random.index(b.size())];
     const std::uint32_t i = a[random.index(a.size())];
-    each = least_difference(first, i, second, j, descriptor_norm(first.kind));
+    each = least_difference(first, i, second, j, norm);
   }
   return nth_lowest(differences, static_cast<std::size_t>(kAlikeByChance * kPairs));
 }

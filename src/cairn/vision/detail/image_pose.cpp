@@ -13,7 +13,6 @@
 #include <set>
 #include <utility>
 
-#include <Eigen/Geometry>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
@@ -196,12 +195,10 @@ ImagePoseSearch::ImagePoseSearch(const DescribedLandmarks& landmarks,
 }
 
 void ImagePoseSearch::set_extent() {
-  Eigen::AlignedBox2d extent;
+  extent_.setEmpty();
   for (const Keypoint& keypoint : image_->features.keypoints()) {
-    extent.extend(keypoint.pixel.cast<double>());
+    extent_.extend(keypoint.pixel.cast<double>());
   }
-  first_pixel_ = extent.min();
-  last_pixel_ = extent.max();
 }
 
 void ImagePoseSearch::match_all() {
@@ -471,15 +468,14 @@ ImagePoseSearch::View ImagePoseSearch::view_from(const SensorModel& sensor,
                                                  const Rigid3& world_from_camera,
                                                  double pixels) const {
   View view;
+  const Eigen::Vector2d margin(pixels, pixels);
+  const Eigen::AlignedBox2d reached(extent_.min() - margin, extent_.max() + margin);
   const Rigid3 camera_from_world = world_from_camera.inverse();
   for (std::uint32_t i = 0; i < landmarks_->size(); ++i) {
     const Eigen::Vector3d x = camera_from_world * landmarks_->position(i);
     if (x.z() < kNearestDepth) continue;
     const Eigen::Vector2d pixel = sensor.pinhole().project(x);
-    if ((pixel.array() < first_pixel_.array() - pixels).any() ||
-        (pixel.array() > last_pixel_.array() + pixels).any()) {
-      continue;
-    }
+    if (!reached.contains(pixel)) continue;
     image_->features.visit_near(pixel, pixels,
                                 [&](std::uint32_t feature) { view.features.push_back(feature); });
     if (view.features.size() == view.begins.back()) continue;

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Geometry>
+
 #include "cairn/vision/detail/described_image.hpp"
 #include "cairn/vision/detail/described_landmarks.hpp"
 #include "cairn/vision/detail/pose_estimation.hpp"
@@ -136,10 +138,8 @@ class ImagePoseSearch {
   const DescribedImage* image_;
   std::uint64_t seed_;
   cv::Size size_;
-  // The smallest and largest coordinates of the features. Those of a wide lens lie far outside the image once they are
-  // undistorted.
-  Eigen::Vector2d first_pixel_ = Eigen::Vector2d::Zero();
-  Eigen::Vector2d last_pixel_ = Eigen::Vector2d::Zero();
+  // Of the features. Those of a wide lens lie far outside the image once they are undistorted.
+  Eigen::AlignedBox2d extent_;
   // Each landmark with its most similar feature, most similar first.
   std::vector<FeatureMatch> pairs_;
   std::vector<FeatureMatch> mutual_;  // the pairs that are mutual nearest neighbours

@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "cairn/core/error.hpp"
+#include "cairn/formats/detail/foreign/written_frames.hpp"
 #include "cairn/formats/detail/losses.hpp"
 #include "cairn/formats/detail/memory_budget.hpp"
 
@@ -179,12 +180,9 @@ void SfmBuilder::set_instants() {
     const Rigid3 stated(Eigen::Quaterniond(q[0], q[1], q[2], q[3]),
                         frames.translations[frame.value]);
     const Rigid3 expected = (mount->second * rig_from_world).inverse();
-    const double apart = (stated.translation() - expected.translation()).norm();
-    const bool is_there = apart <= kTolerance * std::max(1.0, expected.translation().norm()) &&
-                          stated.quaternion().angularDistance(expected.quaternion()) <= kTolerance;
-    if (is_there) continue;
+    if (are_near(stated, expected, kTolerance)) continue;
     ++elsewhere;
-    farthest = std::max(farthest, apart);
+    farthest = std::max(farthest, (stated.translation() - expected.translation()).norm());
   }
   lost(unmounted, "images of rigs have a camera that no rig states; they count as images alone");
   if (elsewhere > 0) {

@@ -80,8 +80,14 @@ FrameObservations::FrameObservations(const LandmarkMap& map)
   }
 }
 
+bool are_near(const Rigid3& a, const Rigid3& b, double tolerance) {
+  return (a.translation() - b.translation()).norm() <=
+             tolerance * std::max(1.0, b.translation().norm()) &&
+         a.quaternion().angularDistance(b.quaternion()) <= tolerance;
+}
+
 RigInstants::RigInstants(const LandmarkMap& map) {
-  constexpr double kTolerance = 1e-6;  // of the distance from the origin, and radians
+  constexpr double kTolerance = 1e-6;
   const FrameTable& frames = map.frames();
   const RigidFrames rigid = rigid_frames(map.rigs(), frames);
   for (std::uint32_t i = 0; i < map.frame_count(); ++i) {
@@ -93,15 +99,13 @@ RigInstants::RigInstants(const LandmarkMap& map) {
     const Rigid3 stated = map.world_from_camera(FrameIndex{i});
     const Rigid3 expected =
         map.world_from_camera(FrameIndex{rigid.lead[i]}) * rigid.camera_from_lead[i].inverse();
-    const double apart = (stated.translation() - expected.translation()).norm();
-    if (apart <= kTolerance * std::max(1.0, expected.translation().norm()) &&
-        stated.quaternion().angularDistance(expected.quaternion()) <= kTolerance) {
+    if (are_near(stated, expected, kTolerance)) {
       together[*instant].push_back(i);
       continue;
     }
     alone.push_back(i);
     ++elsewhere;
-    farthest = std::max(farthest, apart);
+    farthest = std::max(farthest, (stated.translation() - expected.translation()).norm());
   }
 }
 

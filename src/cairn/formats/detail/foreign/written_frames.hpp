@@ -64,6 +64,10 @@ struct FrameObservations {
   std::vector<std::uint32_t> landmark_of;  ///< landmark of each observation
 };
 
+/// Whether two poses differ by at most `tolerance`: in position relative to the distance of `b` from the origin, at least
+/// 1, and in radians.
+bool are_near(const Rigid3& a, const Rigid3& b, double tolerance);
+
 /// The frames that a rig took at one instant, for systems that read the rig's pose instead of the frames'.
 struct RigInstants {
   explicit RigInstants(const LandmarkMap& map);
